@@ -118,9 +118,9 @@ def calibrate_readings(
     check_freedom(dataset, len(kept) * readings.components, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point
     check_fitted(dataset, problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
-    if settled.excess > MISFIT:
-        excess = f"residuals are {settled.excess:.0f} times the noise"
-        warn(f"{excess}: the geometry does not explain these data, or the declared sigma is too small")
+    if settled.scale > MISFIT:
+        scale = f"residuals are {settled.scale:.0f} times the noise"
+        warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     aside = np.ones(len(whole), dtype=bool)
     aside[np.flatnonzero(usable)[settled.used]] = False
     lines = tuple(dict.fromkeys(int(row) for row in whole.row[aside]))

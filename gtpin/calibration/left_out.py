@@ -1,4 +1,4 @@
-"""Errors of a fit at poses that are left out of it, each in turn with all its visits, and what is unexplained between poses."""
+"""Errors of a fit at poses that are left out of it, each in turn with all its visits."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out_block import Block
-from gtpin.calibration.settled import LACK_OF_FIT
-from gtpin.distributions import chi2, f
-from gtpin.model.unexplained import Unexplained
 
 Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
@@ -20,11 +17,6 @@ MOST = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
 TOGETHER = 500
 """Number of rows whose derivatives are in memory at the same time."""
-
-
-def poses_of(*columns: npt.NDArray[np.generic]) -> Groups:
-    """(N,) index of each row's pose: rows with the same commands (N, n) are visits of one pose."""
-    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel()
 
 
 def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_]]:
@@ -81,86 +73,3 @@ def of_poses(half: Floats, left: Floats, poses: Groups) -> Floats:
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):
         errors[rows] = Block.of(half[rows].reshape(-1, half.shape[2]), left[rows].ravel()).errors.reshape(len(rows), -1)
     return errors
-
-
-def unexplained(
-    errors: Floats,
-    whitened: Floats,
-    variance: Floats,
-    places: Groups,
-    turns: npt.NDArray[np.bool_],
-    taken: float,
-    *,
-    known: bool,
-    dof: float = np.inf,
-) -> Unexplained:
-    """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
-
-    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
-    once, with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were
-    fitted.
-    One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
-
-    Parameters
-    ----------
-    errors, whitened
-        (M,) residuals of the fit, m or rad, and in units of the noise, one for each measured number.
-    variance
-        (M,) variance of the noise of each number, m^2 or rad^2.
-    places
-        (M,) index of each number's pose and component: equal for the repeated visits of a pose.
-    turns
-        (M,) whether the number is an angle.
-    taken
-        Effective number of fitted parameters.
-    known
-        Whether the noise was declared, or repeated visits showed it. Otherwise all residuals count as unexplained.
-    dof
-        Degrees of freedom of the noise; infinite where it was declared.
-    """
-    visits = np.bincount(places)
-    own = np.unique(places, return_index=True)[1]  # one number of each pose and component
-    means, noise, whole = (
-        np.bincount(places, x)[places[own]] / visits[places[own]] for x in (errors, variance, whitened)
-    )
-    free = max(len(own) - taken, 1.0)
-    power = float((visits[places[own]] * whole**2).sum())
-    if known:
-        chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
-        if chance >= LACK_OF_FIT:
-            return Unexplained(0.0, 0.0)
-
-    def size(some: npt.NDArray[np.bool_]) -> float:
-        if not some.any():
-            return 0.0
-        seen = float((means[some] ** 2).mean()) * len(own) / free * (1.0 + np.sqrt(2.0 / free))
-        random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
-        return float(np.sqrt(max(seen - random, 0.0)))
-
-    return Unexplained(size(~turns[own]), size(turns[own]), known)
-
-
-def unexplained_poses(
-    fit: Fit[Any], errors: Floats, variance: Floats, poses: Groups, *, known: bool, dof: float = np.inf
-) -> Unexplained:
-    """What a fit of measured poses leaves unexplained: see :func:`unexplained`.
-
-    Parameters
-    ----------
-    fit
-        The fit to N poses with c = 3 or 6 components.
-    errors
-        (N, c) its residuals, m and rad.
-    variance
-        (N, c) variance of the noise, m^2 and rad^2.
-    poses
-        (N,) index of each row's pose.
-    known, dof
-        As for :func:`unexplained`.
-    """
-    c = errors.shape[1]
-    places = (poses[:, None] * c + np.arange(c)).ravel()
-    turns = np.broadcast_to(np.arange(c) >= 3, errors.shape).ravel()
-    return unexplained(
-        errors.ravel(), fit.residual.ravel(), variance.ravel(), places, turns, fit.taken, known=known, dof=dof
-    )

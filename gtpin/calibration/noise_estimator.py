@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.between_poses import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.marginal import Marginal
 from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.scatter import independent
-from gtpin.calibration.settled import LACK_OF_FIT
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
 from gtpin.kinematics.chunks import chunks
@@ -136,7 +136,8 @@ class NoiseEstimator:
         differ = noise.group[rows][np.abs(contrast) > SMALLEST]
         shown = np.bincount(differ, minlength=len(noise.sigma)) >= LEAST_CONTRASTS
         taken = noise.estimated & shown
-        if repeated.repeatability == 0.0:
+        few = 2 * len(contrast) < np.count_nonzero(used)
+        if repeated.repeatability == 0.0 and few:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
             taken &= _larger(found, repeated)
         if not taken.any():

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.left_out import left_out, poses_of, unexplained
+from gtpin.calibration.between_poses import places_of, poses_of, unexplained
+from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, observability
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.result import Calibration
@@ -178,8 +179,7 @@ def readings_calibration(
     dataset
         The input data.
     """
-    enlarged = settled.excess
-    final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not settled.heavy) else settled.fit
+    final = settled.final
     problem, point = final.problem, final.point
     p, geometry = problem.n_geometry, point.model.geometry
     whole = final.covariance
@@ -202,7 +202,7 @@ def readings_calibration(
         covariance=covariance,
         observability=observability(factor, p, final.residual.size),
         noise=settled.noise,
-        enlarged=enlarged,
+        enlarged=settled.excess,
         freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
         poses=_count(readings, settled.used),
         rejected=rejected,
@@ -228,17 +228,12 @@ def _unexplained(settled: Settled[ReadingsProblem], left: Floats) -> Unexplained
     """What the fit leaves unexplained between poses; ``left`` (N, c): its residuals, m and rad."""
     readings, each = settled.fit.problem.readings, settled.noise.take(settled.used).each
     group = readings.group
-    columns = np.broadcast_to(np.arange(group.shape[1]), group.shape)
-    # What an instrument reads of one pose, again and again, is one place.
-    kinds = np.column_stack([readings.rows.read, readings.q])
-    places = poses_of(np.repeat(kinds, group.shape[1], axis=0), columns.ravel(), group.ravel())
     counted = readings.counted.ravel() > 0.0
-    places = np.unique(places[counted], return_inverse=True)[1]
     return unexplained(
         left.ravel()[counted],
         (left / each).ravel()[counted],
         (each**2).ravel()[counted],
-        places,
+        places_of(readings).ravel()[counted],
         readings.group_turns[group].ravel()[counted],
         settled.fit.taken,
         known=settled.noise.source != "residuals",

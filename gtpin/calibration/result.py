@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.between_poses import poses_of, unexplained_poses
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.left_out import left_out, poses_of, unexplained_poses
+from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import Direction, Observability, observability
 from gtpin.calibration.problem import Problem, in_frame
 from gtpin.calibration.result_json import calibration_json, lengths
@@ -52,8 +53,8 @@ class Calibration(Shown):
     noise
         Noise of the measurements, declared or estimated.
     enlarged
-        Ratio of residuals to noise where chi-square shows a lack of fit, else 1. ``covariance`` includes it already: it is
-        computed with the noise multiplied by this ratio.
+        Ratio of the poses' mean residuals to the noise of such means where chi-square shows a lack of fit, else 1.
+        ``covariance`` includes it already: it is computed with the noise multiplied by this ratio.
     freedom
         Degrees of freedom of the Student t distribution of the noise; infinite for Gaussian noise.
     poses, rejected
@@ -139,8 +140,7 @@ class Calibration(Shown):
         dataset
             The data.
         """
-        judged, enlarged = settled.fit, settled.excess
-        final = settled.refit(enlarged) if settled.wide > 1.0 or (enlarged > 1.0 and not settled.heavy) else judged
+        judged, final = settled.fit, settled.final
         problem, geometry = final.problem, final.point.model.geometry
         x_covariance, noise = final.covariance, settled.noise.as_poses()
         p, tolerance = problem.n_geometry, geometry.tolerance
@@ -162,7 +162,7 @@ class Calibration(Shown):
             covariance=covariance,
             observability=observability(final.factor, p, final.residual.size),
             noise=noise,
-            enlarged=enlarged,
+            enlarged=settled.excess,
             freedom=min(tails.freedom for tails in settled.tails),
             poses=len(final.residual),
             rejected=rejected,

@@ -135,8 +135,8 @@ class RobustFit:
             if number > FREE_ITERATIONS:
                 now_tails = tuple(min(pair, key=lambda t: t.freedom) for pair in zip(now_tails, tails, strict=True))
                 now_noise = max(noise, now_noise, key=self.estimator.volume)
-            freedoms = [t.freedom for t in now_tails] == [t.freedom for t in tails]
-            if number > 1 and same(noise, now_noise) and freedoms and (now_used == used).all():
+            settled = all(now.close_to(old) for now, old in zip(now_tails, tails, strict=True))
+            if number > 1 and same(noise, now_noise) and settled and (now_used == used).all():
                 return Settled(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have given a wrong rough fit; without them, its start is a good start.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.between_poses import LACK_OF_FIT, between
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.readings_problem import ReadingsProblem
@@ -20,8 +22,6 @@ Mask = npt.NDArray[np.bool_]
 
 CORE = 1.2
 """Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
-LACK_OF_FIT = 1e-3
-"""p-value of chi-square below which the model counts as incomplete. Assumed."""
 
 P = TypeVar("P", bound=Problem | ReadingsProblem)
 
@@ -73,18 +73,43 @@ class Settled(Generic[P]):
         return any(tails.heavy for tails in self.tails)
 
     @property
-    def excess(self) -> float:
-        """Ratio of residuals to noise where chi-square or heavy tails show a lack of fit; else ``wide``.
-
-        Heavy tails have their own scale, which the fit's weights include.
-        """
+    def scale(self) -> float:
+        """Ratio of the residuals of single visits to noise: the scale of heavy tails, else the root of chi-square; at least
+        ``wide``."""
         if self.heavy:
             return max([self.wide, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
-        known = np.isinf(self.noise.dof)
-        chance = chi2.sf(self.chi2, self.dof) if known else f.sf(self.chi2 / self.dof, self.dof, self.noise.dof)
-        if chance >= LACK_OF_FIT:
-            return self.wide
-        return max(self.wide, float(np.sqrt(self.chi2 / self.dof)))
+        return max(self.wide, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
+
+    @cached_property
+    def excess(self) -> float:
+        """Ratio of the poses' mean residuals to the noise of such means, where these show a lack of fit; else ``wide``.
+
+        Repeated visits show the noise, and not whether the model is right at their pose: so errors of the model count as those
+        of one visit.
+        """
+        if self.heavy:
+            return self.scale * self._repeating
+        known, (means, _, count) = np.isinf(self.noise.dof), between(self.fit)
+        power, free = means * self.wide**2, max(count - self.fit.taken, 1.0)
+        chance = chi2.sf(power, free) if known else f.sf(power / free, free, self.noise.dof)
+        return self.wide if chance >= LACK_OF_FIT else max(self.wide, float(np.sqrt(power / free)))
+
+    @property
+    def _repeating(self) -> float:
+        """Ratio of the poses' mean residuals to what residuals of this size would have if those of all visits were independent;
+        1 where an F test does not show that they are not."""
+        means, whole, count = between(self.fit)
+        free, inner = max(count - self.fit.taken, 1.0), self.fit.problem.count - count
+        within = max(whole - means, 1e-12 * whole)
+        if inner < 1.0 or f.sf((means / free) / (within / inner), free, inner) >= LACK_OF_FIT:
+            return 1.0
+        return max(1.0, float(np.sqrt((means / free) / (whole / (free + inner)))))
+
+    @property
+    def final(self) -> Fit[P]:
+        """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
+        factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
+        return self.refit(factor) if factor > 1.0 else self.fit
 
     def refit(self, factor: float) -> Fit[P]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""

@@ -194,9 +194,17 @@ class Dataset(Shown):
         return replace(self, covariates=kept, unusable=self.unusable | frozenset(names))
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.integer] | slice | list[int]) -> Dataset:
-        """The dataset of the rows that a mask or indices select, in the order of the indices; ``carts`` is not changed."""
+        """The dataset of the rows that a mask or indices select, in the order of the indices; ``carts`` is not changed.
+
+        Sockets that none of these rows visits are left out, with their known distances, as if only these rows had been read.
+        """
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.shape == (len(self),) and rows.all():
             return self
+        readings = None if self.readings is None else self.readings.take(rows)
+        if (
+            readings is not None and (readings.component < 0).all()
+        ):  # rows by component refer to distances by their number
+            readings = readings.without_unvisited()
         return replace(
             self,
             pose=self.pose[rows],
@@ -205,7 +213,7 @@ class Dataset(Shown):
             orientation=None if self.orientation is None else self.orientation[rows],
             covariates={name: values[rows] for name, values in self.covariates.items()},
             row=self.row[rows],
-            readings=None if self.readings is None else self.readings.take(rows),
+            readings=readings,
         )
 
     def in_order(self) -> Dataset:

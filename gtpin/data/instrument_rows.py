@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.instrument_tables import LARGEST, InstrumentTable
+from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable
 from gtpin.data.table import Column
 
 Rows = NDArray[np.bool_] | NDArray[np.integer[Any]] | slice | list[int]
@@ -62,6 +62,24 @@ class InstrumentRows:
             columns={name: values[rows] for name, values in self.columns.items()},
             component=self.component[rows],
         )
+
+    def without_unvisited(self) -> InstrumentRows:
+        """The same rows without sockets that none of them visits: their ids, and the known distances that they have.
+
+        Points that dataset.toml declares with ``socket_sigma`` stay. Of more known distances than rows, the first stay: each
+        is assigned to a row.
+        """
+        tables, known = list(self.tables), list(self.known)
+        for i, table in enumerate(self.tables):
+            if not isinstance(table, SocketTable) or "socket" not in self.columns:
+                continue
+            rows = self.rows_of(i)
+            visited = set(self.columns["socket"][rows].astype(str))
+            there = visited.union(table.sockets if table.socket_sigma else ())
+            kept = tuple(one for one in table.distances if there.issuperset(one[:2]))[: len(rows)]
+            tables[i] = table.model_copy(update={"distances": kept})
+            known[i] = {**known[i], "socket": tuple(name for name in known[i].get("socket", ()) if name in visited)}
+        return replace(self, tables=tuple(tables), known=tuple(known))
 
     @property
     def read(self) -> NDArray[np.intp]:

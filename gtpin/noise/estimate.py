@@ -80,7 +80,14 @@ class Covariance(Protocol):
 N = TypeVar("N", bound=Covariance)
 
 
-def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_command: Floats, weight: Floats) -> N:
+def likeliest_of(
+    trial: Callable[[Floats], N],
+    free: int,
+    errors: Floats,
+    by_command: Floats,
+    weight: Floats,
+    count: Floats | None = None,
+) -> N:
     """Maximum-likelihood noise from errors, among the noises ``trial(x)``.
 
     Repeatability is zero where the errors do not show it.
@@ -93,18 +100,23 @@ def likeliest_of(trial: Callable[[Floats], N], free: int, errors: Floats, by_com
     free
         Number of free sigmas.
     errors
-        (N, c) measured less predicted, m and rad.
+        (N, c) measured less predicted, m and rad; or (N, c, c) a root of the mean square, E E', of several errors with one
+        covariance.
     by_command
         Derivative by the commands that ``covariance`` of the noise takes.
     weight
         (N,) factors of the rows' squared errors.
+    count
+        (N,) number of errors of each row; None: 1.
     """
+    columns = errors.reshape(*errors.shape[:2], -1)
+    each = np.ones(len(errors)) if count is None else count
 
     def cost(x: Floats) -> float:
         lower = np.linalg.cholesky(trial(x).covariance(by_command, errors.shape[1]))
-        whitened = np.linalg.solve(lower, errors[..., None])[..., 0]
-        logs = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
-        return float(logs + 0.5 * (weight * (whitened**2).sum(axis=1)).sum())
+        whitened = np.linalg.solve(lower, columns)
+        logs = (each * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)).sum()
+        return float(logs + 0.5 * (each * weight * (whitened**2).sum(axis=(1, 2))).sum())
 
     bounds = [(-MOST[1], MOST[1])] * free
     starts = [np.array([first] + [other] * free) for first, other in STARTS]

@@ -170,7 +170,9 @@ class ReadingNoise:
         )
 
 
-def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats) -> ReadingNoise:
+def likeliest_readings(
+    noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats, count: Floats | None = None
+) -> ReadingNoise:
     """Maximum-likelihood noise from errors: repeatability, and the sigmas that were not declared.
 
     Repeatability is zero where the errors do not show it, as in :func:`~gtpin.noise.estimate.likeliest`.
@@ -179,8 +181,9 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
     ----------
     noise
         First estimate of the sigmas.
-    errors
-        (N, c) measured less predicted, m and rad.
+    errors, count
+        (N, c) measured less predicted, m and rad. With ``count``, (N, c, c) roots of the mean squares of so many errors: see
+        :func:`~gtpin.noise.estimate.likeliest_of`.
     by_command
         (N, c, n) derivative of the readings by the commands.
     weight
@@ -198,4 +201,4 @@ def likeliest_readings(noise: ReadingNoise, errors: Floats, by_command: Floats, 
         sigma[open_] *= np.exp(x[1:])
         return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
 
-    return likeliest_of(trial, len(open_), errors, by_command, weight)
+    return likeliest_of(trial, len(open_), errors, by_command, weight, count)

@@ -15,6 +15,8 @@ Floats = npt.NDArray[np.float64]
 
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
+ENOUGH = 3000
+"""Largest number of poses whose contrasts the likelihood has; more are slower, and hardly more accurate."""
 
 
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
@@ -31,7 +33,7 @@ def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt
     -------
     contrasts, rows
         (k, c) contrasts, each with the variance of a single visit and independent of the others; and (k,) for each the index
-        of one row of its pose.
+        of one row of its pose. Those of one pose follow each other.
     """
     order = np.argsort(visits, kind="stable")
     begins = np.flatnonzero(np.diff(visits[order], prepend=-1))
@@ -61,20 +63,45 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
         if open_[group]:
             sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
     start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, lack=0.0)
-    found = likeliest_readings(start, contrast, by_command, np.ones(len(contrast)))
-    found = replace(found, estimated=noise.estimated, sigma=np.maximum(found.sigma, SMALLEST))
+    rows, count, root = _alike(start, contrast, by_command)
+    best = likeliest_readings(start.take(rows), root, by_command[rows], np.ones(len(rows)), count)
+    sigma = np.maximum(best.sigma, SMALLEST)
+    found = replace(start, sigma=sigma, repeatability=best.repeatability, estimated=noise.estimated)
     if not noise.estimated.any():
         return replace(found, source="declared")
-    return replace(found, source="repeats", dof=float(3 * len(contrast)))
+    return replace(found, source="repeats", dof=3.0 * float(count.sum()))
+
+
+def _alike(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
+    """Contrasts that follow each other and have one covariance, which is that of a pose visited often, as one row each.
+
+    Gives the index of the first contrast of each row (M,), their number (M,), and a root (M, c, c) of their mean square: the
+    likelihood needs no more. Of more than ``ENOUGH`` such rows, so many are taken at equal steps.
+    """
+    parts = [by_command.reshape(len(contrast), -1), noise.group, np.nan_to_num(noise.row_sigma, nan=-1.0)]
+    parts += [part.reshape(len(contrast), -1) for part in (noise.sight, noise.reach) if part is not None]
+    differs = np.any([(part[1:] != part[:-1]).any(axis=1) for part in parts], axis=0)
+    begins = np.concatenate([[0], np.flatnonzero(differs) + 1])
+    ends = np.append(begins[1:], len(contrast))
+    some = np.unique(np.linspace(0, len(begins) - 1, min(len(begins), ENOUGH)).round().astype(int))
+    begins, ends = begins[some], ends[some]
+    mean = np.array([contrast[a:b].T @ contrast[a:b] / (b - a) for a, b in zip(begins, ends, strict=True)])
+    values, vectors = np.linalg.eigh(mean)
+    return begins, (ends - begins).astype(np.float64), vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
 
 def tamed(contrast: Floats, group: npt.NDArray[np.intp]) -> Floats:
-    """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of the sizes of those alike."""
+    """Contrasts (k, c), shortened to the 97.5 % point of a Gaussian with the median of the sizes of those alike.
+
+    Shortening takes a part of the mean square of Gaussian contrasts too; all are enlarged by as much.
+    """
     found, c = contrast.copy(), contrast.shape[1]
+    most = chi2.ppf(0.975, c)
+    kept = chi2.cdf(most, c + 2) + 0.025 * most / c  # of the mean square: E[min(x, most)] / c with x of chi-square
     for first in np.unique(group[:, 0]):
         rows = group[:, 0] == first
         scaled = contrast[rows] / np.maximum(np.median(np.abs(contrast[rows]), axis=0), SMALLEST)
         norms = (scaled**2).sum(axis=1)
-        limit = chi2.ppf(0.975, c) * np.median(norms) / chi2.median(c)
-        found[rows] = contrast[rows] * np.sqrt(np.minimum(1.0, limit / np.maximum(norms, 1e-300)))[:, None]
+        limit = most * np.median(norms) / chi2.median(c)
+        found[rows] = contrast[rows] * np.sqrt(np.minimum(1.0, limit / np.maximum(norms, 1e-300)) / kept)[:, None]
     return found

@@ -27,6 +27,8 @@ TAIL_Z = 4.0
 """Standard errors by which the fourth moment must be larger than a Gaussian's for tails to count as heavy. Assumed."""
 FREEDOMS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0)
 """Degrees of freedom of the t distributions that are tried."""
+SETTLED = 0.01
+"""Relative change of a tail's scale below which it has converged."""
 
 
 def square_norms(residual: Floats) -> Floats:
@@ -118,6 +120,10 @@ class Tails:
     def heavy(self) -> bool:
         """Whether they are heavier than Gaussian."""
         return bool(np.isfinite(self.freedom))
+
+    def close_to(self, other: Tails) -> bool:
+        """Whether two successive estimates agree so well that the iteration has converged."""
+        return self.freedom == other.freedom and abs(self.scale - other.scale) <= SETTLED * other.scale
 
     def weigh(self, residual: Floats) -> Floats:
         """(N,) weights with which reweighted least squares maximises the likelihood."""

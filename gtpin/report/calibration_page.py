@@ -106,7 +106,8 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         )
     if c.enlarged > 1.0:
         advice = [
-            f"The residuals are {c.enlarged:.2f} times the noise: geometry alone does not explain these data.",
+            f"The mean residuals of the poses are {c.enlarged:.2f} times their noise: "
+            "geometry alone does not explain these data.",
             "gtpin diagnose finds the causes of the rest. The sigmas below are enlarged accordingly.",
         ]
         return "warn", "not all explained", headline, advice

@@ -63,8 +63,8 @@ def _fit(c: Calibration) -> str:
         lines.append(f"  set aside                         {', '.join(c.rejected)}")
     if c.enlarged > 1.0:
         lines.append(
-            f"  The residuals are {c.enlarged:.2f} times the noise: the geometry does not explain these data. Sigmas below\n"
-            "  are enlarged accordingly."
+            f"  The mean residuals of the poses are {c.enlarged:.2f} times their noise: the geometry does not explain these\n"
+            "  data. Sigmas below are enlarged accordingly."
         )
     return "\n".join(lines)
 

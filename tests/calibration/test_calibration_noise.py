@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from monte_carlo import ONCE, assert_chi2, study
-from scipy.stats import binom, chi2
+from scipy.stats import binom, chi2, multivariate_normal
 from scipy.stats import t as student
 from virtual_gantry import (
     ORIENTATION_SIGMA,
@@ -20,6 +20,8 @@ from virtual_gantry import (
 
 import gtpin
 from gtpin.data import Instrument
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.repeats import from_repeats, tamed
 
 MACHINES = 20
 SIGMAS = np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
@@ -277,6 +279,76 @@ def test_noise_larger_than_declared_enlarges_the_sigmas():
     # A lack of fit is told, not hidden in the noise: chi-square stays what the declared noise makes it.
     assert_chi2(sum(c.chi2 for c in found.calibrations) / 4.0, sum(c.dof for c in found.calibrations))
     found.assert_covers()
+
+
+def wrong_by_pose(seed, visits, freedom):
+    """A machine with an error of 2 sigma (of a t distribution) that is fixed at each of 100 poses, and its measurement."""
+    rng = np.random.default_rng(seed)
+    machine, q = draw(rng), commands(rng, 100)
+    scale = rng.chisquare(freedom, (100, 1)) / freedom if np.isfinite(freedom) else 1.0
+    fixed = 2.0 * SIGMAS * rng.standard_normal((100, 6)) / np.sqrt(scale)
+    pose = np.repeat(np.arange(100), visits)
+    noise = fixed[pose] + SIGMAS * rng.standard_normal((len(pose), 6))
+    return measured(machine, q[pose], rng, noise=noise, pose=[str(i) for i in pose])
+
+
+def ratio_of_sigmas(one, two):
+    """The ratio of two calibrations' sigmas, for parameters that the data determine, not the priors."""
+    known = two.sigma < 0.3 * np.array([tolerance(name) for name in two.names])
+    assert known.sum() > 5
+    return np.median(one.sigma[known] / two.sigma[known])
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize(("blank", "freedom"), [(False, np.inf), (True, np.inf), (False, 2.5)])
+def test_visits_of_the_same_poses_say_no_more_of_errors_that_repeat(blank, freedom):
+    """With v visits the mean of a pose has the variance 4 + 1 / v."""
+    ratios = []
+    for seed in range(3):
+        data = [wrong_by_pose(seed, visits, freedom) for visits in (3, 1)]
+        ratios.append(ratio_of_sigmas(*(gtpin.calibrate(undeclared(one) if blank else one) for one in data)))
+    expected = np.sqrt((4.0 + 1.0 / 3.0) / (4.0 + 1.0))
+    # The size of the errors is estimated from some 550 numbers: to 3 % in each of the two fits; heavy tails make it rougher.
+    assert np.mean(ratios) == pytest.approx(expected, abs=0.04 if np.isinf(freedom) else 0.12)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_heavy_tails_count_the_same_with_noise_that_is_declared_and_with_noise_that_visits_show():
+    data = wrong_by_pose(0, 3, 2.5)
+    found = gtpin.calibrate(undeclared(data))
+    assert found.noise.source == "repeats"
+    assert ratio_of_sigmas(found, gtpin.calibrate(data)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_likelihood_of_repeats_has_its_maximum_where_that_of_all_contrasts_has_it():
+    rng = np.random.default_rng(0)
+    J = rng.standard_normal((20, 6, 3))[np.repeat(np.arange(20), 30)]
+    truth = 1e-6**2 * np.diag([9.0, 9.0, 9.0, 25.0, 25.0, 25.0]) + 4e-12 * J @ np.swapaxes(J, 1, 2)
+    contrast = np.einsum("nij,nj->ni", np.linalg.cholesky(truth), rng.standard_normal((len(J), 6)))
+    group = np.broadcast_to([0, 0, 0, 1, 1, 1], contrast.shape)
+    start = ReadingNoise(np.ones(2), group, np.full(contrast.shape, np.nan), np.ones(2, dtype=bool))
+    found = from_repeats(start, contrast, J)
+    short = tamed(contrast, group)
+
+    def log_likelihood(position, orientation, drives):
+        own = np.repeat([position**2, orientation**2], 3) * np.eye(6)
+        each = own + drives**2 * J[::30] @ np.swapaxes(J[::30], 1, 2)
+        parts = zip(each, short.reshape(20, 30, 6), strict=True)
+        return sum(multivariate_normal.logpdf(part, cov=one, allow_singular=False).sum() for one, part in parts)
+
+    at = np.array([*found.sigma, found.repeatability])
+    assert at == pytest.approx([3e-6, 5e-6, 2e-6], rel=0.1)
+    best = log_likelihood(*at)
+    for k in range(3):
+        for factor in (0.99, 1.01):
+            assert log_likelihood(*np.where(np.arange(3) == k, factor * at, at)) < best
+
+
+@pytest.mark.parametrize("c", [1, 3, 6])
+def test_shortened_contrasts_keep_the_mean_square_of_gaussian_ones(c):
+    contrast = 3.0 * np.random.default_rng(c).standard_normal((40_000, c))
+    mean = (tamed(contrast, np.zeros(contrast.shape, dtype=int)) ** 2).mean()
+    assert mean == pytest.approx(9.0, rel=4.0 * np.sqrt(2.0 / 40_000))
 
 
 def test_no_sigma_exceeds_its_tolerance():

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.calibration.between_poses import unexplained
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.left_out import of_poses, unexplained
+from gtpin.calibration.left_out import of_poses
 from gtpin.certificate.response import root_of
 from gtpin.model.model_folder import read_model, write_model
 

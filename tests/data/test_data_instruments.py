@@ -17,6 +17,7 @@ from small_instruments import ALL, HEAD, RANGE, TABLES, TILT, TRACKER
 import gtpin
 from gtpin.data import Dataset
 from gtpin.errors import GtpinWarning
+from gtpin.instruments.readings import instruments_of
 from gtpin.kinematics.rotations import exp, to_quaternions
 
 number = st.floats(-1e6, 1e6)
@@ -253,3 +254,42 @@ def test_a_station_in_a_mixture_is_not_used_and_said_so(write):
         mixed = Dataset.read(write("".join((HEAD, stands, TILT)), **tables))
     assert mixed.readings is not None
     assert Dataset.read(write(HEAD + stands, laser=TABLES["laser"])).instrument.station == (2.0, 0.0, 1.0)
+
+
+def socket_rows(sockets):
+    visits = enumerate(sockets)
+    return "pose,q1,q2,q3,socket\n" + "".join(f"p{i},{0.1 + i / 100},0.2,0.3,{name}\n" for i, name in visits)
+
+
+@pytest.mark.parametrize(
+    ("kept", "names", "pairs"),
+    [
+        ([0, 1, 2, 3], ("A", "B"), [("A", "B")]),
+        ([0, 4, 5], ("A", "C", "D"), [("C", "D"), ("A", "D")]),
+        ([0, 2, 6, 7], ("A", "E"), [("E", "N")]),  # N has a declared point with a sigma, and no visit
+        ([4, 6], ("C", "E"), [("E", "N")]),
+    ],
+)
+def test_a_part_of_the_rows_of_sockets_has_the_distances_between_the_sockets_that_it_visits(
+    tmp_path, kept, names, pairs
+):
+    pairs_of_all = [("A", "B"), ("C", "D"), ("E", "N"), ("A", "D"), ("B", "C")]
+    cup = {
+        "name": "cup",
+        "kind": "socket",
+        "sockets": {"N": [0.1, 0.2, 0.3]},
+        "socket_sigma": 1e-3,
+        "distances": [[*pair, 0.05, 5e-5] for pair in pairs_of_all],
+    }
+    toml = {"schema": "gtpin-dataset/2", "robot": "gantry_tau", "instrument": [cup]}
+    (tmp_path / "dataset.toml").write_text(tomli_w.dumps(toml))
+    (tmp_path / "cup.csv").write_text(socket_rows("ABABCDEE"))
+    part = Dataset.read(tmp_path).take(kept)
+    assert [one[:2] for one in part.readings.tables[0].distances] == pairs
+    assert part.readings.known[0]["socket"] == names
+    (socket,) = instruments_of(part.readings, gtpin.load_robot("gantry_tau"))
+    assert set(socket.link[socket.link >= 0]) == set(range(len(pairs)))
+    part.write(tmp_path / "part")
+    again = Dataset.read(tmp_path / "part").readings
+    assert again.tables[0].distances == part.readings.tables[0].distances
+    assert again.known[0]["socket"] == names

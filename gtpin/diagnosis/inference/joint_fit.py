@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.between_poses import poses_of, unexplained_poses
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.left_out import poses_of, unexplained_poses
 from gtpin.calibration.problem import Point, Problem, in_frame
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis

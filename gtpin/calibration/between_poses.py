@@ -1,0 +1,149 @@
+"""What repeats is not what is right: residuals are judged between poses, by the means of each pose's visits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.problem import Measured
+from gtpin.distributions import chi2, f
+from gtpin.instruments.readings import Readings
+from gtpin.model.unexplained import Unexplained
+
+Floats = npt.NDArray[np.float64]
+Groups = npt.NDArray[np.intp]
+
+LACK_OF_FIT = 1e-3
+"""p-value of chi-square below which the model counts as incomplete. Assumed."""
+
+
+def poses_of(*columns: npt.NDArray[np.generic]) -> Groups:
+    """(N,) index of each row's pose: rows with the same commands (N, n) are visits of one pose."""
+    return np.asarray(np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+
+
+def places_of(measured: Measured | Readings) -> Groups:
+    """(N, c) index of the pose and the component of each number: equal for what is read of one pose again and again.
+
+    A known distance of sockets, which is assigned to several rows, is no repeated reading: each of its rows has its own index.
+    """
+    counted = measured.counted
+    c = counted.shape[1]
+    places: Groups = np.asarray(poses_of(measured.read, measured.q)[:, None] * c + np.arange(c), dtype=np.intp)
+    parts = (counted > 0.0) & (counted < 1.0)
+    places[parts] = places.max() + 1 + np.arange(np.count_nonzero(parts))
+    return places
+
+
+def mean_power(whitened: Floats, places: Groups, weight: Floats | None = None) -> float:
+    """Sum of squares of the mean residuals of all places, each in units of the noise of such a mean.
+
+    Parameters
+    ----------
+    whitened
+        (M,) residuals in units of the noise of a single visit.
+    places
+        (M,) index of the place of each.
+    weight
+        (M,) weights of a robust fit; None: 1.
+    """
+    weight = np.ones(len(whitened)) if weight is None else weight
+    sums, weights = np.bincount(places, weight * whitened), np.bincount(places, weight)
+    own = weights > 0.0
+    return float((sums[own] ** 2 / weights[own]).sum())
+
+
+def between(fit: Fit[Any]) -> tuple[float, float, float]:
+    """Sums of squares of a fit's whitened and weighted residuals: of the means of the visits, and of single visits; and the
+    number of the means. What is known in part counts as in ``counted`` of the measurement."""
+    measured = fit.problem.measured
+    counted = measured.counted.ravel()
+    some = counted > 0.0
+    places, left = places_of(measured).ravel()[some], fit.residual.ravel()[some]
+    weight = np.repeat(fit.weight, fit.residual.shape[1])[some]
+    own = np.unique(places, return_index=True)[1]
+    return mean_power(left, places, weight), float((weight * left**2).sum()), float(counted[some][own].sum())
+
+
+def unexplained(
+    errors: Floats,
+    whitened: Floats,
+    variance: Floats,
+    places: Groups,
+    turns: npt.NDArray[np.bool_],
+    taken: float,
+    *,
+    known: bool,
+    dof: float = np.inf,
+) -> Unexplained:
+    """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
+
+    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
+    once, with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were
+    fitted.
+    One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
+
+    Parameters
+    ----------
+    errors, whitened
+        (M,) residuals of the fit, m or rad, and in units of the noise, one for each measured number.
+    variance
+        (M,) variance of the noise of each number, m^2 or rad^2.
+    places
+        (M,) index of each number's pose and component: equal for the repeated visits of a pose.
+    turns
+        (M,) whether the number is an angle.
+    taken
+        Effective number of fitted parameters.
+    known
+        Whether the noise was declared, or repeated visits showed it. Otherwise all residuals count as unexplained.
+    dof
+        Degrees of freedom of the noise; infinite where it was declared.
+    """
+    visits = np.bincount(places)
+    own = np.unique(places, return_index=True)[1]  # one number of each pose and component
+    means, noise = (np.bincount(places, x)[places[own]] / visits[places[own]] for x in (errors, variance))
+    free = max(len(own) - taken, 1.0)
+    power = mean_power(whitened, places)
+    if known:
+        chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
+        if chance >= LACK_OF_FIT:
+            return Unexplained(0.0, 0.0)
+
+    def size(some: npt.NDArray[np.bool_]) -> float:
+        if not some.any():
+            return 0.0
+        seen = float((means[some] ** 2).mean()) * len(own) / free * (1.0 + np.sqrt(2.0 / free))
+        random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
+        return float(np.sqrt(max(seen - random, 0.0)))
+
+    return Unexplained(size(~turns[own]), size(turns[own]), known)
+
+
+def unexplained_poses(
+    fit: Fit[Any], errors: Floats, variance: Floats, poses: Groups, *, known: bool, dof: float = np.inf
+) -> Unexplained:
+    """What a fit of measured poses leaves unexplained: see :func:`unexplained`.
+
+    Parameters
+    ----------
+    fit
+        The fit to N poses with c = 3 or 6 components.
+    errors
+        (N, c) its residuals, m and rad.
+    variance
+        (N, c) variance of the noise, m^2 and rad^2.
+    poses
+        (N,) index of each row's pose.
+    known, dof
+        As for :func:`unexplained`.
+    """
+    c = errors.shape[1]
+    places = (poses[:, None] * c + np.arange(c)).ravel()
+    turns = np.broadcast_to(np.arange(c) >= 3, errors.shape).ravel()
+    return unexplained(
+        errors.ravel(), fit.residual.ravel(), variance.ravel(), places, turns, fit.taken, known=known, dof=dof
+    )
