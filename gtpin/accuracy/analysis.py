@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
@@ -21,11 +20,11 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.output.shown import Presentation, Shown
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 SCHEMA = "gtpin-accuracy/1"
 COUNTS = (7, 21, 21)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.difficulty import Difficulty
 from gtpin.blind.truth import Truth
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def gradable(dataset: Dataset, truth: Truth) -> bool:

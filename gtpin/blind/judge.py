@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best, Difficulty
 from gtpin.blind.grading import difficulty_of, gradable
@@ -28,8 +27,8 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Left = Mapping[str, Best]
 """Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.left_out_touches import LeftOut
 from gtpin.blind.repeatability import jitter
 from gtpin.blind.truth import TrueNoise, TrueReadings
 from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.recipe import Recipe
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[TrueReadings, ...]:

@@ -12,8 +12,8 @@ from gtpin.calibration.left_out_block import Block
 from gtpin.calibration.settled import LACK_OF_FIT
 from gtpin.distributions import chi2, f
 from gtpin.model.unexplained import Unexplained
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
 
 MOST = 2000

@@ -21,8 +21,7 @@ from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
 from gtpin.model.unexplained import Unexplained
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,11 @@ from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation, Shown
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 Lengths = tuple[float, float | None]
 CORRELATED = 0.7

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
+
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from gtpin.calibration.result import Calibration
-
-Floats = npt.NDArray[np.float64]
 
 
 def calibration_json(calibration: Calibration) -> dict[str, Any]:

@@ -18,8 +18,7 @@ from gtpin.model.model import Frame, Model
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import Noise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 DETERMINED, FEWEST = 0.5, 10
 """The test whether the model was fitted to the poses uses only directions of the unknowns that these poses determine at least

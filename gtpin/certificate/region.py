@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.certificate.response import At
 from gtpin.data import Dataset
 from gtpin.errors import UnreachableError
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
 
 POSES = 200
 """Number of poses over which the budget is averaged."""

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.typing import Floats
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -20,7 +22,6 @@ from gtpin.output.shown import Presentation, Shown
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 Cost = Literal["pose", "closure"]
 

@@ -32,8 +32,8 @@ from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.output.shown import Presentation, Shown
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 

@@ -15,8 +15,7 @@ from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MILLIMETRE = 1e-3
 FARTHEST = 1e3

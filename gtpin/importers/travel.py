@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from gtpin.errors import DatasetError
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ALIKE = 0.05
 """Largest root mean square (rms) difference of the nominal robot's commands from the recorded travel, over the rms travel. It

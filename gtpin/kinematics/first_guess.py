@@ -13,8 +13,7 @@ import numpy.typing as npt
 from gtpin.kinematics.halton import halton
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, log
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MOST_TERMS = 120
 """Largest number of terms of a polynomial: more terms take more time than the Newton step that they save."""

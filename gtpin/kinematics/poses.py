@@ -14,11 +14,10 @@ from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.rotations import log, to_quaternions
 from gtpin.output.results import result_file
 from gtpin.output.shown import Presentation, Shown
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,12 +7,10 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
 from gtpin.noise.noise import Noise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHOWN = 3.84
 """Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): repeatability

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.kinematics.chunks import chunks
 from gtpin.noise.estimate import likeliest_of
 from gtpin.noise.noise import SMALLEST, Noise, sight_shape
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

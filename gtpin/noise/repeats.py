@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.distributions import chi2
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""

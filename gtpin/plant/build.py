@@ -35,8 +35,8 @@ from gtpin.plant.truth import Case, Truth
 from gtpin.plant.visits import plan
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
 
 

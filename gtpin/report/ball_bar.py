@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.instruments.range import Range
 from gtpin.report.circle_fit import centred, middle_of
 from gtpin.report.circles import Run, plane_axes, runs
 from gtpin.report.residuals import Residuals
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats, Indices
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 Direction = Literal["counterclockwise", "clockwise"]
 Layer = Literal["measured", "before", "after"]
 

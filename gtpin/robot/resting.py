@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import Description
 from gtpin.robot.followers import put
 from gtpin.robot.urdf_parser import build_model
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 LINK = "link: "
 """Prefix of links' names for the time of a reduction."""
 

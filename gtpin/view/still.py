@@ -8,7 +8,6 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import GtpinError, ModelError
@@ -22,6 +21,7 @@ from gtpin.report.chain_skeleton import ChainSkeleton, chain_skeleton
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
 from gtpin.view.parts import joint_places, platform_name
@@ -31,7 +31,6 @@ from gtpin.view.still_instruments import draw_instruments
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 
 FORMATS = (".png", ".svg", ".pdf")
 LINE = 90

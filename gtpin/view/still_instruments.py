@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.poses import Poses
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.palette import ACCENT, FIT, GOOD, WARN, ZERO
 from gtpin.report.patches import patch
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 PATCH, AXIS = 0.12, 0.08
 """Half the side of a plane's patch, and length of a sensor's axes, over the picture's size."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.suspected import Size
@@ -15,8 +14,7 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.data.orientation_convention import misread
 from gtpin.data.readings import RotationReading, orientation_readings, position_readings
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ROWS = 150
 """Number of poses that are enough for the decision. Assumed."""

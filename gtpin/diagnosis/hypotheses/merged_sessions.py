@@ -16,8 +16,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed, gain
 from gtpin.diagnosis.priors import Priors
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FEWEST = 2
 """Fewest sessions that are left: with one, no effect of sessions can be tested."""

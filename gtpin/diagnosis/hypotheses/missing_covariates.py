@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import CLOCK
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.situation import Column, Situation
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MOST_PAUSES = 11
 """Largest number of pauses after which a new session is assumed."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.missing_covariates import guesses, loaded, pauses, with_column
@@ -19,8 +18,7 @@ from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 UNLOADED = Untestable("unrecorded_payload", "payload")
 """Why an effect that depends on forces could be the cause although its test with the robot's own weight does not show it."""

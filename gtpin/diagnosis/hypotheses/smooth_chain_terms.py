@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.smooth_functions import Functions, all_moves, aside_coordinates, conditions, field
@@ -15,8 +14,7 @@ from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def of_joints(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.smooth_chain_terms import of_joints, of_moving_links
@@ -24,8 +23,7 @@ from gtpin.effects.frames import frame_twist
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def smooth_terms(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import betaincc
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
 from gtpin.diagnosis.inference.verdict import Conclusion
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SEEN = 1e-6
 """Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""

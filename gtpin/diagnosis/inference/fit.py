@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.causes import cause
@@ -31,8 +30,8 @@ from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Place = tuple[str, str]
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.left_out import poses_of, unexplained_poses
@@ -24,8 +23,8 @@ from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
 from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 LEFT_OUT = 0.1
 """Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
 

@@ -18,8 +18,7 @@ from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MATTERS = 0.03
 """Relative change of the noise's variance, or mean change of a weight, above which the search is repeated."""

@@ -17,8 +17,7 @@ from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.effects.situation import References
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 ROUNDS, LONG_ROUNDS = 2, 6
 """Most times that the noise is re-estimated, with and without rods. A search with too small a noise explains some of the noise

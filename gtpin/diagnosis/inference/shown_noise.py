@@ -24,8 +24,8 @@ from gtpin.instruments.readings import Readings
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, tamed
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Source = Literal["declared", "repeats", "residuals"]
 
 

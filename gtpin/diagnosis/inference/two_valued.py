@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
@@ -18,8 +17,7 @@ from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.noise.noise import Noise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 WIDTHS = np.linspace(0.3, 2.0, 18)
 """Half distances of the two values that are tried, in units of the errors' standard deviation."""

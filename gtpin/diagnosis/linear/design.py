@@ -15,8 +15,7 @@ from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import warn
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
