@@ -8,12 +8,19 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.distributions import chi2
+from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
+
+
+def stops(q: Floats, read: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """(N,) index of each row's commands q (N, n) and of what it reads there (N,): rows of one index repeat one measurement."""
+    kinds = np.column_stack([read, np.unique(q, axis=0, return_inverse=True)[1].ravel()])
+    return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
 
 
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
@@ -60,7 +67,7 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
         if open_[group]:
             sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
     start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, lack=0.0)
-    found = likeliest_readings(start, contrast, by_command, np.ones(len(contrast)))
+    found = likeliest(start, contrast, by_command, np.ones(len(contrast)))
     found = replace(found, estimated=noise.estimated, sigma=np.maximum(found.sigma, SMALLEST))
     if not noise.estimated.any():
         return replace(found, source="declared")

@@ -18,7 +18,7 @@ from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_id
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
-from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of, readings_noise
+from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
@@ -29,7 +29,6 @@ from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
 from gtpin.typing import Floats
 
 Place = tuple[str, str]
@@ -80,11 +79,10 @@ def fit(
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
     found = without_idle(hypotheses, found, neighbours)
-    noise = settled.observed.noise
-    if isinstance(noise, Noise):  # these checks are for poses, not for readings
+    if hypotheses.design.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
-        found = with_two_valued(hypotheses, found, noise)
+        found = with_two_valued(hypotheses, found, settled.observed.noise)
     found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
@@ -123,7 +121,7 @@ def fit(
 def _scatter(prepared: Prepared, settled: Settled) -> float:
     """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
     visits, noise = prepared.baseline.noise, settled.observed.noise
-    if isinstance(noise, Noise):
+    if settled.hypotheses.design.tracked:
         return visits.repeatability / visits.position_sigma
     moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
     return float(np.median(noise.repeatability * moved / noise.each))
@@ -154,8 +152,7 @@ def _gaps(
 ) -> tuple[Gap, dict[Place, Gap]]:
     """The gap with all causes; and, by cause, with all causes but this one."""
     hypotheses, searched = settled.hypotheses, settled.searched
-    floor, inferred = shown.floor(hypotheses.design), readings_noise(settled.observed.noise, hypotheses.design)
-    inferred_floor = floor_of(inferred, hypotheses.design)
+    floor, inferred_floor = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
     columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
     unseen = {

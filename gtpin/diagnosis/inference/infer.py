@@ -27,7 +27,7 @@ def infer(settled: Settled, barred: Collection[tuple[str, str]] = ()) -> Conclus
         return found
     site = restless_drive(hypotheses, found.model, scattered) if scattered else None
     if site is None:
-        site = reestimate_noise(settled.observed, hypotheses, found.model, settled.declared).restless
+        site = reestimate_noise(settled.observed, hypotheses, found.model).restless
     return found if site is None else with_restless(hypotheses, found, site)
 
 

@@ -49,7 +49,7 @@ class Observed:
 
     measured: Measured | Readings
     covariates: Mapping[str, Column]
-    noise: Noise | ReadingNoise
+    noise: ReadingNoise
     weight: Floats
     temperature: float
     free_frame: bool
@@ -62,7 +62,8 @@ class Observed:
         if isinstance(baseline, ReadingsCalibration):
             return _of_readings(dataset, baseline)
         measured, station = measured_poses(dataset), dataset.instrument.station
-        noise = _without_repeatability(dataset, baseline)
+        own = ReadingNoise.of_poses(_without_repeatability(dataset, baseline), len(dataset), measured.components)
+        noise = replace(own, estimated=np.array([sigma is None for sigma in measured.declared]))
         if noise.sight is not None and station is not None:
             sight, reach = line_of_sight(measured.T, np.array(station))
             noise = replace(noise, sight=sight, reach=reach)
