@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.left_out import left_out, poses_of, unexplained
-from gtpin.calibration.observability import UNSEEN, observability
+from gtpin.calibration.observability import observability
 from gtpin.calibration.readings_problem import ReadingsProblem
-from gtpin.calibration.result import Calibration
-from gtpin.calibration.result_json import fit_json
+from gtpin.calibration.result import Calibration, fit_json
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.data import Dataset, Instrument
@@ -21,6 +20,7 @@ from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
 from gtpin.model.unexplained import Unexplained
 from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.output.shown import present
 from gtpin.typing import Floats
 
 
@@ -98,11 +98,8 @@ class ReadingsCalibration(Calibration):
     @property
     def words(self) -> tuple[str, ...]:
         """A sentence for each unobservable direction."""
-        from gtpin.report.unseen_words import unseen_words  # sentences are made in the report
-
-        unseen = self.observability.learned < UNSEEN
-        directions, learned = self.observability.directions[:, unseen], self.observability.learned[unseen]
-        return unseen_words(self.model.geometry, directions, learned, self.remedies)
+        words: tuple[str, ...] = present(self).unseen()
+        return words
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``calibration.json``: instruments' unknowns are listed after the geometry's parameters."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from gtpin.certificate.result import Certificate
+from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
-from gtpin.report.certificate_json import row_of
+from gtpin.report.certificate_files import CERTIFICATE, write_certificate
+from gtpin.report.certificate_json import certificate_json, row_of
 from gtpin.report.certificate_page import name_of, value_of
 from gtpin.report.certificate_words import headline, statement, why
 
@@ -34,3 +38,15 @@ class CertificatePresentation(Presentation):
         """By symbol and site: value, standard uncertainty, unit, numbers of poses and rows, and why it is blank."""
         rows = [row_of(q) for q in self.certificate.quantities]
         return pd.DataFrame(rows).set_index(["symbol", "site"])
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of ``gtpin certify``."""
+        with results_folder(folder, CERTIFICATE, force=force) as new:
+            write_certificate(self.certificate, new)
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``certificate.json``."""
+        return certificate_json(self.certificate)
+
+
+present = CertificatePresentation
