@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.digits import with_full_digits
-from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
-from gtpin.diagnosis.inference.held_out import held_out
+from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
@@ -27,8 +27,10 @@ from gtpin.diagnosis.inference.unseen_sessions import as_unseen
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
+from gtpin.noise.repeats import LEAST_CONTRASTS
 from gtpin.typing import Floats
 
 Place = tuple[str, str]
@@ -177,3 +179,28 @@ def _gaps(
 
     whole = shrunk(columns)
     return whole, {place: shrunk(p for p in columns if p != place) for place in columns}
+
+
+def held_out(
+    found: Conclusion, hypotheses: HypothesisSet, whole: Gap, observed: Observed, shown: ShownNoise
+) -> Conclusion:
+    """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
+
+    Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
+
+    Parameters
+    ----------
+    whole
+        The gap on left-out poses with all causes.
+    """
+    if found.doubts or shown.source == "residuals":
+        return found
+    priors, silent = hypotheses.priors, found.verdict == "none"
+    if silent and shown.contradicted:
+        return found.doubted(Doubt("visits"))
+    size, chance = shown.excess(observed, hypotheses, found.model)
+    allowed = float(np.sqrt(floor_of(shown.most, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
+    far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
+    if chance <= priors.chance and (far or (silent and size > priors.excess)):
+        return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
+    return found
