@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.blind.benchmark.make import CASES, Made, make
+from gtpin.blind.benchmark.make import CASES, Made, make, rounded_energy
 from gtpin.blind.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
-from gtpin.blind.benchmark.rounding import rounded_energy
-from gtpin.blind.grading import difficulty_of, gradable
+from gtpin.blind.judge import difficulty_of, gradable
 from gtpin.calibration.calibrate import calibrate
 from gtpin.data import Dataset
 from gtpin.plant.digest import digest

@@ -22,8 +22,7 @@ from gtpin.blind.judged import Judged
 from gtpin.blind.statement import Named, Statement
 from gtpin.blind.truth import TrueEffect
 from gtpin.data import Dataset
-from gtpin.plant.amplitude import amplitude_for
-from gtpin.plant.build import as_dataset, assemble, ids
+from gtpin.plant.build import amplitude_for, as_dataset, assemble, ids
 from gtpin.plant.case import drawn_recipe
 from gtpin.plant.conditions import Conditions
 from gtpin.plant.deviation import Deviation

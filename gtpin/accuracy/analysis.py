@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
@@ -19,13 +18,13 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.euler import well_defined, zyz
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 SCHEMA = "gtpin-accuracy/1"
 COUNTS = (7, 21, 21)
@@ -104,29 +103,20 @@ class Accuracy(Shown):
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.show.accuracy import save
-
-        save(self, Path(folder), force=force)
+        present(self).save(Path(folder), force=force)
 
     def plot_workspace(self, quantity: str = "position error") -> Figure:
         """Plot slices of the workspace, coloured by an expected error or a measure of dexterity.
 
         ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
         """
-        from gtpin.report.workspace_maps import workspace_map
-
-        return workspace_map(self, quantity)
+        figure: Figure = present(self).workspace(quantity)
+        return figure
 
     def plot_parameters(self) -> Figure:
         """Mean change of the TCP's position by a step in each parameter of each link, as a table."""
-        from gtpin.report.show.accuracy import parameter_table
-
-        return parameter_table(self)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.accuracy import AccuracyPresentation
-
-        return AccuracyPresentation(self)
+        figure: Figure = present(self).parameters()
+        return figure
 
 
 @in_one_thread

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy import figures
 from gtpin.accuracy.analysis import SCHEMA, range_json
@@ -23,12 +22,12 @@ from gtpin.kinematics.euler import well_defined, zyz_change
 from gtpin.model.model import Model
 from gtpin.output.figure import write_figures
 from gtpin.output.json_text import json_text
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 
 PARAMETERS = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a placement, of a joint on its parent or of the TCP on its body: translation, m, and rotation, rad, own

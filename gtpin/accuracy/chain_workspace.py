@@ -11,9 +11,7 @@ from scipy.ndimage import median
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 POSTURES = 8192
 """Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""

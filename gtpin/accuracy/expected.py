@@ -14,8 +14,7 @@ from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CHUNK = 5_000_000
 """Largest number of array elements in memory at the same time."""

@@ -6,18 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.chain_workspace import ChainWorkspace
 from gtpin.accuracy.sensitivity import Sensitivity
 from gtpin.accuracy.steps import PARAMETERS
 from gtpin.accuracy.workspace import Workspace
 from gtpin.output.figure import new_figure
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 
 SLICES = 3
 """Largest number of slices of a map that are shown."""

@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
 from gtpin.accuracy import figures
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.accuracy.expected import Uncertainty
@@ -17,11 +14,11 @@ from gtpin.model.model import Model
 from gtpin.output.figure import write_figures
 from gtpin.output.json_text import json_text
 from gtpin.output.results import results_folder
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Floats = npt.NDArray[np.float64]
 
 FILES = (
     "sensitivity.csv",

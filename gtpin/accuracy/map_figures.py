@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy import figures
 from gtpin.accuracy.chain_workspace import ChainWorkspace
 from gtpin.accuracy.expected import Uncertainty, mean_length, response
 from gtpin.accuracy.workspace import Workspace
 from gtpin.model.model import Model
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Floats = npt.NDArray[np.float64]
 
 
 SINGULARITY = {False: "smallest singular value / at home", True: "smallest singular value / at the best posture"}

@@ -14,8 +14,8 @@ from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 WORTH = 1e-9

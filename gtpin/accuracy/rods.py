@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def rod_kinematics(model: Model) -> RodKinematics:

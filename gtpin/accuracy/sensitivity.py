@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtr
 
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
@@ -17,11 +16,10 @@ from gtpin.kinematics.euler import well_defined, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

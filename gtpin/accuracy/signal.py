@@ -13,8 +13,8 @@ from gtpin.calibration.problem import in_frame
 from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 FREE = 1.0

@@ -11,8 +11,7 @@ from gtpin.errors import ConvergenceError
 from gtpin.kinematics.closures import RodEnds, follow
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 PARAMETERS = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz", "vx", "vy", "vz")
 """Length L; joint P on the platform, TCP frame; joint C on the carrier at command 0, base frame; direction v of the track, base

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.dexterity import Dexterity, dexterity
 from gtpin.accuracy.rods import rod_kinematics
@@ -13,9 +12,7 @@ from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 CONDITIONED = 1.5
 """Largest accepted motion of the TCP by unit commands, relative to that at home."""

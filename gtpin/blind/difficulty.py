@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gtpin.blind.seen import NumberedRows, Seen, SeenPoses
@@ -27,9 +26,7 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gtpin.typing import Floats, Indices
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Scales that are tried."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.blind.left_out_touches import ONE_IN, LeftOut
-from gtpin.blind.true_readings import true_noise, true_readings
-from gtpin.blind.truth import Kind, TrueEffect, TruePoses, Truth
+from gtpin.blind.repeatability import jitter
+from gtpin.blind.truth import Kind, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
 from gtpin.plant.build import build, known_robot
 from gtpin.plant.bulk import bulk_recipe
 from gtpin.plant.case import drawn_recipe
@@ -21,6 +21,7 @@ from gtpin.plant.instruments.choice import TOUCHED
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.tracker import Noise
 from gtpin.plant.truth import Case
+from gtpin.typing import Floats
 
 ROBOT = "gantry_tau"
 SHARES: dict[Kind, float] = {
@@ -153,3 +154,28 @@ def truth_of(
         sigma=sigma if isinstance(case, Case) else None,
         noise=() if isinstance(case, Case) or recipe is None else true_noise(case, recipe),
     )
+
+
+def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[TrueReadings, ...]:
+    """Readings without noise: at the held-out commands; for touching instruments, at the touches that were left out."""
+    touches = {one.name: (one.values, one.sigma) for one in left_out}
+    return tuple(
+        TrueReadings(name=name, values=_rows(values), sigma=_rows(sigma))
+        for name, (values, sigma) in {**case.held, **touches}.items()
+    )
+
+
+def true_noise(case: InstrumentCase, recipe: Recipe) -> tuple[TrueNoise, ...]:
+    """The noise of every number in the instruments' tables: the instrument's own, and that of the machine's repeatability.
+
+    E is computed with this noise.
+    """
+    moves, found = jitter(case, recipe), []
+    for gauge in case.gauges:
+        moved = gauge.by_motion(case.true[gauge.stop]) @ moves[gauge.stop]
+        found.append(TrueNoise(name=gauge.name, sigma=_rows(np.sqrt(gauge.sigma**2 + (moved**2).sum(axis=2)))))
+    return tuple(found)
+
+
+def _rows(values: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, values.tolist()))

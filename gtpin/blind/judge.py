@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best, Difficulty
-from gtpin.blind.grading import difficulty_of, gradable
 from gtpin.blind.judged import Judged, Shrunk
 from gtpin.blind.oracle import fit_known_causes, fit_known_causes_to_readings
 from gtpin.blind.realised_readings import rms_of_readings, shrunk_readings
@@ -28,8 +26,8 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Left = Mapping[str, Best]
 """Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
 
@@ -212,3 +210,30 @@ def _true_positions(commands: Commands, poses: TruePoses) -> Floats:
 
 def _rms(errors: Floats) -> float:
     return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def gradable(dataset: Dataset, truth: Truth) -> bool:
+    """Whether the truth has all that D needs: displacements, and the noise of what was measured.
+
+    An encoder reads joints, whose displacements are in no truth.
+    """
+    if not truth.effects or any(effect.displacement is None for effect in truth.effects):
+        return False
+    if dataset.readings is None:
+        return truth.sigma is not None or bool(truth.noise)
+    tables = dataset.readings.tables
+    return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
+
+
+def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
+    """The :class:`Difficulty` of a gradable case, from its calibration."""
+    noise = {one.name: np.array(one.sigma) for one in truth.noise}
+    if isinstance(baseline, ReadingsCalibration):
+        return Difficulty.of_readings(dataset, noise, baseline)
+    sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
+    return Difficulty.of(dataset, sigma, baseline.model.geometry)
+
+
+def _six(sigma: Floats) -> Floats:
+    """(M, 6) noise of a tracker's rows, from (M, 3) or (M, 6); infinite where orientations are not measured."""
+    return np.hstack([sigma, np.full((len(sigma), 6 - sigma.shape[1]), np.inf)])

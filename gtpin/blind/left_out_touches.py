@@ -21,8 +21,8 @@ from gtpin.plant.instruments.past import PastReadings
 from gtpin.plant.instruments.tables import Read
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.truth import Truth
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 ONE_IN = 6

@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.statement import Named, Statement
 from gtpin.blind.truth import Truth
@@ -38,8 +37,8 @@ from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.model.measured_robot import measuring, robot_of
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
 Odds = Literal["diagnosis", "flat"]
 """Prior odds: those of a diagnosis, or the same log odds against every cause, whatever else is in the model."""

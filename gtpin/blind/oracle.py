@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.difficulty import Best
 from gtpin.blind.seen import noise_of_rows
@@ -23,8 +22,7 @@ from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import single
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[Best]) -> Model:

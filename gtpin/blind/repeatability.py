@@ -8,8 +8,7 @@ import numpy.typing as npt
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.recipe import Recipe
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def jitter(case: InstrumentCase, recipe: Recipe) -> Floats:

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Dataset
 from gtpin.instruments.readings import Readings, single
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gtpin.typing import Floats, Indices
 
 
 class Seen(Protocol):

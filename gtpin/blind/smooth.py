@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from gtpin.data import Commands, Dataset
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 START = np.log([2.0, 0.7, 1.0, 0.7])
 """Start of the search, logarithms: amplitude and length scale over the commands, amplitude over the covariates, and noise,

@@ -12,11 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.difficulty import BATCH, Best, Difficulty
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Values = Sequence[float]
 """Values of the nonlinear parameter of an effect at one site: none, one, or several periods of a gear."""
 

@@ -20,6 +20,7 @@ from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plau
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
+from gtpin.calibration.poses_result import calibration_of
 from gtpin.calibration.problem import Problem, measured_poses, rough_frame
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress, RobustFit
@@ -262,7 +263,7 @@ def _calibrated(
     rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
     lines = tuple(int(line) for line in dataset.row[aside])
     before = settled.fit.problem.start.seen(poses[settled.used])
-    return Calibration.of(settled, before, rejected, lines, instrument, dataset)
+    return calibration_of(settled, before, rejected, lines, instrument, dataset)
 
 
 def _check_tolerances(dataset: Dataset) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_sigmas import settled_with_sigmas
 from gtpin.calibration.checks.readable_readings import Misfit, check_fitted, check_readable, explained
@@ -31,9 +30,7 @@ from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 MISFIT = 10.0
 """Size of the residuals, in units of the noise, from which there is a warning."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
@@ -21,8 +20,7 @@ from gtpin.kinematics.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POSITION, ROTATION = 0.05, 0.1
 """Smallest tolerances, m and rad, of a free target about its first guess. The error of the guess is that of the robot,

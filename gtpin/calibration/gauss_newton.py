@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from gtpin.calibration.problem import Point
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.posterior import inverse_root
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MAX_ITERATIONS = 200
 MAX_DAMPING = 1e12

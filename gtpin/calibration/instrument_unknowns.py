@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.problem import FRAME_UNIT
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
 
 STEPS = 12
 """Largest number of Gauss-Newton steps."""

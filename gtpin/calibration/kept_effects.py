@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
@@ -17,8 +16,7 @@ from gtpin.effects.where_measured import part_of_turn
 from gtpin.errors import ConvergenceError, DatasetError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 PASSES = 6
 """Largest number of passes. The motions by the effects change with the geometry in second order only: three are usual."""

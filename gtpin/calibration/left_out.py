@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out_block import Block
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
 
 MOST = 2000

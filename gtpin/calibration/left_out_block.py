@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LOST = 1e-6
 """Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other

@@ -20,8 +20,7 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEPS = 200
 """Most fixed-point steps."""

@@ -22,9 +22,7 @@ from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 from gtpin.noise.sight import line_of_sight, range_ratio
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 ENOUGH = 3000
 """Number of poses from which repeatability is estimated by residuals; more are slower, and hardly more accurate."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 UNSEEN = 0.5
 """A direction counts as unobservable if its variance reduction is below this value. Assumed."""

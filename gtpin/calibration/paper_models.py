@@ -17,8 +17,7 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import all_tolerances
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MODELS = (1, 2, 3, 4, 5)
 MEASURED = (2, 4, 5)

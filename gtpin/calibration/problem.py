@@ -14,8 +14,7 @@ from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""

@@ -12,8 +12,7 @@ from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

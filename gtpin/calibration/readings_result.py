@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from gtpin.calibration.between_poses import places_of, poses_of, unexplained
 from gtpin.calibration.left_out import left_out
-from gtpin.calibration.observability import UNSEEN, observability
+from gtpin.calibration.observability import observability
 from gtpin.calibration.readings_problem import ReadingsProblem
-from gtpin.calibration.result import Calibration
-from gtpin.calibration.result_json import fit_json
+from gtpin.calibration.result import Calibration, fit_json
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.data import Dataset, Instrument
@@ -22,8 +21,8 @@ from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
 from gtpin.model.unexplained import Unexplained
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.output.shown import present
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -100,11 +99,8 @@ class ReadingsCalibration(Calibration):
     @property
     def words(self) -> tuple[str, ...]:
         """A sentence for each unobservable direction."""
-        from gtpin.report.unseen_words import unseen_words  # sentences are made in the report
-
-        unseen = self.observability.learned < UNSEEN
-        directions, learned = self.observability.directions[:, unseen], self.observability.learned[unseen]
-        return unseen_words(self.model.geometry, directions, learned, self.remedies)
+        words: tuple[str, ...] = present(self).unseen()
+        return words
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``calibration.json``: instruments' unknowns are listed after the geometry's parameters."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,28 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.between_poses import poses_of, unexplained_poses
-from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.left_out import left_out
-from gtpin.calibration.observability import Direction, Observability, observability
-from gtpin.calibration.problem import Problem, in_frame
-from gtpin.calibration.result_json import calibration_json, lengths
-from gtpin.calibration.settled import Settled
+from gtpin.calibration.observability import Direction, Observability
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
-from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.output.results import results_folder
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 Lengths = tuple[float, float | None]
 CORRELATED = 0.7
@@ -116,68 +106,6 @@ class Calibration(Shown):
     floor: Lengths | None = None
     warnings: tuple[str, ...] = ()
 
-    @staticmethod
-    def of(
-        settled: Settled[Problem],
-        before: Poses,
-        rejected: tuple[str, ...],
-        rejected_rows: tuple[int, ...],
-        instrument: Instrument,
-        dataset: Dataset,
-    ) -> Calibration:
-        """Make the result from the converged iterations.
-
-        Parameters
-        ----------
-        settled
-            The converged iterations.
-        before
-            Poses of the nominal geometry in the instrument's frame, one for each used row.
-        rejected, rejected_rows
-            Ids of the poses with rejected rows, and the lines of these rows.
-        instrument
-            Description of the instrument that was used.
-        dataset
-            The data.
-        """
-        judged, final = settled.fit, settled.final
-        problem, geometry = final.problem, final.point.model.geometry
-        x_covariance, noise = final.covariance, settled.noise.as_poses()
-        p, tolerance = problem.n_geometry, geometry.tolerance
-        covariance = x_covariance[:p, :p] * np.outer(tolerance, tolerance)
-        residual = problem.measured.minus(final.point.model.seen(final.point.poses))
-        poses, known = poses_of(problem.measured.q), settled.noise.source != "residuals"
-        variance = _variances(final, settled.noise.take(settled.used))
-        unexplained = unexplained_poses(judged, residual, variance, poses, known=known, dof=settled.noise.dof)
-        out, some = left_out(final, poses)
-        out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
-        return Calibration(
-            model=replace(
-                final.point.model,
-                covariance=covariance,
-                solver="arrays",
-                fit=FitConditions.of(noise, settled.chi2, settled.dof, dataset.covariates, unexplained),
-                unexplained=unexplained,
-            ),
-            covariance=covariance,
-            observability=observability(final.factor, p, final.residual.size),
-            noise=noise,
-            enlarged=settled.excess,
-            freedom=min(tails.freedom for tails in settled.tails),
-            poses=len(final.residual),
-            rejected=rejected,
-            rejected_rows=rejected_rows,
-            chi2=settled.chi2,
-            dof=settled.dof,
-            iterations=settled.steps,
-            residual=residual,
-            residual_before=problem.measured.minus(before),
-            instrument=instrument,
-            dataset=dataset,
-            left_out=lengths(out),
-            floor=lengths(np.sqrt(variance)) if known else None,
-        )
-
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
         """(N,) mask: True for the rows of ``dataset`` that the calibration used, False for outliers.
 
@@ -249,10 +177,7 @@ class Calibration(Shown):
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.files import CALIBRATION, write_calibration
-
-        with results_folder(Path(folder), CALIBRATION, force=force) as new:
-            write_calibration(self, new)
+        present(self).save(Path(folder), force=force)
 
     def plot_residuals(self, against: str, component: str | None = None) -> Figure:
         """Plot a component of the residuals against a command or covariate.
@@ -272,18 +197,16 @@ class Calibration(Shown):
         DatasetError
             If there is no such column or component.
         """
-        from gtpin.report.show.calibration import residuals_against
-
-        return residuals_against(self, against, component)
+        figure: Figure = present(self).residuals(against, component)
+        return figure
 
     def plot_workspace(self, view: str = "xy") -> Figure:
         """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
 
         For a dataset of schema 2: the size of each reading's residual over its sigma.
         """
-        from gtpin.report.show.calibration import workspace
-
-        return workspace(self, view)
+        figure: Figure = present(self).workspace(view)
+        return figure
 
     def plot_ball_bar(self, circle: int = 0) -> Figure:
         """Polar plots of a circular test: deviations of the radius as measured, and as the calibrated geometry leaves them.
@@ -300,26 +223,87 @@ class Calibration(Shown):
         DatasetError
             If there is no such circle.
         """
-        from gtpin.report.show.calibration import ball_bar
-
-        return ball_bar(self, circle)
+        figure: Figure = present(self).ball_bar(circle)
+        return figure
 
     def plot_parameters(self) -> Figure:
         """The table of the geometry's parameters, as a figure."""
-        from gtpin.report.show.calibration import parameter_table
-
-        return parameter_table(self)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.calibration import CalibrationPresentation
-
-        return CalibrationPresentation(self)
+        figure: Figure = present(self).parameters()
+        return figure
 
 
-def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
-    """(N, c) variance of the noise of each component of the poses of a fit, m^2 and rad^2."""
-    model, measured, found = fit.point.model, fit.problem.measured, []
-    for rows in fit.problem.chunks():
-        J = in_frame(model.kinematics.command_jacobian(measured.q[rows], fit.point.poses[rows]), model.frame)
-        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
-    return np.concatenate(found)
+def calibration_json(calibration: Calibration) -> dict[str, Any]:
+    """The content of ``calibration.json``."""
+    before, after = lengths(calibration.residual_before), lengths(calibration.residual)
+    out, floor = (found or (None, None) for found in (calibration.left_out, calibration.floor))
+    errors = {
+        "position_rms_before": before[0],
+        "position_rms_after": after[0],
+        "position_rms_left_out": out[0],
+        "position_noise_floor": floor[0],
+        "orientation_rms_before": before[1],
+        "orientation_rms_after": after[1],
+        "orientation_rms_left_out": out[1],
+        "orientation_noise_floor": floor[1],
+    }
+    noise = {
+        "position_sigma": calibration.noise.position_sigma,
+        "orientation_sigma": calibration.noise.orientation_sigma if calibration.residual.shape[1] == 6 else None,
+        "repeatability": calibration.noise.repeatability,
+        "lack": calibration.noise.lack,
+        "range_ratio": calibration.noise.range_ratio if calibration.noise.sight is not None else None,
+        "source": calibration.noise.source,
+    }
+    return fit_json(calibration, errors, noise)
+
+
+def fit_json(calibration: Calibration, errors: dict[str, Any], noise: dict[str, Any]) -> dict[str, Any]:
+    """The content of ``calibration.json`` with given errors and noise."""
+    return {
+        "schema": "gtpin-calibration/1",
+        "model": "default" if calibration.paper_model is None else calibration.paper_model,
+        "poses": calibration.poses,
+        "rejected": list(calibration.rejected),
+        **errors,
+        "chi2_per_dof": calibration.chi2_per_dof,
+        "iterations": calibration.iterations,
+        "parameters": [
+            {
+                "name": p.name,
+                "value": float(value),
+                "sigma": float(sigma),
+                "unit": p.unit,
+                "nominal": p.nominal,
+                "tolerance": p.tolerance,
+                "learned": float(learned),
+            }
+            for p, value, sigma, learned in zip(
+                calibration.model.geometry.parameters,
+                calibration.values,
+                calibration.sigma,
+                calibration.learned,
+                strict=True,
+            )
+        ],
+        "unobservable": [{"direction": d.weights, "learned": d.learned} for d in calibration.unobservable],
+        "equivalent_zeros": [
+            {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in calibration.zeros
+        ],
+        "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in calibration.correlated()],
+        "observability": calibration.observability.indices,
+        "degrees_of_freedom": calibration.dof,
+        "noise": {
+            **noise,
+            "tail_freedom": calibration.freedom if np.isfinite(calibration.freedom) else None,
+            "enlarged": calibration.enlarged,
+        },
+        "warnings": list(calibration.warnings),
+    }
+
+
+def lengths(residual: Floats) -> tuple[float, float | None]:
+    """Root mean square length of position (m) and rotation (rad) residuals."""
+    position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
+    if residual.shape[1] == 3:
+        return position, None
+    return position, float(np.sqrt((residual[:, 3:] ** 2).sum(axis=1).mean()))

@@ -22,9 +22,8 @@ from gtpin.noise import weights
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats, Mask
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Progress = Callable[[str, int, float], None]
 Tails = tuple[weights.Tails, ...]
 

@@ -18,8 +18,7 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.distributions import norm
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ENOUGH = 1000
 """Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""

@@ -17,8 +17,7 @@ from gtpin.distributions import chi2, f
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 CORE = 1.2
 """Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""

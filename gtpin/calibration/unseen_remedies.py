@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, skew
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POSES = 12
 """Number of poses, evenly distributed over those of the data, at which each measurement is tried."""

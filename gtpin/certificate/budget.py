@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.expected import Response, expected_of
 from gtpin.certificate.quantity import Missing
 from gtpin.certificate.response import At, Posterior, by_commands, root_of
 from gtpin.certificate.unexplained import COVERAGE
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
 
 DIRECTIONS, UNKNOWNS = 6, 3

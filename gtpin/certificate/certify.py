@@ -12,15 +12,14 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget
 from gtpin.certificate.evaluate import Evaluation
 from gtpin.certificate.held_against import HeldAgainst
-from gtpin.certificate.region import between
-from gtpin.certificate.response import Posterior
+from gtpin.certificate.response import At, Posterior
 from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.errors import DatasetError, ModelError
+from gtpin.errors import DatasetError, ModelError, UnreachableError
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
@@ -30,6 +29,10 @@ from gtpin.threads import in_one_thread
 FEWEST = 10
 """Smallest number N of rows. With fewer, the relative standard deviation of a mean square error, sqrt(2 / (3 N)), is above
 0.26."""
+POSES = 200
+"""Number of poses over which the budget is averaged."""
+TRIES = 20
+"""Number of pairs of measured commands that are tried for each of these poses."""
 
 
 @in_one_thread
@@ -161,3 +164,28 @@ def _noise(dataset: Dataset, model: Model) -> Noise:
         position = known.position_sigma if position is None else position
         turns = known.orientation_sigma if turns is None else turns
     return known_noise(dataset, position, turns, 0.0 if known is None else known.drives)
+
+
+def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int = POSES) -> At:
+    """``count`` commands drawn on straight lines between two measured commands, each with the covariates of a measured row.
+
+    They are in the convex hull of the measured commands, so that the certificate does not extrapolate.
+
+    Raises
+    ------
+    UnreachableError
+        If the model reaches none of them.
+    """
+    tried = count * TRIES
+    one, two = rng.integers(0, len(dataset), (2, tried))
+    w = rng.random((tried, 1))
+    q = w * dataset.q[one] + (1.0 - w) * dataset.q[two]
+    poses = model.kinematics.forward(q[:count])
+    if not poses.reached.all():
+        poses = model.kinematics.forward(q)
+    kept = np.flatnonzero(poses.reached)[:count]
+    if not len(kept):
+        raise UnreachableError("no pose between the measured ones can be reached", hint="check the model")
+    q = q[kept]
+    rows = rng.integers(0, len(dataset), len(q))
+    return At(q, {name: values[rows] for name, values in dataset.covariates.items()}, poses[kept])

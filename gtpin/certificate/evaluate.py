@@ -25,8 +25,8 @@ from gtpin.certificate.response import Posterior, by_commands
 from gtpin.certificate.unexplained import Excess, mean_trace
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
 ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
 """Symbol, unit and columns of the errors, for the accuracies of position and of orientation."""

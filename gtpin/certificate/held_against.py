@@ -17,9 +17,9 @@ from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 DETERMINED, FEWEST = 0.5, 10
 """The test whether the model was fitted to the poses uses only directions of the unknowns that these poses determine at least
@@ -92,7 +92,8 @@ class HeldAgainst:
         if len(found) < LEAST_CONTRASTS:
             return None
         J = by_commands(self.model, self.at)[rows]
-        return likeliest(replace(self.noise, repeatability=0.0), found, J, (True, True)).repeatability
+        noise = ReadingNoise.of_poses(replace(self.noise, repeatability=0.0, estimated=(False, False)), *found.shape)
+        return likeliest(noise, found, J, np.ones(len(found))).repeatability
 
     def fitted(self, posterior: Posterior) -> bool:
         """Whether the model was fitted to exactly these rows.

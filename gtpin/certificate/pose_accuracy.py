@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.certificate.quantity import Quantity, blank
 from gtpin.certificate.repeatability import CYCLES
 from gtpin.distributions import truncated
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def means_of_visits(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.certificate.quantity import Missing, Quantity, blank
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TARGETS, APPROACHES = 5, 5
 """Smallest numbers of targets on a line, and of approaches to each target from either side, that ISO 230-2 requires."""

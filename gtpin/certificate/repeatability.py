@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.accuracy.expected import mean_length
 from gtpin.certificate.quantity import Quantity, blank
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CYCLES = 30
 """Number of visits of one pose that ISO 9283 requires."""

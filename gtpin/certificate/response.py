@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.problem import in_frame
 from gtpin.effects.situation import Column, Situation
@@ -15,8 +14,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.model.posterior import joined
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

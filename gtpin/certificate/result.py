@@ -12,8 +12,7 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Verdict
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
-from gtpin.output.results import results_folder
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 
 Basis = Literal["left_out", "new", "fitted"]
 """The poses of the errors of the corrected machine: left out of the fit in turn, new to the given model, or those to which the
@@ -87,21 +86,12 @@ class Certificate(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``certificate.json``."""
-        from gtpin.report.certificate_json import certificate_json  # sentences are made in the report
-
-        return certificate_json(self)
+        content: dict[str, Any] = present(self).json()
+        return content
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin certify`` writes: ``certificate.html``, ``certificate.json`` and ``model/``.
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.certificate_files import CERTIFICATE, write_certificate
-
-        with results_folder(Path(folder), CERTIFICATE, force=force) as new:
-            write_certificate(self, new)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.certificate import CertificatePresentation
-
-        return CertificatePresentation(self)
+        present(self).save(Path(folder), force=force)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.distributions import norm, t, truncated
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 COVERAGE = 2.0
 """Coverage factor k: 95 % of a normal distribution (JCGM 100, 6.3.3)."""

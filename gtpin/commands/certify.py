@@ -21,8 +21,8 @@ from gtpin.commands.terminal import (
 )
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.certificate_files import CERTIFICATE, write_certificate
 from gtpin.report.certificate_text import certificate_summary
+from gtpin.report.show.certificate import CERTIFICATE, write_certificate
 
 
 def certify(

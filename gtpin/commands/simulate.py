@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 import typer
 
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
@@ -26,8 +24,7 @@ from gtpin.plant.simulate import simulate as run_simulation
 from gtpin.plant.truth import Case, case_folders, dataset_folder, truth_names
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
 """Defaults of the simulation."""

@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.typing import Floats
+
 if TYPE_CHECKING:
     import pandas as pd
 
 from gtpin.data import Dataset
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 Cost = Literal["pose", "closure"]
 
@@ -173,23 +174,14 @@ class Comparison(Shown):
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.show.comparison import save
-
-        save(self, Path(folder), force=force)
+        present(self).save(Path(folder), force=force)
 
     def plot_errors(self) -> Figure:
         """Mean, root mean square and largest position error of each model, with 95 % intervals."""
-        from gtpin.report.show.comparison import errors
-
-        return errors(self)
+        figure: Figure = present(self).errors()
+        return figure
 
     def plot_angles(self, angle: str = "alpha") -> Figure:
         """Plot the errors of an Euler angle (ZYZ: ``alpha``, ``beta`` or ``gamma``) at each held-out pose."""
-        from gtpin.report.show.comparison import angles
-
-        return angles(self, angle)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.comparison import ComparisonPresentation
-
-        return ComparisonPresentation(self)
+        figure: Figure = present(self).angles(angle)
+        return figure

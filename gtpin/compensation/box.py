@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import GtpinError
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,7 @@ from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""

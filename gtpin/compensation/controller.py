@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.box import Box
 from gtpin.compensation.machine import Machine
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEPS = 4
 """Steps of the iteration; each multiplies the distance from the wanted position by the relative error of the controller's

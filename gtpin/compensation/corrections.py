@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect
@@ -13,8 +12,7 @@ from gtpin.effects.sites import number
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 DENSE = 16001
 """Number of commands over an actuator's range at which its deviation is evaluated."""

@@ -8,16 +8,15 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.machine import Machine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Floats = npt.NDArray[np.float64]
 
 NODES = 11
 """Number of nodes of the grid along each actuator's range."""

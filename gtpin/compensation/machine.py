@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.compensate import machine_of
 from gtpin.data.names import is_approach
@@ -14,8 +13,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
 """Covariates, besides temperatures, speeds and approaches, for which `Machine` defines the value that a table is made for."""

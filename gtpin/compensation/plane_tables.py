@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import Controller, positions_to_ask_for
 from gtpin.compensation.machine import Machine
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NODES = 21
 """Number of nodes along x, and along y. Their 441 points are the largest number that RepRapFirmware accepts on its smaller

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.plane_tables import PlaneTables
 from gtpin.compensation.towers import Towers
 from gtpin.errors import ModelError
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MM = 1e3
 KLIPPER_TOWERS = ("stepper_a", "stepper_b", "stepper_c")

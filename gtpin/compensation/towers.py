@@ -14,8 +14,7 @@ from gtpin.compensation.controller import ModelController, positions_to_ask_for
 from gtpin.compensation.machine import Machine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CLOSE = 1e-5
 """Largest accepted difference, m, between a carriage's height computed with the firmware's dimensions and with the nominal

@@ -13,7 +13,8 @@ from gtpin.data import columns
 from gtpin.data.checks import Rows, frozen, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_CARTS
-from gtpin.data.table import Column, Floats
+from gtpin.data.table import Column
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

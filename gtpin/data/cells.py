@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.names import kind_of
 from gtpin.errors import DatasetError
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 _MISSING = {"", "na", "n/a", "nan", "<na>", "null", "none", "-"}
 _INFINITE = {"inf", "infinity"}

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from gtpin.data.codes import codes
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import check_covariate_name, command_names, is_approach
-from gtpin.data.table import Column, Floats
+from gtpin.data.table import Column
 from gtpin.errors import DatasetError
+from gtpin.typing import Floats
 
 _NORM_TOLERANCE = 1e-3
 """Largest deviation of a quaternion's norm from 1. Assumed."""

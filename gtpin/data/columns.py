@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from gtpin.data.names import ORIENTATION, command_names, is_command, lookalikes
-from gtpin.data.table import Column, Floats, Table
+from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
+from gtpin.typing import Floats
 
 
 def commands(table: Table) -> Floats:

@@ -15,9 +15,10 @@ from gtpin.data.checks import Rows, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.table import Column, Floats
+from gtpin.data.table import Column
 from gtpin.errors import DatasetError
 from gtpin.output.results import result_file
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,7 +14,6 @@ import numpy as np
 from gtpin.data.cells import bad_cell, numbers
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import kind_of
-from gtpin.data.separator import check_separator
 from gtpin.data.table import Column, Table, check_header
 from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
@@ -24,6 +23,7 @@ TOGETHER = 256
 
 Row = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
+_OTHERS = {";": "';'", "\t": "tabs"}
 
 
 def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
@@ -171,3 +171,14 @@ def _ids(file: Path, name: str, texts: list[str], lines: array[int]) -> Ids:
                 hint = f"give every row a {name}"
                 raise DatasetError(str(error), file=file, row=line, column=name, hint=hint) from None
         raise
+
+
+def check_separator(header: str, file: Path) -> None:
+    """Raise `DatasetError` for a header line that is separated by anything but commas."""
+    line = header.strip()
+    words = [word for other, word in _OTHERS.items() if line.count(other) > line.count(",")]
+    if "," not in line and " " in line:  # with commas present, spaces are parts of names
+        words.append("spaces")
+    if words:
+        hint = "save with ',' between columns and '.' in numbers"
+        raise DatasetError(f"the columns are separated by {words[0]}", file=file, row=1, hint=hint)

@@ -34,12 +34,13 @@ from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.read_instruments import InstrumentContents, is_second, read_instruments
 from gtpin.data.second_schema import write_second
-from gtpin.data.table import Column, Floats
+from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
 from gtpin.output.results import results_folder, writing
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 from gtpin.references import is_path
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -346,14 +347,8 @@ class Dataset(Shown):
 
         ``color``: name of a command (``q1``) or covariate whose values colour the points; None: one colour.
         """
-        from gtpin.report.show.dataset import workspace
-
-        return workspace(self, view, color)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.dataset import DatasetPresentation
-
-        return DatasetPresentation(self)
+        figure: Figure = present(self).workspace(view, color)
+        return figure
 
     def _check_drivers(self) -> None:
         file = self.path and self.path / "dataset.toml"

@@ -11,8 +11,8 @@ from scipy.special import betainc, ndtr
 from gtpin.data.dataset import Dataset
 from gtpin.data.rounding import coarsest_step
 from gtpin.errors import warn
+from gtpin.typing import Floats
 
-Floats = NDArray[np.float64]
 Codes = NDArray[np.intp]
 
 CHANCE = 1e-5

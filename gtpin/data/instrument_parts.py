@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gtpin.data.ids import Ids
 from gtpin.data.instrument_tables import InstrumentTable
-from gtpin.data.table import Column, Floats
+from gtpin.data.table import Column
 from gtpin.errors import warn
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

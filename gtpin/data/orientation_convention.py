@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.data.table import Floats
+from gtpin.typing import Floats
 
 Sequence = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
 Convention = Sequence | Literal["rotation vector"]

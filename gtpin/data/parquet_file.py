@@ -12,9 +12,10 @@ import pyarrow.parquet
 from gtpin.data.cells import bad_cell
 from gtpin.data.ids import normal_id
 from gtpin.data.names import kind_of
-from gtpin.data.table import Column, Floats, Table, check_header
+from gtpin.data.table import Column, Table, check_header
 from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
+from gtpin.typing import Floats
 
 
 def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:

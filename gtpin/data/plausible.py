@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.quaternion_order import first_misplaced, in_order, misplaced_order
-from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
+from gtpin.typing import Floats
 
 Doubt = Callable[[DatasetError, Any], None]
 """Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""

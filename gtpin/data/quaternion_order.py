@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.data.table import Floats
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

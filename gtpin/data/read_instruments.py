@@ -20,8 +20,9 @@ from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.second_schema import SECOND, SecondDescription, describe_second
-from gtpin.data.table import Column, Floats, Table
+from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
+from gtpin.typing import Floats
 
 SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
 """Columns of a tracker's own sigmas, per row."""

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.data.table import Floats
+from gtpin.typing import Floats
 
 UNITS = (
     ("millimetres", 1e-3),

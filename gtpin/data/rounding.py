@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.data.dataset import Dataset
-from gtpin.data.table import Floats
 from gtpin.errors import warn
+from gtpin.typing import Floats
 
 STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""

@@ -6,13 +6,10 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtpin.data.dataset import Dataset
-from gtpin.data.table import Floats
 from gtpin.errors import DatasetError, warn
-
-Mask = NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 MOST = 0.1
 """Share of the rows that may lack a reading before the column is refused; assumed."""

@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 
 from gtpin.data.codes import codes
 from gtpin.data.dataset import Dataset
-from gtpin.data.table import Floats
 from gtpin.errors import DatasetError
-
-Mask = NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 
 def by_session(dataset: Dataset) -> list[Mask]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from gtpin.data.cells import number
 from gtpin.data.names import is_command
 from gtpin.errors import DatasetError
+from gtpin.typing import Floats
 
-Floats = NDArray[np.float64]
 Column = NDArray[Any]
 
 

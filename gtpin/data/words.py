@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.data.cells import is_missing, numbers
-from gtpin.data.table import Floats
+from gtpin.typing import Floats
 
 
 def numbers_or_words(cells: Sequence[str]) -> Floats | int | None:

@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
@@ -35,8 +34,7 @@ from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 FALSE_ALARM = 0.01
 """Probability of naming a cause where there is none."""

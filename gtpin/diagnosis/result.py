@@ -16,8 +16,7 @@ from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
 from gtpin.model.model import Model
-from gtpin.output.results import results_folder
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -105,19 +104,15 @@ class Diagnosis(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
-        from gtpin.report.diagnosis_json import diagnosis_json  # sentences are made in the report
-
-        return diagnosis_json(self)
+        content: dict[str, Any] = present(self).json()
+        return content
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.files import DIAGNOSIS, write_diagnosis
-
-        with results_folder(Path(folder), DIAGNOSIS, force=force) as new:
-            write_diagnosis(self, new)
+        present(self).save(Path(folder), force=force)
 
     def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
         """Plot a component of the residuals against a command or covariate, with the prediction by the causes.
@@ -140,9 +135,8 @@ class Diagnosis(Shown):
         DatasetError
             If there is no such column or component.
         """
-        from gtpin.report.show.diagnosis import residuals_against
-
-        return residuals_against(self, against, component, after=after)
+        figure: Figure = present(self).residuals(against, component, after=after)
+        return figure
 
     def plot_effect(self, cause: int = 0, quantity: str | None = None) -> Figure:
         """The curve of a cause with its 95 % interval, and the measurements less everything else that the model explains.
@@ -160,9 +154,8 @@ class Diagnosis(Shown):
         GtpinError
             If there is no such cause, or it has no curve of this quantity; the message lists those that it has.
         """
-        from gtpin.report.show.diagnosis import effect_curve
-
-        return effect_curve(self, cause, quantity)
+        figure: Figure = present(self).effect(cause, quantity)
+        return figure
 
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
         """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
@@ -170,9 +163,8 @@ class Diagnosis(Shown):
         ``after``: True for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
         of schema 2: the size of each reading's residual over its sigma.
         """
-        from gtpin.report.show.diagnosis import workspace
-
-        return workspace(self, view, after=after)
+        figure: Figure = present(self).workspace(view, after=after)
+        return figure
 
     def plot_ball_bar(self, circle: int = 0) -> Figure:
         """Polar plots of a circular test: deviations of the radius as measured, and those that geometry and causes leave.
@@ -189,17 +181,10 @@ class Diagnosis(Shown):
         DatasetError
             If there is no such circle.
         """
-        from gtpin.report.show.diagnosis import ball_bar
-
-        return ball_bar(self, circle)
+        figure: Figure = present(self).ball_bar(circle)
+        return figure
 
     def plot_parameters(self) -> Figure:
         """The table of the causes' parameters, as a figure."""
-        from gtpin.report.show.diagnosis import parameter_table
-
-        return parameter_table(self)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.diagnosis import DiagnosisPresentation
-
-        return DiagnosisPresentation(self)
+        figure: Figure = present(self).parameters()
+        return figure

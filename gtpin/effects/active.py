@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
@@ -20,8 +19,7 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,12 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.effect import Effect, unit
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 HARMONICS, DECAY = 4, 1.0
 """Number of harmonics of a turning joint's angle, and the power p: the size of harmonic k is proportional to k^-p."""

@@ -9,12 +9,13 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_load, drive_sizes
-from gtpin.effects.effect import ChainWords, Effect, Floats, Range
+from gtpin.effects.effect import ChainWords, Effect, Range
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, number
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class Backlash(Effect):

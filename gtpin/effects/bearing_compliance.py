@@ -9,13 +9,14 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import Effect, Range, unit
 from gtpin.effects.joint_compliance import no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class BearingCompliance(Effect):

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import Effect, Range, unit
 from gtpin.effects.hysteresis import approach
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
@@ -16,6 +16,7 @@ from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 GIVE = (5e-8, 3e-8, 3e-8)
 """Typical sizes of the compliances along and across the track, m/N."""

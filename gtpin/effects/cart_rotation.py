@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis, rods_of
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.effect import Effect, unit
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 ORDERS, DECAY = 14, 1.2
 """Number of cosines along the track for each axis, and the power p: the size of order k is proportional to k^-p."""

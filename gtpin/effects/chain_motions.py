@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Floats
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
@@ -17,6 +16,7 @@ from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

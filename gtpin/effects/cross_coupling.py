@@ -10,12 +10,13 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.effect import ChainWords, Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 ORDERS = {1: 8, 2: 5}
 """Largest sum of the orders of the cosines in a product, for one and for two other actuators."""

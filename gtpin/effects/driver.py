@@ -12,12 +12,13 @@ from gtpin.data import Dataset
 from gtpin.data.driver import Driver
 from gtpin.effects.basis import Basis
 from gtpin.effects.driver_motion import Instrument, moved, refusal
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import Effect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import turns
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 PREFIX = "driver:"
 """Beginning of the ids of such effects; the name of the column follows."""

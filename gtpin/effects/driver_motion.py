@@ -11,12 +11,12 @@ import pinocchio as pin
 from gtpin.data.driver import MOTIONS
 from gtpin.effects.basis import Basis, along_track, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Floats
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.moving_links import moving_links
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import rods_of
-from gtpin.effects.effect import Floats
 from gtpin.effects.sites import turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
 from gtpin.kinematics.bodies import index_of
 from gtpin.robot.chain import joint_axis
+from gtpin.typing import Floats
 
 RIM = 0.1
 """Radius, m, at which the deviations of a turning joint's gear and encoder are as large as those along a track. Assumed: at

@@ -14,8 +14,7 @@ from gtpin.effects.sites import number, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Range(NamedTuple):

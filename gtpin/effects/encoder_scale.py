@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import modulated
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class EncoderScale(Effect):

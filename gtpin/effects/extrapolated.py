@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import warn
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MARGIN = 0.05
 """Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""

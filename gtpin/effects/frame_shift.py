@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import Effect
 from gtpin.effects.frames import FREEDOMS, frame_twist
 from gtpin.effects.sessions import session_columns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class FrameShift(Effect):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.effect import Floats
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.typing import Floats
 
 SHIFT, TURN = 4e-5, 1.5e-5
 """Typical sizes of a frame's motion, m and rad."""

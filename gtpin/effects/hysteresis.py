@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.effect import Floats
 from gtpin.effects.sites import number
 from gtpin.effects.situation import Situation
+from gtpin.typing import Floats
 
 
 def approach(at: Situation, actuator: int | None) -> Floats:

@@ -9,13 +9,14 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.drives import drive_sizes, own_load
-from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.joint_compliance import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 FEWEST = 2
 """Smallest number of poses with the rarer sign of the force: a single pose can't be distinguished from a gross error."""

@@ -7,10 +7,11 @@ from itertools import product
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.effect import Effect, unit
 from gtpin.effects.sites import links
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 ORDERS = [(m, n) for m, n in product(range(6), repeat=2) if 1 <= m + n <= 5]
 """Orders (m, n) of the products of cosines over the two angles of a link."""

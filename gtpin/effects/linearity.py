@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes, smooth_cosines
-from gtpin.effects.effect import ChainWords, Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import extent
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 ORDERS, DECAY = 14, 1.2
 """Number of cosines along the track, and the power p: the size of order k is proportional to k^-p. Cosines of higher order

@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.effect import ChainWords, Effect, Floats
+from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, turns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 SHORTEST, LONGEST = 0.008, 0.25
 """Shortest and longest period that is tried, m or rad: a fine tooth, and one turn of a large pinion."""

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, Floats, unit
+from gtpin.effects.effect import ChainWords, Effect, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 FEWEST = 3
 """Smallest number of commands beyond a step: with fewer it can't be distinguished from a gross error."""

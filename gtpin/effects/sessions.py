@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.effect import Floats
 from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, warn
+from gtpin.typing import Floats
 
 
 def session_columns(at: Situation) -> Floats:

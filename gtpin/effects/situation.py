@@ -19,8 +19,8 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.statics import rod_forces
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Column = npt.NDArray[np.float64] | npt.NDArray[np.object_]
 
 TURN = 2.0 * np.pi

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 GRID = np.linspace(-1.0, 1.0, 201)
 """Points at which a curve is evaluated to compute its size."""

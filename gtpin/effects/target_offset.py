@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, Floats, unit
+from gtpin.effects.effect import Effect, unit
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class TargetOffset(Effect):

@@ -9,11 +9,12 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import of_tips, reach
-from gtpin.effects.effect import Effect, Floats, Range, unit
+from gtpin.effects.effect import Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links_at
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class ThermalLinks(Effect):

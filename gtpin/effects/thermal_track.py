@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, Floats, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import tracks
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 
 class ThermalTrack(Effect):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, Floats
+from gtpin.effects.effect import Effect
 from gtpin.effects.frames import FREEDOMS, frame_twist
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, span
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
 ORDERS, DECAY = 8, 1.3
 """Number of cosines over the time of the fit for each degree of freedom of the frame, and the power p: the size of order k is

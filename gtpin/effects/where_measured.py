@@ -14,8 +14,7 @@ import numpy.typing as npt
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import PARTS, TURN, Situation
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.export.curves import Curve, waves
 from gtpin.export.lines import line
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 PLACES = 4
 """Number of half waves along the track: as many as ``cart_compliance`` has."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
@@ -23,8 +22,7 @@ from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NAMES = ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
 """Names of a cart's shifts along, and turns about, the axes of :func:`_axes`."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
@@ -16,8 +15,7 @@ from gtpin.kinematics.posture import home
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:

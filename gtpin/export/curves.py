@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 HARMONICS = 14
 """Number of half waves over the range: as many as ``linearity`` and ``straightness`` have."""

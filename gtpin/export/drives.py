@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.compensation.corrections import correctable
@@ -20,8 +19,7 @@ from gtpin.export.lines import WORTH
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 BEYOND = 0.02
 """Weight of commands over the actuator's whole range in the fit of a curve; those within the model's fit have weight 1. It is

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
@@ -20,8 +19,7 @@ from gtpin.export.mechanism import Body, Joint, Mechanism, Spring
 from gtpin.model.model import Model
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, dict[str, Floats]]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STIFFEST = 1e-11
 """Smallest compliance, m/N or rad/(N m); a smaller or negative fitted one counts as zero."""

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POSES = 512
 """Number of commands at which a loss is computed."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
@@ -16,8 +15,8 @@ from gtpin.export.shapes import Shape, shapes_of
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import joint_jacobian
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 WORLD = ""
 """Name of the body that does not move; the robot's root link is fixed to it."""
 

@@ -6,7 +6,6 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
 from gtpin.export.mjcf_couplings import add_couplings, add_plays, with_cranks
@@ -15,8 +14,6 @@ from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.robot.mjcf import PLANE_MARK, TCP_MARK
-
-Floats = npt.NDArray[np.float64]
 
 TIMESTEP = 5e-4
 """Time step, s."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import Controller, ModelController, there
@@ -22,8 +21,7 @@ from gtpin.importers.klipper_config import needed, read_config
 from gtpin.importers.klipper_delta import TOWERS, tower_dimensions
 from gtpin.importers.rrf_config import read_rrf_delta
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 AXES = 3
 

@@ -6,15 +6,12 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
 from gtpin.export.shapes import Shape
 from gtpin.export.text import numbers, xml_text
-
-Floats = npt.NDArray[np.float64]
 
 VERSION = "1.9"
 SQUARE = 1e-9

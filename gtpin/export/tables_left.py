@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.machine import Machine
 from gtpin.errors import ModelError
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POINTS = 512
 """Number of points at which errors are computed."""

@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.linear.evidence import gains_of_draws
 from gtpin.distributions import chi2
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NUMBERS = 4_000_000
 """Number of simulated residuals that are in memory at the same time."""

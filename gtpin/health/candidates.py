@@ -6,15 +6,13 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.chain_workspace import chain_commands
 from gtpin.accuracy.workspace import default_commands
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 COUNT = 300
 """Number of poses to choose from, where no commands are given."""

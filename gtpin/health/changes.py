@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
@@ -20,8 +19,6 @@ from gtpin.effects.situation import Column, Situation
 from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.health.earlier import Earlier
 from gtpin.model.fit_conditions import TEMPERATURES
-
-Floats = npt.NDArray[np.float64]
 
 
 class Tested(HypothesisSet):

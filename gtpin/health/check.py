@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
@@ -41,8 +40,7 @@ from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.threads import in_one_thread
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FALSE_ALARM, POWER = 0.01, 0.95
 """Probability of an alarm where nothing has changed; and of an alarm by each smallest change that is reported. Assumed."""

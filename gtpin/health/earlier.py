@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.lasting import lasts
@@ -15,8 +14,7 @@ from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError, unheard
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SINCE = "since the model"
 """Session of all rows of a check: none of the sessions of the model's fit."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.diagnosis.linear.design import Design
@@ -17,8 +16,6 @@ from gtpin.instruments.readings import Readings
 from gtpin.model.unexplained import EXPLAINED, Unexplained
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

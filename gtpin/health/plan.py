@@ -30,10 +30,10 @@ from gtpin.health.power import Smallest, smallest_changes
 from gtpin.model.model import Model
 from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Purpose = Literal["calibration", "discrimination", "health"]
 Place = Literal["robot", "free"]
 
@@ -127,14 +127,8 @@ class PosePlan(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``plan.json``."""
-        from gtpin.report.plan_json import plan_json
-
-        return plan_json(self)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.plan import PlanPresentation
-
-        return PlanPresentation(self)
+        content: dict[str, Any] = present(self).json()
+        return content
 
 
 @in_one_thread

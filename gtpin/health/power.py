@@ -6,11 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.health.alarm import Axes, Bench
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LARGEST = 1e3
 """Size of a change, over its typical size, at which the search for the smallest one ends. Assumed."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.readable_sockets import check_sockets
@@ -19,8 +18,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEPS = 20
 """Most Gauss-Newton steps of the instruments' unknowns. Measured: a station that was declared half a metre off takes four."""

@@ -16,8 +16,7 @@ from gtpin.effects.effect import Effect
 from gtpin.health.power import Smallest
 from gtpin.model.model import Model
 from gtpin.model.unexplained import Unexplained as LeftBefore
-from gtpin.output.results import results_folder
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,21 +101,12 @@ class HealthCheck(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
-        from gtpin.report.health_json import health_json  # sentences are made in the report
-
-        return health_json(self)
+        content: dict[str, Any] = present(self).json()
+        return content
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin diagnose --against`` writes: ``diagnosis.json``, ``report.html``, ``baseline/`` and ``model/``.
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        from gtpin.report.health_files import CHECK, write_check
-
-        with results_folder(Path(folder), CHECK, force=force) as new:
-            write_check(self, new)
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.health import HealthPresentation
-
-        return HealthPresentation(self)
+        present(self).save(Path(folder), force=force)

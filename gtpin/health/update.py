@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
@@ -17,8 +16,7 @@ from gtpin.kinematics.rotations import exp
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Frame, Model
 from gtpin.model.posterior import inverse_root
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

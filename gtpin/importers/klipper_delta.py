@@ -17,8 +17,7 @@ from gtpin.errors import DatasetError, warn
 from gtpin.importers.klipper_config import Option, Sections, needed, read_config
 from gtpin.importers.lines import decimal
 from gtpin.importers.touches import FARTHEST, MILLIMETRE, Touches, check_size
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 ANGLES = (210.0, 330.0, 90.0)

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from gtpin.data import Commands
 from gtpin.data.ids import Ids
 from gtpin.errors import DatasetError
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Match = Literal["pose", "row", "time"]
 
 

@@ -16,8 +16,7 @@ from gtpin.data.ids import Ids, normal_id
 from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 Separator = Literal["comma", "semicolon", "tab", "space"]
 SIGNS: Mapping[Separator, str | None] = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}

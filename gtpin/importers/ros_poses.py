@@ -13,14 +13,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, matched
-
-Floats = npt.NDArray[np.float64]
 
 TIMES = ("field.header.stamp", "%time")
 """Columns of the time, of which the first that is present is used: the message's own stamp, then the time of reception."""

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import DatasetError
 from gtpin.importers.gcode import gcode_commands
 from gtpin.importers.lines import decimal
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ANGLES = (210.0, 330.0, 90.0)
 """Angles of the towers X, Y and Z, degrees, to which X, Y and Z of M665 are corrections."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import EncoderTable
 from gtpin.errors import DatasetError, RobotError
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.measured_joints import measured_joint
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Encoder(Instrument):

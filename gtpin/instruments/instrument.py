@@ -18,8 +18,7 @@ from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEP = 1e-6
 """Step of numerical derivatives, m and rad, of instruments that do not give their own."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.instruments.instrument import Component, Instrument, Unknown
@@ -13,8 +12,7 @@ from gtpin.instruments.targets import Targets, indices
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, left_jacobian
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Plane(Instrument):

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.commands import Commands
 from gtpin.data.names import ORIENTATION, POSITION
@@ -19,8 +18,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def instrument_of(model: Model, name: str) -> FittedInstrument:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import RangeTable
 from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
 from gtpin.instruments.targets import AXES, Targets, indices
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Range(Instrument):

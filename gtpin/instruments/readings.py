@@ -20,9 +20,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gtpin.typing import Floats, Indices
 
 VAGUE = 1.0
 """Sigma, m and rad, that is used for an unknown without a prior: so wide that the prior has no influence. Assumed."""

@@ -12,8 +12,7 @@ from gtpin.errors import DatasetError
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.instruments.targets import AXES, Targets
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHOWN = 10
 """Largest number of sockets that an error message lists."""

@@ -11,8 +11,8 @@ from gtpin.instruments.instrument import Read, RowError, Unknown
 from gtpin.kinematics.frame_and_target import AWAY
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import skew
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 AXES = ("x", "y", "z")
 
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import TiltTable
 from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
 from gtpin.instruments.tracker import TURNS
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, left_jacobian, skew
-
-Floats = npt.NDArray[np.float64]
-
+from gtpin.typing import Floats
 
 MOST = 1.05
 """Largest length of the two components of a unit vector that noise of a sensor can cause. Assumed."""

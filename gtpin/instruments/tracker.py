@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
@@ -16,8 +15,7 @@ from gtpin.kinematics.alignment import alignment
 from gtpin.kinematics.frame_and_target import TURN, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TURNS = ("rx", "ry", "rz")
 

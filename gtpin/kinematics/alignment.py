@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ALIGNMENTS = 20
 """Number of fits, each with new weights of the poses. Assumed."""

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ClosureError
@@ -14,8 +13,7 @@ from gtpin.kinematics.geometry_jacobian import Regressors
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

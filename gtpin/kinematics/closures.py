@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
 
 MAX_STEPS = 12

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LEAST_TILT = 0.02
 """Sine of beta below which alpha and gamma are angles about nearly the same axis, and not well defined. Assumed."""

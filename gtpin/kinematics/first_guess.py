@@ -10,17 +10,17 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.halton import halton
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, log
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MOST_TERMS = 120
 """Largest number of terms of a polynomial: more terms take more time than the Newton step that they save."""
 NODES_PER_TERM = 3
 USABLE = 0.02
 """Largest error at the nodes, m or rad, of a guess that is used. Assumed."""
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
+"""Bases: one for each coordinate."""
 
 
 @dataclass(frozen=True)
@@ -90,3 +90,14 @@ def _terms(x: Floats, exponents: npt.NDArray[np.int_]) -> Floats:
             exponent[last] -= 1
             np.multiply(terms[place[tuple(exponent)]], factors[last], out=terms[i])
     return terms
+
+
+def halton(coordinates: int, count: int) -> npt.NDArray[np.float64]:
+    """(count, coordinates) first points of Halton's sequence in the unit cube, from the origin on; at most 16 coordinates."""
+    points = np.zeros((count, coordinates))
+    for base, x in zip(PRIMES[:coordinates], points.T, strict=True):
+        left, place = np.arange(count), 1.0 / base
+        while left.any():
+            x += place * (left % base)
+            left, place = left // base, place / base
+    return points

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, left_jacobian, log, skew
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 AWAY, TURN = 0.3, 2.0
 """Standard deviations of the priors of a target's coordinates about the TCP, m, and of its rotation vector, rad. Assumed: a

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError
@@ -13,8 +12,7 @@ from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import skew, twist_jacobian
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Parameter, rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:

@@ -10,8 +10,7 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MAX_STEPS = 40
 LARGEST = 1.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ClosureError
@@ -11,8 +10,7 @@ from gtpin.kinematics.bodies import configurations
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.statics import static_forces
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:

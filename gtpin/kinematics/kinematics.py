@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from typing import Literal, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from gtpin.errors import ModelError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Solver = Literal["arrays", "pinocchio"]
 
 

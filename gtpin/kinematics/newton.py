@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg import lapack
 
 from gtpin.robot.constraints import constraint_error, constraint_jacobian
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MAX_STEPS = 12
 ROUNDING = 16.0 * float(np.finfo(float).eps)

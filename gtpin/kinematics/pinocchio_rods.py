@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.geometry_jacobian import geometry_jacobian
@@ -19,8 +18,7 @@ from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

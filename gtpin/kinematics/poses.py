@@ -13,12 +13,11 @@ import numpy.typing as npt
 from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.rotations import log, to_quaternions
 from gtpin.output.results import result_file
-from gtpin.output.shown import Presentation, Shown
+from gtpin.output.shown import Shown, present
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -124,11 +123,5 @@ class Poses(Shown):
 
     def plot_workspace(self, view: str = "xy") -> Figure:
         """Plot the positions, m, in a plane of their frame: ``xy``, ``xz`` or ``yz``."""
-        from gtpin.report.show.positions import position_map
-
-        return position_map(self.T, range(1, len(self) + 1), view, "Positions of the TCP")
-
-    def _presentation(self) -> Presentation:
-        from gtpin.report.show.poses import PosesPresentation
-
-        return PosesPresentation(self)
+        figure: Figure = present(self).workspace(view)
+        return figure

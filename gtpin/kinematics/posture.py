@@ -15,8 +15,7 @@ from gtpin.kinematics import newton
 from gtpin.robot.assembly import NEAR, closest
 from gtpin.robot.constraints import constraint_jacobian
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 HOME_OFF = 0.1
 """Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""

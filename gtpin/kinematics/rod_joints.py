@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError
@@ -16,8 +15,7 @@ from gtpin.robot.chain import joint_axis
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from gtpin.kinematics.seats import ArmJoint, CarrierJoint, FixedJoint, MeasuredJ
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.rods import Rod
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MANY = 2000
 """Number of poses from which a fitted first guess saves time."""

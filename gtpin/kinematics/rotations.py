@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LARGE_TURN = -0.9
 """Cosine of an angle of 154 degrees."""

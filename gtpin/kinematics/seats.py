@@ -7,12 +7,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.rotations import cross, exp, left_jacobian
 from gtpin.robot.tracks import MeasuredTrack
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class CarrierJoint(Protocol):

@@ -15,8 +15,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

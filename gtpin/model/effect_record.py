@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 from gtpin.data.driver import Driver, Motion
@@ -21,8 +20,8 @@ from gtpin.effects.situation import Column as Covariate
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]

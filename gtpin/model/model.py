@@ -21,8 +21,7 @@ from gtpin.model.posterior import block_of, draws, joined
 from gtpin.model.unexplained import Unexplained
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

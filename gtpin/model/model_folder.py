@@ -42,8 +42,7 @@ from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """Files that ``write_model`` writes."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import block_diag
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ROUNDING = 1e-9
 """Largest difference, relative to the standard deviations, of a joint covariance from the covariances of its parts."""

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
-from gtpin.noise.noise import Noise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.noise.noise import SMALLEST
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
 
 SHOWN = 3.84
 """Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): repeatability
@@ -34,8 +32,8 @@ second derivative is about the number of residuals."""
 
 
 def likeliest(
-    noise: Noise, errors: Floats, command_jacobian: Floats, declared: tuple[bool, bool], weight: Floats | None = None
-) -> Noise:
+    noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats, count: Floats | None = None
+) -> ReadingNoise:
     """Maximum-likelihood noise from errors: repeatability, and the sigmas that were not declared.
 
     Repeatability is zero where the errors do not show it.
@@ -44,53 +42,38 @@ def likeliest(
     ----------
     noise
         First estimate of the sigmas.
-    errors
-        (N, c) measured less predicted, m and rad.
-    command_jacobian
-        (N, 6, n) derivative of the poses by the commands, in the frame of the errors.
-    declared
-        Whether the position's and the orientation's sigma are known.
+    errors, count
+        (N, c) measured less predicted, m and rad. With ``count`` (N,): (N, c, c) roots of the mean squares of so many errors
+        that have one covariance.
+    by_command
+        (N, c, n) derivative of the readings by the commands.
     weight
-        (N,) factors of the rows' squared errors, for heavy tails; None: 1.
+        (N,) factors of the rows' squared errors.
     """
-    J, c = command_jacobian, errors.shape[1]
-    open_ = [i for i in range(2) if not declared[i] and (i == 0 or c == 6)]
-    counted = np.ones(len(errors)) if weight is None else weight
-    # The unit of repeatability: it moves the TCP by as much as the position's noise.
-    gain = float(np.sqrt((J[:, :3] ** 2).sum(axis=(1, 2)).mean() / 3.0))
-    unit = noise.position_sigma / max(gain, 1e-12)
+    present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
+    open_ = np.flatnonzero(noise.estimated & present)
+    # The unit of repeatability: it moves the readings by as much as their noise.
+    moved = np.sqrt((by_command[:, : errors.shape[1]] ** 2).sum(axis=2))
+    some = moved > 0.0
+    unit = float(np.median(noise.each[some] / moved[some])) if some.any() else 0.0
 
-    def trial(x: Floats) -> Noise:
-        sigmas = [noise.position_sigma, noise.orientation_sigma]
-        for value, i in zip(x[1:], open_, strict=True):
-            sigmas[i] *= float(np.exp(value))
-        repeatability = unit * float(x[0])
-        return replace(noise, position_sigma=sigmas[0], orientation_sigma=sigmas[1], repeatability=repeatability)
+    def trial(x: Floats) -> ReadingNoise:
+        sigma = noise.sigma.copy()
+        sigma[open_] *= np.exp(x[1:])
+        return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
 
-    return likeliest_of(trial, len(open_), errors, J, counted)
+    return _likeliest_of(trial, len(open_), errors, by_command, weight, count)
 
 
-class Covariance(Protocol):
-    """A model of noise: it has a covariance for each row."""
-
-    def covariance(self, command_jacobian: Floats, components: int) -> Floats:
-        """(N, c, c) covariance of each row."""
-
-
-N = TypeVar("N", bound=Covariance)
-
-
-def likeliest_of(
-    trial: Callable[[Floats], N],
+def _likeliest_of(
+    trial: Callable[[Floats], ReadingNoise],
     free: int,
     errors: Floats,
     by_command: Floats,
     weight: Floats,
-    count: Floats | None = None,
-) -> N:
-    """Maximum-likelihood noise from errors, among the noises ``trial(x)``.
-
-    Repeatability is zero where the errors do not show it.
+    count: Floats | None,
+) -> ReadingNoise:
+    """Maximum-likelihood noise from errors, among the noises ``trial(x)``: see :func:`likeliest`.
 
     Parameters
     ----------

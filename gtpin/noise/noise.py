@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.kinematics.chunks import chunks
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SMALLEST = 1e-7
 """Smallest sigma of noise, m and rad: encoders and interferometers read tenths of a micrometre. Derived: below it, rounding

@@ -8,10 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.kinematics.chunks import chunks
-from gtpin.noise.estimate import likeliest_of
-from gtpin.noise.noise import SMALLEST, Noise, sight_shape
-
-Floats = npt.NDArray[np.float64]
+from gtpin.noise.noise import Noise, sight_shape
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,37 +166,3 @@ class ReadingNoise:
             (bool(self.estimated[0]), bool(self.estimated[1]) if turning else True),
             self.lack,
         )
-
-
-def likeliest_readings(
-    noise: ReadingNoise, errors: Floats, by_command: Floats, weight: Floats, count: Floats | None = None
-) -> ReadingNoise:
-    """Maximum-likelihood noise from errors: repeatability, and the sigmas that were not declared.
-
-    Repeatability is zero where the errors do not show it, as in :func:`~gtpin.noise.estimate.likeliest`.
-
-    Parameters
-    ----------
-    noise
-        First estimate of the sigmas.
-    errors, count
-        (N, c) measured less predicted, m and rad. With ``count``, (N, c, c) roots of the mean squares of so many errors: see
-        :func:`~gtpin.noise.estimate.likeliest_of`.
-    by_command
-        (N, c, n) derivative of the readings by the commands.
-    weight
-        (N,) factors of the rows' squared errors.
-    """
-    present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
-    open_ = np.flatnonzero(noise.estimated & present)
-    # The unit of repeatability: it moves the readings by as much as their noise.
-    moved = np.sqrt((by_command[:, : errors.shape[1]] ** 2).sum(axis=2))
-    some = moved > 0.0
-    unit = float(np.median(noise.each[some] / moved[some])) if some.any() else 0.0
-
-    def trial(x: Floats) -> ReadingNoise:
-        sigma = noise.sigma.copy()
-        sigma[open_] *= np.exp(x[1:])
-        return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
-
-    return likeliest_of(trial, len(open_), errors, by_command, weight, count)

@@ -8,15 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.distributions import chi2
+from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
-
-Floats = npt.NDArray[np.float64]
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
 
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
 ENOUGH = 3000
 """Largest number of poses whose contrasts the likelihood has; more are slower, and hardly more accurate."""
+
+
+def stops(q: Floats, read: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """(N,) index of each row's commands q (N, n) and of what it reads there (N,): rows of one index repeat one measurement."""
+    kinds = np.column_stack([read, np.unique(q, axis=0, return_inverse=True)[1].ravel()])
+    return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
 
 
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
@@ -64,7 +70,7 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
             sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
     start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, lack=0.0)
     rows, count, root = _alike(start, contrast, by_command)
-    best = likeliest_readings(start.take(rows), root, by_command[rows], np.ones(len(rows)), count)
+    best = likeliest(start.take(rows), root, by_command[rows], np.ones(len(rows)), count)
     sigma = np.maximum(best.sigma, SMALLEST)
     found = replace(start, sigma=sigma, repeatability=best.repeatability, estimated=noise.estimated)
     if not noise.estimated.any():

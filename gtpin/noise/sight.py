@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from gtpin.noise.noise import sight_shape
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FARTHEST = 10.0
 """Distance from the instrument, over the median distance, beyond which a position counts as a gross error. Assumed: the

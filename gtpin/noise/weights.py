@@ -10,8 +10,7 @@ import numpy.typing as npt
 from scipy.special import gammaln
 
 from gtpin.distributions import chi2, f
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 REJECTION = 1e-3
 """Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""

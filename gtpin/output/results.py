@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -10,8 +11,9 @@ from pathlib import Path
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import refuse_foreign
 from gtpin.output.placing import NEW, place
-from gtpin.output.read_only import read_only_folder
 from gtpin.output.work_folder import NAME, placing_lock, work_folder
+
+REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 @contextlib.contextmanager
@@ -127,3 +129,21 @@ def _is_of(target: Path, file: Path) -> bool:
     """Whether a file is the target of writing, in it, or above it."""
     file = file.absolute()
     return NAME in str(file) or file == target or target in file.parents or file in target.parents
+
+
+def read_only_folder(error: OSError) -> Path | None:
+    """The folder that may not be written and so caused an error; None for another reason, or if it is not known.
+
+    To move a folder, the folder itself must be writable; for all else, the folder that contains it.
+    """
+    if error.errno not in REASONS:
+        return None
+    for name in (error.filename, error.filename2):
+        if name is None:
+            continue
+        path = Path(os.fsdecode(name)).absolute()
+        there = [folder for folder in (path, *path.parents) if folder.is_dir() and not folder.is_symlink()]
+        for folder in there[: 2 if there[:1] == [path] else 1]:
+            if not os.access(folder, os.W_OK | os.X_OK):
+                return folder
+    return None

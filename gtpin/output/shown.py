@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from html import escape
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,26 +37,45 @@ class Presentation(ABC):
         return f"<p>{lines}</p>{table.to_html(max_rows=ROWS) if len(table) else ''}"
 
 
-class Shown(ABC):
-    """A result with a display as text, table and HTML.
+PRESENTATIONS = {
+    "Accuracy": "accuracy",
+    "Calibration": "calibration",
+    "Certificate": "certificate",
+    "Comparison": "comparison",
+    "Dataset": "dataset",
+    "Diagnosis": "diagnosis",
+    "Experiment": "experiment",
+    "HealthCheck": "health",
+    "PosePlan": "plan",
+    "Poses": "poses",
+}
+"""For each kind of result its file in ``gtpin/report/show``: there, ``present`` makes its presentation."""
 
-    The display is imported when it is first used, so that results do not depend on the report.
+
+def present(result: object) -> Any:
+    """The presentation of a result: its text, table, figures, files, and sentences.
+
+    This is the only way from results to the report. The report is imported here, when a result is first shown, so that results
+    do not depend on it.
     """
+    file = next(PRESENTATIONS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
+    return import_module(f"gtpin.report.show.{file}").present(result)
 
-    @abstractmethod
-    def _presentation(self) -> Presentation:
-        """The display of this result."""
+
+class Shown:
+    """A result with a display as text, table and HTML."""
 
     def __repr__(self) -> str:
-        return self._presentation().short()
+        return str(present(self).short())
 
     def _repr_html_(self) -> str:
-        return self._presentation().html()
+        return str(present(self).html())
 
     def summary(self) -> str:
         """The whole result as text."""
-        return self._presentation().text()
+        return str(present(self).text())
 
     def to_dataframe(self) -> pd.DataFrame:
         """The result as a table; ``docs/python.md`` explains its columns."""
-        return self._presentation().table()
+        table: pd.DataFrame = present(self).table()
+        return table

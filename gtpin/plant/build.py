@@ -17,7 +17,6 @@ from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
-from gtpin.plant.amplitude import amplitude_for
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.background import weak_others
@@ -35,9 +34,11 @@ from gtpin.plant.truth import Case, Truth
 from gtpin.plant.visits import plan
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
+CLOSE = 1e-3
+STEPS = 6
 
 
 @dataclass(frozen=True)
@@ -214,3 +215,20 @@ def nominal_arm(robot: Arm) -> ArmMachine:
 def _as_measured(machine: ArmMachine, noise: Noise, rng: np.random.Generator) -> ArmMachine:
     machine = replace(machine, free=(noise.free, noise.free_target))
     return replace(machine, target=noise.target(rng)) if noise.free_target else machine
+
+
+def amplitude_for(
+    plant: Plant, cause: Cause, rows: npt.NDArray[np.int_], past: Past, energy: float, largest: float
+) -> float:
+    """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
+    amplitude = 1.0
+    for _ in range(STEPS):
+        reached = past.energy(plant.displacement([(cause, amplitude)])[rows])
+        if abs(reached - energy) <= CLOSE * energy:
+            break
+        # The energy is almost proportional to the square of the amplitude.
+        wanted = amplitude * np.sqrt(energy / reached) if reached > 0.0 else largest
+        if wanted >= largest and amplitude == largest:
+            break
+        amplitude = float(min(wanted, largest))
+    return amplitude

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
 Bools = npt.NDArray[np.bool_]
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.fields import curve
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEP = 20.0
 """Time between two temperatures of a day, s."""

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Past(Protocol):

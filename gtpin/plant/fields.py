@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
+
 Smoothness = Literal["rough", "once", "twice", "smooth"]
 
 NODES = 181

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
@@ -13,8 +12,7 @@ from gtpin.plant.conditions import Conditions
 from gtpin.plant.response import Plant
 from gtpin.plant.truth import Case
 from gtpin.plant.visits import BACK_OFF, Visits
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LATER = 600.0
 """Time from the day's last visit to the first new one, where the commands have no column ``time``, s."""

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import RobotError
 from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, moved, placed
 from gtpin.plant.arms.urdf import Frame, Joint, read_urdf, turn
 from gtpin.plant.poses import Poses
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHORTEST = 1.0 / 4096.0
 """Smallest stride, as a share of the way from home to commands. Where shorter ones are needed, these can't be reached."""

@@ -18,8 +18,7 @@ from gtpin.plant.rotations import across, exp
 from gtpin.plant.universal import Universal
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MASS_SPREAD = 0.04
 """Standard deviation of each mass, relative to the nominal mass."""

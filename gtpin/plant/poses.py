@@ -10,8 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.plant.rotations import log
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 BOX = (0.232, 0.159, 0.147)
 """Half the sides of a gantry's box of TCP positions, in rod lengths, base frame; x along the tracks."""

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import ConvergenceError
 from gtpin.plant.arms.machine import ArmMachine
@@ -22,8 +21,8 @@ from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
 from gtpin.plant.situation import Situation
 from gtpin.plant.visits import Visits
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Active = Sequence[tuple[Cause, float]]
 """Causes with their amplitudes, in multiples of their typical sizes."""
 

@@ -14,8 +14,7 @@ from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import across, exp
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CHUNK = 4096
 """Largest number of poses that are solved together."""

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SMALL = 1e-4
 """Angle, rad, below which sines are replaced by their series: the next term is below 1e-18."""

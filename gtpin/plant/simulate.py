@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.data import Commands, Dataset, Instrument
@@ -15,8 +14,7 @@ from gtpin.plant.poses import Poses
 from gtpin.plant.true_robot import Open, TrueRobot, true_robot
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TRIES = 50
 """Number of draws for each wanted pose after which a robot counts as unable to reach its range."""

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.closing import RodEnds, by_pose, each_solved
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.visits import Visits
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

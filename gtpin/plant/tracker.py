@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.data import Instrument
@@ -14,8 +13,8 @@ from gtpin.plant.arms.urdf import Frame
 from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Micro = Annotated[float, Field(ge=0.0, le=1e-3)]

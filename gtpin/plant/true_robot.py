@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import ModelError
 from gtpin.plant.arms.machine import ArmMachine
@@ -17,8 +16,7 @@ from gtpin.plant.poses import Poses
 from gtpin.plant.rods import Rods
 from gtpin.plant.universal import Universal
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class TrueRobot(Protocol):

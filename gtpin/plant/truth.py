@@ -9,9 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
@@ -22,8 +19,7 @@ from gtpin.plant.machine import Machine
 from gtpin.plant.poses import Poses
 from gtpin.plant.recipe import Recipe
 from gtpin.plant.visits import Visits
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
 """Files with the tables of the plant's instruments."""

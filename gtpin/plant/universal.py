@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import RobotError
 from gtpin.plant.arms.urdf import read_urdf
@@ -14,8 +13,7 @@ from gtpin.plant.poses import Poses
 from gtpin.plant.rods import NUDGE
 from gtpin.plant.rotations import exp
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STRIDES, STEPS = 12, 8
 """Number of equal steps from the rod's direction at the URDF's zero to the wanted one, and number of Newton's steps at the

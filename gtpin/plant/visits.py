@@ -18,9 +18,8 @@ from gtpin.plant.looped.machine import LoopedMachine
 from gtpin.plant.looped.reach import well_led
 from gtpin.plant.machine import Machine
 from gtpin.plant.reach import reachable
+from gtpin.typing import Floats, Ints
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
 Bools = npt.NDArray[np.bool_]
 
 REPEATED = 0.1

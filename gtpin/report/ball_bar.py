@@ -10,16 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.instruments.range import Range
-from gtpin.report.circle_fit import centred, middle_of
 from gtpin.report.circles import Run, plane_axes, runs
 from gtpin.report.residuals import Residuals
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats, Indices
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 Direction = Literal["counterclockwise", "clockwise"]
 Layer = Literal["measured", "before", "after"]
 
@@ -30,6 +27,10 @@ SAME_RADIUS = 0.05
 """Largest difference of the radii, and of the heights of the planes, of two runs along one circle, over the radius."""
 ALONG_AXIS = np.cos(np.deg2rad(5.0))
 """Smallest cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis normal to it."""
+STEPS = 20
+"""Largest number of steps of the fit of a centre."""
+SMALLEST = 1e-12
+"""Step, m, below which the fit has converged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +197,34 @@ def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], na
         traces.append(Trace(direction, mine[run.rows], angle[part], deviation))
     radius = float(np.linalg.norm(flat - middle, axis=1).mean())
     return Circle(one.name, *names, normal, radius, tuple(traces))
+
+
+def middle_of(flat: Floats) -> Floats:
+    """(2,) centre c of the circle that fits points p (N, 2) by least squares of |p|^2 = 2 p . c + k."""
+    matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    return np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
+
+
+def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Floats:
+    """(N,) deviations of the ranges about their least-squares circle, m.
+
+    They are the measured ranges less |p - s| - o, with the centre s, in the plane, and the offset o that fit best.
+
+    Parameters
+    ----------
+    flat, height
+        (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station, m.
+    start
+        (2,) first guess of s.
+    """
+    s = start.copy()
+    for _ in range(STEPS):
+        off = flat - s
+        distance = np.sqrt((off**2).sum(axis=1) + height**2)
+        J = np.column_stack([-off / distance[:, None], np.ones(len(flat))])
+        left = measured - distance
+        step = np.linalg.lstsq(J, left, rcond=None)[0]
+        s = s + step[:2]
+        if np.abs(step[:2]).max() < SMALLEST:
+            break
+    return np.asarray(left - J @ step)

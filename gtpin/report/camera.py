@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
 """Size of a sketch, pixels."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import beam, joint_frame, tip_to_joint
@@ -14,8 +13,7 @@ from gtpin.report.words import travel_words
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def travel(at: Situation, basis: Basis) -> list[Motion]:

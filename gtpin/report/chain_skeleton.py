@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.bodies import bodies, index_of
 from gtpin.kinematics.chain_kinematics import ChainKinematics
@@ -14,8 +13,7 @@ from gtpin.model.model import Model
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import moving_links
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.chain_skeleton import ChainSkeleton
 from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.sketch_parts import CORNERS, NONE, SHOWN, corners, drawn, line, ring, scale, shades_of, with_share
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 AXIS = 15.0
 """Half the length of a joint's axis as drawn, pixels."""

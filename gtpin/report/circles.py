@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gtpin.typing import Floats, Indices
 
 STEP, JUMP = np.deg2rad(1.5), np.deg2rad(60.0)
 """Smallest step of a path, as an angle about the point, from which its direction of travel is determined, and the largest step

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 
 from gtpin.model.model import Model
@@ -15,8 +13,7 @@ from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import sketch
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def drawing(

@@ -15,8 +15,7 @@ from gtpin.report.effect_motions import motions
 from gtpin.report.motion import Motion
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from gtpin.effects.situation import Situation
 from gtpin.report import chain_effect_motions as of_chain
 from gtpin.report.motion import Motion
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "turn about y", "turn about z")
 

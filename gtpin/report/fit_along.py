@@ -11,8 +11,7 @@ import numpy.typing as npt
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column
 from gtpin.report.residuals import Residuals, fine
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LEVELS = 4
 """Largest number of values of a second coordinate for which one line per value is drawn."""

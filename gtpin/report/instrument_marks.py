@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import escape
 
 from gtpin.report.camera import Camera
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.patches import patch
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NEAR = 1.0
 """Largest distance of a drawn instrument from the machine, over the machine's size: farther ones would make the machine

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import PlaneTable, RangeTable, SocketTable, TiltTable, TrackerTable
 from gtpin.kinematics.rotations import exp
 from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LENGTHS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
@@ -16,11 +15,10 @@ from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names, shown
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.positions import VIEWS
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

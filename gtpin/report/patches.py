@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.robot.parameters import rotation_axes
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def patch(point: Floats, normal: Floats, half: float) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
@@ -15,11 +14,11 @@ from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.residual_plots import pose_names, shown
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.positions import VIEWS
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 ALL = "all"
 """The option of all instruments together."""

@@ -13,8 +13,7 @@ from gtpin.report.embedded import escaped
 from gtpin.report.fit_along import Along, fit_along
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import covariate_unit, travel_words, typeset, with_unit
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FEW = 8
 """Largest number of different values of a covariate that is shown by box plots."""

@@ -20,9 +20,7 @@ from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.report.embedded import escaped
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gtpin.typing import Floats, Indices
 
 FINE, FINEST = 401, 1500
 """Number of points of a line along a column, and where a cause has a nonlinear parameter, which may be a short period."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.chain_sensitivity import PARAMETERS as OF_PLACEMENTS
@@ -18,8 +17,7 @@ from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CONTENTS = (
     ("maps", "Over the workspace"),

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 from gtpin.robot.chain import Actuator
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

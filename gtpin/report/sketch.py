@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
@@ -13,8 +12,7 @@ from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.skeleton import Skeleton
 from gtpin.report.sketch_parts import CORNERS, NONE, corners, drawn, line, ring, scale, shades_of, with_share
 from gtpin.report.words import percent
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def sketch(

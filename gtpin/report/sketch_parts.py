@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
 from gtpin.report.camera import HEIGHT, WIDTH
 from gtpin.report.words import percent, short, site_words
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHOWN = 0.05
 """Smallest share that is written next to a part's name."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHOWN = 3
 """Largest number of parameters that a sentence names."""

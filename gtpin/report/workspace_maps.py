@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.chain_workspace import ChainWorkspace
 from gtpin.accuracy.expected import mean_length, response
@@ -17,11 +16,11 @@ from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.words import typeset
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-Floats = npt.NDArray[np.float64]
 
 SLICES = 3
 """Largest number of slices that are shown."""

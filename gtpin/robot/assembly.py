@@ -13,8 +13,7 @@ from scipy.optimize import least_squares
 from gtpin.robot.chain import Chain, joint_axis
 from gtpin.robot.constraints import constraint_error, constraint_jacobian
 from gtpin.robot.undetermined import is_determined, undetermined
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NEAR = 0.02
 """Distance of the loops' anchors, m, and of the platform from the URDF's home, m and rad, from which Newton's method converges.

@@ -17,8 +17,8 @@ from gtpin.robot.description import ActuatorElement, Anchor, Description
 from gtpin.robot.followers import folded, followers, put
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import moving_model, neutral
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 FARTHEST = 1e5
 """Distance of a joint from the base, m, from which a robot is refused."""
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.robot.chain import Chain
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def constraint_error(robot: Chain) -> Floats:

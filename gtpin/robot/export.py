@@ -5,7 +5,6 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
@@ -13,8 +12,7 @@ from gtpin.robot.assembly import home_attributes
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]) -> str:

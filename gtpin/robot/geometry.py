@@ -21,8 +21,8 @@ from gtpin.robot.parameters import (
 )
 from gtpin.robot.robot import Robot
 from gtpin.robot.tracks import MeasuredTrack
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Arm = Literal["full", "reduced"]
 
 

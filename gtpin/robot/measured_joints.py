@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.chain import Chain, joint_axis
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHOWN = 12
 """Largest number of joints that a hint lists."""

@@ -11,7 +11,6 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
@@ -20,8 +19,7 @@ from gtpin.robot.mjcf_masses import SHOWN, Masses
 from gtpin.robot.mjcf_scene import without_objects
 from gtpin.robot.mjcf_values import MAIN, Part, Values
 from gtpin.robot.tree import TOOL, Tree
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MOST = 300
 """Largest number of elements that may be nested: bodies, frames, default classes."""

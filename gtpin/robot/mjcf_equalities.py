@@ -8,13 +8,12 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.mjcf_values import MAIN, Values
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 WORLD = "world"
 
 

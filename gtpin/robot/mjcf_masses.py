@@ -12,13 +12,12 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
 from gtpin.robot.mjcf_values import MAIN, Part, Values
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 DENSITY = 1000.0
 """Density, kg/m3, of geoms that give neither mass nor density: MuJoCo's default."""
 FLAT = ("plane", "hfield")

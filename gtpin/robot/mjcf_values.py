@@ -12,12 +12,11 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 MAIN = "main"
 """The default class of elements without a class."""
 TURNS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform", "anchor"]
 Per = Literal["actuator", "rod"]
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POSTURES = 6
 """Number of postures at which a loop's motions are examined: a planar loop moves in its plane at all of them. Assumed."""

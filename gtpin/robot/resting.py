@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import IO, Any
 
-import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import Description
 from gtpin.robot.followers import put
-from gtpin.robot.urdf_parser import build_model
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 LINK = "link: "
 """Prefix of links' names for the time of a reduction."""
 
@@ -93,3 +94,38 @@ def _in_loops(model: Any, description: Description) -> set[str]:
             ways.append(set() if frame is None else set(model.supports[frame.parentJoint]))
         found |= {model.names[joint] for joint in ways[0] ^ ways[1]}
     return found
+
+
+@contextmanager
+def _standard_error_kept() -> Iterator[IO[bytes]]:
+    """Catch what C++ code writes to standard error, so that the user gets one error message instead of several lines."""
+    with tempfile.TemporaryFile() as kept:
+        saved = os.dup(2)
+        os.dup2(kept.fileno(), 2)
+        try:
+            yield kept
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+def build_model(xml: str, source: str) -> Any:
+    """Build the Pinocchio model of a URDF's text.
+
+    Raises
+    ------
+    RobotError
+        If Pinocchio can't make a model of it; with the parser's message.
+    """
+    with _standard_error_kept() as kept:
+        try:
+            model, failure = pin.buildModelFromXML(xml), ""
+        except (RuntimeError, ValueError) as error:
+            model, failure = None, str(error)
+        kept.seek(0)
+        errors = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
+    # The parser continues after some errors and leaves out what it could not read, for example the mass of a body.
+    if model is None or errors:
+        reason = errors[0].strip() if errors else failure
+        raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")
+    return model

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.robot.assembly import Assembly, assemble
@@ -16,8 +15,8 @@ from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import Description
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.rods import Rod, rods
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Placements = tuple[tuple[Floats, Floats], ...]
 """Rotation and translation of every joint's placement, then of the TCP's on its body, then of the loops' anchors."""
 State = tuple[Placements, tuple[str, ...]]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.chain import Chain, joint_jacobian
 from gtpin.robot.description import Loop, RodElement
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ALIGNED = 1e-9
 """Largest distance, m, at which joints count as meeting in one point, or a rod's actuator as in line with the rod."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Point = Sequence[float] | Floats
 
 PASSIVE = {"lower": "-1.5", "upper": "1.5", "effort": "0", "velocity": "10"}

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.chain import Chain
 from gtpin.robot.constraints import constraint_jacobian
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Closing = Callable[[Floats], tuple[Floats, float]]
 
 ZERO = 1e-7

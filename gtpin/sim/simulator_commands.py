@@ -15,8 +15,7 @@ from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STEPS = 25
 """Largest number of Gauss-Newton steps."""

@@ -6,14 +6,12 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 from gtpin.view.meshes import with_its_meshes
-
-Floats = npt.NDArray[np.float64]
 
 LINE, POINT = (90, 105, 125), (200, 40, 30)
 """Colours of links and of joints, 0 to 255."""

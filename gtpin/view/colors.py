@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 GREY, BLUE, RED = np.array([0.60, 0.64, 0.69]), np.array([0.48, 0.64, 0.82]), np.array([0.71, 0.14, 0.09])
 """Colours of small, medium and large values."""

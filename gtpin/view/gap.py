@@ -13,8 +13,7 @@ from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

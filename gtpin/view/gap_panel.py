@@ -7,12 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gtpin.typing import Floats
 from gtpin.view.colors import of_errors
 from gtpin.view.gap import Gap
-
-Floats = npt.NDArray[np.float64]
 
 BLACK = np.array([0.1, 0.1, 0.1])
 BETWEEN = 12

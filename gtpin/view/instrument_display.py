@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.patches import patch
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STATION, SOCKET, TARGET, WIRE = (31, 95, 168), (154, 103, 0), (194, 65, 12), (120, 140, 165)
 ENCODER = (126, 58, 160)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.data import Dataset, check_commands
@@ -18,9 +17,8 @@ from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import Model
 from gtpin.report.words import quantity
+from gtpin.typing import Floats
 from gtpin.view.gap import Gap, gap_of, whose
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from io import StringIO
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import GtpinError
@@ -20,14 +19,13 @@ from gtpin.report.camera import Camera, Drawable
 from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
+from gtpin.typing import Floats
 from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
 from gtpin.view.parts import Part, joint_places, parts
 from gtpin.view.shapes import robot_as_modelled, shapes
-
-Floats = npt.NDArray[np.float64]
 
 
 class Scene:

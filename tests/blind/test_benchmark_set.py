@@ -11,9 +11,17 @@ import pytest
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.blind.benchmark.make import CASES, TRUTHS, changed, changed_truths, make
+from gtpin.blind.benchmark.make import (
+    CASES,
+    TRUTHS,
+    changed,
+    changed_truths,
+    make,
+    round_table,
+    rounded,
+    rounded_energy,
+)
 from gtpin.blind.benchmark.public_set import FILE, PublicSet
-from gtpin.blind.benchmark.rounding import round_table, rounded, rounded_energy
 from gtpin.blind.truth import Truth
 from gtpin.commands.app import app
 

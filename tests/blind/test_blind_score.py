@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 from handmade import cause, diagnosis, judged
 
-from gtpin.blind.baselines import baselines
 from gtpin.blind.calibration import tenths
 from gtpin.blind.figures import figures
 from gtpin.blind.judged import Judged, Shrunk
@@ -13,7 +12,7 @@ from gtpin.blind.page import instrument_table, score_page
 from gtpin.blind.power import power
 from gtpin.blind.rates import rate
 from gtpin.blind.reasons import failure
-from gtpin.blind.score import confusion, score
+from gtpin.blind.score import baselines, confusion, score
 from gtpin.blind.statement import Statement
 
 LINEARITY = ("linearity@cart1", 500.0, 100.0)

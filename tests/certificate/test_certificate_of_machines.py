@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.certificate.region import between
+from gtpin.certificate.certify import between
 from gtpin.certificate.response import At, Posterior
 from gtpin.plant import Case, make_case, measure_at
 from gtpin.plant.tracker import Noise

@@ -17,6 +17,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.plant import make_case
 
 Floats = np.ndarray
@@ -71,7 +72,7 @@ def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibrat
     observed = Observed(
         measured_poses(case.dataset),
         case.dataset.covariates,
-        replace(baseline.noise, repeatability=0.0),
+        ReadingNoise.of_poses(replace(baseline.noise, repeatability=0.0), len(case.dataset), 6),
         np.ones(len(case.dataset)),
         20.0,
         False,

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.diagnosis.inference.chance_lines import FittedLines, _taken
+from gtpin.diagnosis.inference.infer import FittedLines, _taken
 from gtpin.plant import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.preparation.contradictions import without_contradictions
+from gtpin.diagnosis.preparation.prepare import without_contradictions
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case

@@ -36,7 +36,7 @@ def measured(
         z *= np.sqrt(tails / rng.chisquare(tails, (len(q), 1)))
     T = seen.T + factor * POSITION * z[:, :3]
     R = exp(factor * ORIENTATION * z[:, 3:]) @ seen.R
-    noise = replace(observed.noise, position_sigma=POSITION, orientation_sigma=ORIENTATION, repeatability=0.0)
+    noise = replace(observed.noise, sigma=np.array([POSITION, ORIENTATION]), repeatability=0.0)
     return replace(observed, measured=Measured(q, T, R), noise=noise, weight=np.ones(len(q)))
 
 
@@ -45,7 +45,8 @@ def hypotheses_of(observed: Observed) -> HypothesisSet:
 
 
 def asked(observed: Observed, declared: tuple[bool, bool]) -> tuple[Observed, bool]:
-    found = reestimate_noise(observed, hypotheses_of(observed), NOTHING, declared)
+    known = replace(observed.noise, estimated=~np.array(declared))
+    found = reestimate_noise(replace(observed, noise=known), hypotheses_of(observed), NOTHING)
     return found.observed, found.matters
 
 
@@ -71,8 +72,8 @@ def test_sigmas_that_are_not_declared_are_found(seed, factor):
     found, matters = asked(observed, (False, False))
     # A sigma from k numbers is known to 1 / sqrt(2 k).
     chance = 4.0 / np.sqrt(2.0 * (3.0 * len(observed.weight) - 48.0))
-    assert abs(np.log(found.noise.position_sigma / (factor * POSITION))) < chance
-    assert abs(np.log(found.noise.orientation_sigma / (factor * ORIENTATION))) < chance
+    assert abs(np.log(found.noise.sigma[0] / (factor * POSITION))) < chance
+    assert abs(np.log(found.noise.sigma[1] / (factor * ORIENTATION))) < chance
     assert matters
 
 
@@ -91,8 +92,8 @@ def test_declared_sigmas_of_gaussian_noise_are_left_alone():
     for seed in range(draws):
         observed = measured(seed)
         found, matters = asked(observed, (True, True))
-        assert found.noise.position_sigma == POSITION
-        assert found.noise.orientation_sigma == ORIENTATION
+        assert found.noise.sigma[0] == POSITION
+        assert found.noise.sigma[1] == ORIENTATION
         assert_allclose(found.weight, 1.0)
         shown += found.noise.repeatability > 0.0
         assert matters or found.noise.repeatability < 0.2 * POSITION
@@ -115,17 +116,17 @@ def test_the_farther_out_in_heavy_tails_the_less_a_pose_counts(seed):
 def test_only_the_sigma_that_is_not_declared_changes():
     observed = measured(1, factor=2.0)
     found, _ = asked(observed, (True, False))
-    assert found.noise.position_sigma == POSITION
-    assert found.noise.orientation_sigma != ORIENTATION
+    assert found.noise.sigma[0] == POSITION
+    assert found.noise.sigma[1] != ORIENTATION
     found, _ = asked(observed, (False, True))
-    assert found.noise.position_sigma != POSITION
-    assert found.noise.orientation_sigma == ORIENTATION
+    assert found.noise.sigma[0] != POSITION
+    assert found.noise.sigma[1] == ORIENTATION
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
     observed = measured(seed, fast=5e-5)
-    found = reestimate_noise(observed, hypotheses_of(observed), NOTHING, (True, True))
+    found = reestimate_noise(observed, hypotheses_of(observed), NOTHING)
     assert found.restless == "cart2"
     assert found.observed.noise.repeatability < 2e-5
 
@@ -134,4 +135,4 @@ def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
 @pytest.mark.parametrize("repeatability", [0.0, 1.3e-5, 2.5e-5])
 def test_what_errs_anew_at_every_visit_is_scatter(seed, repeatability):
     observed = measured(seed, repeatability=repeatability)
-    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING, (True, True)).restless is None
+    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).restless is None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.preparation.filled_in import without_filled_in
+from gtpin.diagnosis.preparation.prepare import without_filled_in
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.preparation.frozen import without_frozen
+from gtpin.diagnosis.preparation.prepare import without_frozen
 from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.merged_sessions import _together, merged_sessions
+from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.priors import PRIORS

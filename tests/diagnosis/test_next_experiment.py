@@ -25,6 +25,7 @@ from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.untestable import Untestable
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.plant import Case, make_case, measure_at
 
 PAIRS = [
@@ -53,7 +54,7 @@ def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
         measured_poses(dataset),
         dataset.covariates,
-        baseline.noise,
+        ReadingNoise.of_poses(baseline.noise, len(dataset), 6),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",

@@ -11,7 +11,7 @@ from drawn_machines import without_scales
 
 import gtpin
 from gtpin.export import export
-from gtpin.kinematics.halton import halton
+from gtpin.kinematics.first_guess import halton
 from gtpin.robot.description import Description
 
 LINK = (

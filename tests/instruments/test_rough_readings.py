@@ -64,7 +64,7 @@ def test_in_a_diagnosis_an_instrument_with_heavy_tails_weighs_its_rows_and_anoth
     dataset, baseline = prepared.dataset, prepared.baseline
     observed = Observed.of(dataset.take(baseline.used(dataset)), baseline)
     hypotheses = HypothesisSet(observed.design(baseline.model), (), (), (), SCOPE)
-    weight = reestimate_noise(observed, hypotheses, NOTHING, (True, True)).observed.weight
+    weight = reestimate_noise(observed, hypotheses, NOTHING).observed.weight
     readings = observed.measured
     wire, level = (readings.rows.of == [one.kind for one in readings.instruments].index(k) for k in ("range", "tilt"))
     assert (weight[level] == 1.0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from gtpin.kinematics.halton import halton
+from gtpin.kinematics.first_guess import halton
 
 
 @pytest.mark.parametrize("coordinates", [1, 3, 6])

@@ -31,22 +31,9 @@ def source(module: str) -> str:
 
 
 def imports(module: str) -> set[str]:
-    """The modules of gtpin that a module names in its imports, wherever they stand.
-
-    Left out is the report that a method of a result opens when it is called, which the plant's own modules must not do either.
-    """
+    """The modules of gtpin that a module names in its imports, wherever they stand."""
     names: set[str] = set()
-    tree = ast.parse(source(module))
-    later = {node for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for node in ast.walk(f)}
-    own = module.startswith("gtpin.plant")
-    for node in ast.walk(tree):
-        if (
-            not own
-            and node in later
-            and isinstance(node, ast.ImportFrom)
-            and str(node.module).startswith("gtpin.report")
-        ):
-            continue
+    for node in ast.walk(ast.parse(source(module))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

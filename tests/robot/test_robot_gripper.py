@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.robot.resting_loops import remove_resting_loops
+from gtpin.robot.commanded import remove_resting_loops
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from gtpin.blind.benchmark.public_set import PublicSet, Published
-from gtpin.blind.benchmark.rounding import round_table, rounded_energy, rounded_rows, to_digits
 from gtpin.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.blind.seal import digest_of
@@ -25,6 +25,14 @@ CASES, TRUTHS = "cases", "truths"
 ROBOT = "robot.urdf"
 KNOWN = ("station", "target", "plane")
 """Columns that say what an instrument reads, or what is touched."""
+DECIMALS = 7
+COARSE = {"temp_frame": 3, "temp_link": 3}
+"""Number of decimals of the columns that have fewer than ``DECIMALS``."""
+DIGITS = 4
+"""Significant digits of the noise and of energies, in truths."""
+NOTHING = 1e-3
+"""A smaller energy is written as 0: it can consist of rounding errors."""
+NUMBER = re.compile(r"-?\d+(\.\d*)?(e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -138,3 +146,35 @@ def _published(truth: Truth) -> Truth:
         ),
         sigma=truth.sigma,
     )
+
+
+def rounded(value: float, decimals: int = DECIMALS) -> float:
+    """A value rounded to ``decimals`` decimals; never a negative zero."""
+    return round(value, decimals) + 0.0
+
+
+def to_digits(value: float) -> float:
+    """A value to ``DIGITS`` significant digits."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def rounded_energy(value: float) -> float:
+    """An energy to ``DIGITS`` significant digits; 0 below ``NOTHING``."""
+    return to_digits(value) if value >= NOTHING else 0.0
+
+
+def rounded_rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ...]:
+    """Rows of values, each :func:`rounded`."""
+    return tuple(tuple(rounded(value) for value in row) for row in rows)
+
+
+def round_table(file: Path) -> None:
+    """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
+    head, *lines = file.read_text(encoding="utf-8").splitlines()
+    decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
+    rows = [",".join(map(_cell, line.split(","), decimals)) for line in lines]
+    file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+
+
+def _cell(text: str, decimals: int) -> str:
+    return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not text.lstrip("-").isdigit() else text

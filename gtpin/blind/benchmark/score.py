@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.blind.benchmark.answer import Answer
 from gtpin.blind.benchmark.make import TRUTHS
@@ -21,8 +20,7 @@ from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SCHEMA = "gtpin-benchmark-score/1"
 MISSING = "there is no answer"

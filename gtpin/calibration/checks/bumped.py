@@ -20,8 +20,7 @@ from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 RATIO = 2.0
 """Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame

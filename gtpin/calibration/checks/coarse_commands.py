@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.problem import Measured
 from gtpin.data.rounding import STEPS, coarsest_step
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
 
 COARSE = (0.1, 0.05, *STEPS)
 """Steps that commands are rounded to, m or rad, the coarsest first."""

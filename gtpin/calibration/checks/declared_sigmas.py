@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_noise import CHANCE, NO_NOISE, OVERSTATED, SUSPECT, TWICE
 from gtpin.calibration.readings_problem import ReadingsProblem
@@ -17,8 +16,7 @@ from gtpin.data.read_instruments import SIGMAS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)

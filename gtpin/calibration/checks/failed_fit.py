@@ -5,9 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-import numpy as np
-import numpy.typing as npt
-
 from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
@@ -17,8 +14,7 @@ from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 POOR = 1e-3
 """Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""

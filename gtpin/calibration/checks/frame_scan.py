@@ -18,8 +18,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SIZE = 30.0
 """Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""

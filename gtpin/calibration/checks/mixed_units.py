@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
@@ -11,9 +10,7 @@ from gtpin.data import Dataset
 from gtpin.data.readings import UNITS
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 FITS, ALLOWED = 0.1, 5e-3
 """Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""

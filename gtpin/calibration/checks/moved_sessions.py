@@ -17,8 +17,6 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise.noise import Noise
 
-Floats = npt.NDArray[np.float64]
-
 FEWEST = 6
 """Fewest rows from which the frame of a session is determined. Assumed."""
 FAR = 0.01

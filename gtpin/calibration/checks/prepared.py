@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
@@ -13,8 +12,7 @@ from gtpin.data.extremes import check_extremes
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SAME = 1e-12
 """1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""

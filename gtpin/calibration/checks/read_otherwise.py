@@ -8,13 +8,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import EncoderTable, InstrumentTable, PlaneTable, RangeTable, TiltTable, TrackerTable
 from gtpin.data.names import ORIENTATION
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Numbers = dict[str, Floats]
 Change = Callable[[InstrumentTable, Numbers], tuple[InstrumentTable, Numbers]]
 

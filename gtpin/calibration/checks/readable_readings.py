@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.read_otherwise import Otherwise, ways
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
@@ -17,8 +16,6 @@ from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
-
-Floats = npt.NDArray[np.float64]
 
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
 """What the user should do where no usual mistake explains the readings."""

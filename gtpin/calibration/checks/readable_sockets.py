@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.read_otherwise import UNITS
 from gtpin.calibration.checks.suspected import refuse
@@ -15,8 +14,6 @@ from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
 
 
 def check_sockets(dataset: Dataset, robot: Robot) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.command_readings import command_readings
@@ -18,8 +17,7 @@ from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ROWS = 100
 """Number of rows that are used: medians of more rows are not much more certain. Assumed."""

@@ -12,8 +12,7 @@ from gtpin.calibration.checks.suspected import refuse
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 MOST = 0.5
 """Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors. Assumed."""

@@ -13,9 +13,7 @@ from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 FEWEST = 8
 """Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""

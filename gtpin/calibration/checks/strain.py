@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
 from gtpin.calibration.settled import Settled
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 What = Literal["frame", "zero", "part", "tolerances"]
 
 SCALES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.observability import UNSEEN, Observability
 from gtpin.distributions import chi2
 from gtpin.errors import warn
 from gtpin.instruments.readings import Readings
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of the tolerances, and of an unknown from what is declared, in prior

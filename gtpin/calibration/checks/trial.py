@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size
 from gtpin.calibration.free_target import with_target
@@ -17,8 +16,7 @@ from gtpin.kinematics.frame_and_target import MEDIAN
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.noise.noise import Noise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ROWS = 150
 """Number of rows that are enough. Assumed."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
@@ -19,11 +18,10 @@ from gtpin.errors import DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
+from gtpin.typing import Mask
 
 FEWEST = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit that can be checked."""
-
-Mask = npt.NDArray[np.bool_]
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:

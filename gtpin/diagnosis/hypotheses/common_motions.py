@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
@@ -13,8 +12,7 @@ from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines, by the number of actuators; with other numbers of actuators, 1."""

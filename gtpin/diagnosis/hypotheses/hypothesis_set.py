@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, modulates, related
 from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
@@ -23,7 +22,6 @@ from gtpin.effects.basis import Basis
 Term = Hypothesis | SmoothTerm | Proxy
 Model = Posterior[Term]
 """Some members of the hypothesis set together, each with its scale."""
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T", bound=Term)
 
 

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import comb, log
 
 import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.diagnosis.hypotheses.common_motions import common_motions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.merged_sessions import merged_sessions
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Marginal
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.posterior import NOTHING, fixed, gain
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.untestable import Untestable, as_untestable
+from gtpin.typing import Floats
+
+FEWEST = 2
+"""Fewest sessions that are left: with one, no effect of sessions can be tested."""
 
 
 @dataclass(frozen=True)
@@ -69,3 +77,100 @@ def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors
     """Whether the geometry absorbs nearly all of an effect, even of one ``priors.large`` times its typical size."""
     X = design.columns(hypothesis.basis(design.situation)) * priors.large
     return float(np.trace(marginal.product(X, X))) <= priors.shows
+
+
+def merged_sessions(
+    design: Design, marginal: Marginal, hypotheses: Sequence[Hypothesis], priors: Priors
+) -> tuple[Design, float]:
+    """A linear problem in which consecutive sessions without a change between them are one session.
+
+    Coefficients of a session that has none of its own cost evidence, so that a second label within a session would make a
+    certain shift between sessions doubtful. The effects of sessions are taken together, each session with one set of their
+    coefficients. Two neighbours are merged where equal sets are more probable than different ones (Savage-Dickey density
+    ratio), first those of the largest ratio.
+
+    Parameters
+    ----------
+    hypotheses
+        The hypotheses that can be tested.
+
+    Returns
+    -------
+    design, odds
+        The problem, and the natural logarithm of the number of ways to divide the sessions into as many: log prior odds, nats,
+        against each effect of sessions.
+    """
+    at = design.situation
+    labels = at.references.sessions
+    if len(labels) <= FEWEST or not at.varies("session"):
+        return design, 0.0
+    names = np.array([str(name) for name in at.covariates["session"]])
+    if at.has("time"):
+        labels = tuple(sorted(labels, key=lambda label: float(at.covariate("time")[names == label].mean())))
+    members = np.array([names == label for label in labels])
+    parts = [_by_session(design, h, members) for h in hypotheses if "session" in h.covariates(at.robot)]
+    found = [part for part in parts if part is not None]
+    if not found:
+        return design, 0.0
+    groups: Groups[str] = Groups(marginal, design.y, priors)
+    groups.add("all", np.concatenate(found, axis=2).transpose(1, 0, 2).reshape(len(design.y), -1))
+    scale = gain(groups, NOTHING, "all")[1]
+    posterior = fixed(groups, ("all",), (scale,))
+    together = _together(posterior.mean, posterior.covariance, scale, len(labels))
+    if len(together) == len(labels):
+        return design, 0.0
+    new = {labels[i]: labels[group[0]] for group in together for i in group}
+    column = np.array([new[name] for name in names], dtype=object)
+    changed = replace(design, situation=at.with_covariate("session", column))
+    return changed, log(comb(len(labels) - 1, len(together) - 1))
+
+
+def _by_session(design: Design, hypothesis: Hypothesis, members: npt.NDArray[np.bool_]) -> Floats | None:
+    """(K, N c, m) whitened displacements by the m coefficients of each of K sessions; None if they are not of one session."""
+    X = design.columns(hypothesis.basis(design.situation))
+    each, left = divmod(X.shape[1], len(members))
+    if left or not each:
+        return None
+    rows = np.repeat(members, design.components, axis=1)
+    # Columns belong to the only session in which they are not zero, in whatever order the effect has them.
+    inside = np.array([(X[own] != 0.0).any(axis=0) for own in rows])
+    if (inside.sum(axis=0) != 1).any() or (inside.sum(axis=1) != each).any():
+        return None
+    return np.stack([X[:, own] for own in inside])
+
+
+def _together(mean: Floats, covariance: Floats, scale: float, count: int) -> list[list[int]]:
+    """Groups of consecutive sessions, given the posterior of ``count`` sets of coefficients, of prior variance scale^2 each."""
+    found = [[i] for i in range(count)]
+    width = len(mean) // count
+    while len(found) > FEWEST:
+        ratios = [_equal(mean, covariance, scale, a, b, width)[0] for a, b in pairwise(found)]
+        best = int(np.argmax(ratios))
+        if ratios[best] <= 0.0:
+            break
+        _, gain_ = _equal(mean, covariance, scale, found[best], found[best + 1], width)
+        D = _difference(found[best], found[best + 1], width)
+        mean = mean - gain_ @ (mean[D[0]] - mean[D[1]])
+        covariance = covariance - gain_ @ (covariance[D[0]] - covariance[D[1]])
+        found[best : best + 2] = [found[best] + found[best + 1]]
+    return found
+
+
+def _difference(a: list[int], b: list[int], width: int) -> tuple[slice, slice]:
+    """The coefficients of two groups of sessions, whose difference is compared with zero: those of the first of each."""
+    return slice(a[0] * width, (a[0] + 1) * width), slice(b[0] * width, (b[0] + 1) * width)
+
+
+def _equal(
+    mean: Floats, covariance: Floats, scale: float, a: list[int], b: list[int], width: int
+) -> tuple[float, Floats]:
+    """Log density of equal coefficients in the posterior less that in the prior, and the gain matrix that makes them equal."""
+    own, other = _difference(a, b, width)
+    d = mean[own] - mean[other]
+    across = covariance[:, own] - covariance[:, other]
+    factor = cho_factor(across[own] - across[other], lower=True)
+    before = scale**2 * (
+        1.0 / len(a) + 1.0 / len(b)
+    )  # variance of the difference of two means of independent coefficients
+    ratio = -0.5 * float(d @ cho_solve(factor, d)) - float(np.log(np.diag(factor[0])).sum())
+    return ratio + 0.5 * width * log(before), cho_solve(factor, across.T).T

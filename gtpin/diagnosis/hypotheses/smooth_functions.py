@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import rods_of
@@ -14,8 +13,8 @@ from gtpin.effects.joint_compliance import loaded
 from gtpin.effects.sessions import session_columns
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.data.rounding import EXACT
@@ -12,8 +11,7 @@ from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.errors import warn
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
 """Steps that commands may have been rounded to, m or rad, the coarsest first."""

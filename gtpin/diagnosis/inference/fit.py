@@ -6,20 +6,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.digits import with_full_digits
-from gtpin.diagnosis.inference.findings import Cause, Question, Unexplained
-from gtpin.diagnosis.inference.held_out import held_out
+from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
-from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of, readings_noise
+from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
@@ -28,11 +27,12 @@ from gtpin.diagnosis.inference.unseen_sessions import as_unseen
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
+from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.noise.repeats import LEAST_CONTRASTS
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Place = tuple[str, str]
 
 
@@ -81,11 +81,10 @@ def fit(
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
     found = without_idle(hypotheses, found, neighbours)
-    noise = settled.observed.noise
-    if isinstance(noise, Noise):  # these checks are for poses, not for readings
+    if hypotheses.design.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
-        found = with_two_valued(hypotheses, found, noise)
+        found = with_two_valued(hypotheses, found, settled.observed.noise)
     found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
@@ -124,7 +123,7 @@ def fit(
 def _scatter(prepared: Prepared, settled: Settled) -> float:
     """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
     visits, noise = prepared.baseline.noise, settled.observed.noise
-    if isinstance(noise, Noise):
+    if settled.hypotheses.design.tracked:
         return visits.repeatability / visits.position_sigma
     moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
     return float(np.median(noise.repeatability * moved / noise.each))
@@ -155,8 +154,7 @@ def _gaps(
 ) -> tuple[Gap, dict[Place, Gap]]:
     """The gap with all causes; and, by cause, with all causes but this one."""
     hypotheses, searched = settled.hypotheses, settled.searched
-    floor, inferred = shown.floor(hypotheses.design), readings_noise(settled.observed.noise, hypotheses.design)
-    inferred_floor = floor_of(inferred, hypotheses.design)
+    floor, inferred_floor = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
     design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
     columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
     unseen = {
@@ -181,3 +179,28 @@ def _gaps(
 
     whole = shrunk(columns)
     return whole, {place: shrunk(p for p in columns if p != place) for place in columns}
+
+
+def held_out(
+    found: Conclusion, hypotheses: HypothesisSet, whole: Gap, observed: Observed, shown: ShownNoise
+) -> Conclusion:
+    """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
+
+    Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
+
+    Parameters
+    ----------
+    whole
+        The gap on left-out poses with all causes.
+    """
+    if found.doubts or shown.source == "residuals":
+        return found
+    priors, silent = hypotheses.priors, found.verdict == "none"
+    if silent and shown.contradicted:
+        return found.doubted(Doubt("visits"))
+    size, chance = shown.excess(observed, hypotheses, found.model)
+    allowed = float(np.sqrt(floor_of(shown.most, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
+    far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
+    if chance <= priors.chance and (far or (silent and size > priors.excess)):
+        return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
+    return found

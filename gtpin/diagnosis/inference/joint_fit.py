@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.between_poses import poses_of, unexplained_poses
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.problem import Point, Problem, in_frame
+from gtpin.calibration.problem import Measured, Point, Problem, in_frame
 from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.observed import Observed
@@ -23,9 +22,9 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
 from gtpin.model.unexplained import Unexplained
-from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 LEFT_OUT = 0.1
 """Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
 
@@ -66,11 +65,11 @@ def fit_together(
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
     joint = problem.joint_covariance(covariance) if causes else None
     fitted, left = start.fit, start.unexplained
-    if isinstance(observed.noise, Noise):
+    if isinstance(observed.measured, Measured):
         dof = max(found.residual.size - found.taken, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
         left = _unexplained(problem, found, observed.noise)
-        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, left)
+        fitted = FitConditions.of(observed.noise.as_poses(), chi2, dof, observed.covariates, left)
     plain = problem.calibration
     instruments = start.instruments
     if isinstance(plain, ReadingsProblem):
@@ -86,7 +85,7 @@ def fit_together(
     )
 
 
-def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Noise) -> Unexplained:
+def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> Unexplained:
     """What geometry and causes leave unexplained between poses."""
     colour = np.linalg.inv(problem.calibration.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
@@ -12,9 +11,7 @@ from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import LeftOut, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.exchange import without
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 
 def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:

@@ -18,8 +18,7 @@ from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 MOST_POSES = 3000
 """Most poses that a search uses: more make it slower, but hardly better. The causes are then fitted to all poses."""

@@ -14,12 +14,11 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.noise.estimate import likeliest
-from gtpin.noise.noise import SMALLEST, Noise
-from gtpin.noise.reading_noise import ReadingNoise, likeliest_readings
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
+from gtpin.noise.noise import SMALLEST
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, stops
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MATTERS = 0.03
 """Relative change of the noise's variance, or mean change of a weight, above which the search is repeated."""
@@ -79,48 +78,53 @@ class Reestimated:
     restless: str | None
 
 
-def reestimate_noise(
-    observed: Observed, hypotheses: HypothesisSet, model: Model, declared: tuple[bool, bool]
-) -> Reestimated:
-    """Estimate repeatability, sigmas that were not declared, and weights of the poses from a model's residuals. By maximum
+def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Model) -> Reestimated:
+    """Estimate repeatability, sigmas that were not declared, and weights of the rows from a model's residuals. By maximum
     likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
+
+    The model's parameters reduce the degrees of freedom of all numbers in the same proportion. Tails are those of rows that
+    are compared with each other (``alike``): an instrument can have heavy tails, and another none.
 
     Parameters
     ----------
     model
         Causes and smooth terms: everything that is not noise.
-    declared
-        Whether the position's and the orientation's sigma are known.
     """
-    design, priors = hypotheses.design, hypotheses.priors
+    design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
     left, taken = left_over(hypotheses, model)
-    if not isinstance(observed.noise, Noise):
-        return _of_readings(observed, observed.noise, design, left, taken)
-    visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
-    colour = np.linalg.inv(design.whitening)
-    scatter, rows = contrasts(visits, np.einsum("nij,nj->ni", colour, left))
-    left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
-    errors = np.einsum("nij,nj->ni", colour, left)
-    J, c = design.command_jacobian, design.components
-    even = np.ones(len(left))
-    found, weight = _estimated(observed.noise, errors, even, design, declared), even
-    whitened = _whitened(observed.noise, errors, design)
-    tails = Tails.of(whitened)
-    # Scatter of drives differs from pose to pose and so looks like heavy tails, and the reverse: the likelier one is used.
-    if tails.heavy and _of_tails(observed.noise, whitened, tails, design) > _of_scatter(found, errors, design):
-        weight = tails.weigh(whitened)
-        found = _estimated(observed.noise, errors, weight * tails.scale**2, design, declared)
+    J, colour = design.by_command_seen, np.linalg.inv(design.whitening)
+    scatter, rows = contrasts(stops(design.measured.q, design.measured.read), np.einsum("nij,nj->ni", colour, left))
+    errors = np.einsum("nij,nj->ni", colour, left * np.sqrt(design.count / max(design.count - taken, 1.0)))
+    weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
+    found = likeliest(noise, errors, J, weight).at_least(SMALLEST)
+    # Scatter of drives differs from row to row and so looks like heavy tails, and the reverse: the likelier one is used.
+    whitened, of_noise = _whitened(noise, errors, design)
+    scattered, of_scatter = _whitened(found, errors, design)
+    for some in design.measured.alike:
+        own, tails = whitened[some], Tails.of(whitened[some])
+        gaussian = -0.5 * (scattered[some] ** 2 + np.log(2.0 * np.pi)).sum() + of_scatter[some].sum()
+        if (
+            tails.heavy
+            and t_likelihood(square_norms(own), tails.freedom, own.shape[1])[0] + of_noise[some].sum() > gaussian
+        ):
+            weight[some] = tails.weigh(own)
+            shrunk[some] = weight[some] * tails.scale**2
+    if (weight != 1.0).any():
+        found = likeliest(noise, errors, J, shrunk).at_least(SMALLEST)
     restless = None
     if len(scatter) >= LEAST_CONTRASTS:
         most = _most_repeatability(found.take(rows), scatter, J[rows], priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            restless = _most_restless(found, errors, design, model.log_evidence, priors) if all(declared) else None
+            restless = (
+                None if noise.estimated.any() else _most_restless(found, errors, design, model.log_evidence, priors)
+            )
             if restless is not None:
-                weight = even  # these errors are no noise, so their tails say nothing about the noise
-    before, after = (np.trace(n.covariance(J, c)[:, :3, :3], axis1=1, axis2=2).mean() for n in (observed.noise, found))
-    changed = abs(after / before - 1.0) > MATTERS or float(np.abs(weight - observed.weight).mean()) > MATTERS
-    return Reestimated(replace(observed, noise=found, weight=weight), bool(changed), restless)
+                weight = np.ones(len(errors))  # these errors are no noise, so their tails say nothing about the noise
+    before, after = (np.diagonal(n.covariance(J, design.components), axis1=1, axis2=2) for n in (noise, found))
+    changed = abs(float((after / before).mean()) - 1.0) > MATTERS
+    changed = changed or float(np.abs(weight - observed.weight).mean()) > MATTERS
+    return Reestimated(replace(observed, noise=found, weight=weight), changed, restless)
 
 
 def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Model) -> dict[int, Tails]:
@@ -135,66 +139,13 @@ def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Model) -> dic
     return {int(kind): Tails.of(whitened[observed.kinds == kind]) for kind in np.unique(observed.kinds[weighed])}
 
 
-def _of_readings(observed: Observed, noise: ReadingNoise, design: Design, left: Floats, taken: float) -> Reestimated:
-    """Repeatability, sigmas that were not declared, and weights of the rows, from a model's residuals of readings.
-
-    The model's parameters reduce the degrees of freedom of all readings in the same proportion. Tails are those of rows that
-    are alike: an instrument can have heavy tails, and another none.
-    """
-    seen, measured = design.by_command_seen, design.measured
-    left = left * np.sqrt(design.count / max(design.count - taken, 1.0))
-    errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
-    alike = [] if isinstance(measured, Measured) else measured.alike
-    weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
-    found = likeliest_readings(noise, errors, seen, weight)
-    # Scatter of the drives looks like tails, and the reverse: the likelier of the two it is.
-    whitened, of_noise = _whitened_readings(noise, errors, design)
-    scattered, of_scatter = _whitened_readings(found, errors, design)
-    for rows in alike:
-        own, tails = whitened[rows], Tails.of(whitened[rows])
-        gaussian = -0.5 * (scattered[rows] ** 2 + np.log(2.0 * np.pi)).sum() + of_scatter[rows].sum()
-        if not tails.heavy:
-            continue
-        if t_likelihood(square_norms(own), tails.freedom, own.shape[1])[0] + of_noise[rows].sum() > gaussian:
-            weight[rows] = tails.weigh(own)
-            shrunk[rows] = weight[rows] * tails.scale**2
-    if (weight != 1.0).any():
-        found = likeliest_readings(noise, errors, seen, shrunk)
-    before, after = (np.diagonal(n.covariance(seen, design.components), axis1=1, axis2=2) for n in (noise, found))
-    changed = abs(float((after / before).mean()) - 1.0) > MATTERS
-    changed = changed or float(np.abs(weight - observed.weight).mean()) > MATTERS
-    return Reestimated(replace(observed, noise=found, weight=weight), changed, None)
-
-
-def _whitened_readings(noise: ReadingNoise, errors: Floats, design: Design) -> tuple[Floats, Floats]:
-    """(N, c) whitened errors of readings, and (N,) logs of the whitening's determinants."""
+def _whitened(noise: ReadingNoise, errors: Floats, design: Design) -> tuple[Floats, Floats]:
+    """(N, c) whitened errors, and (N,) logs of the whitening's determinants."""
     whitening = noise.whitening(design.by_command_seen, design.components)
     return np.einsum("nij,nj->ni", whitening, errors), np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum(axis=1)
 
 
-def _whitened(noise: Noise, errors: Floats, design: Design) -> Floats:
-    whitening = noise.whitening(design.command_jacobian, design.components)
-    return np.asarray(np.einsum("nij,nj->ni", whitening, errors))
-
-
-def _log_volume(noise: Noise, design: Design) -> float:
-    whitening = noise.whitening(design.command_jacobian, design.components)
-    return float(np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum())
-
-
-def _of_scatter(noise: Noise, errors: Floats, design: Design) -> float:
-    """Log likelihood of Gaussian noise, from errors (N, c), m and rad."""
-    whitened = _whitened(noise, errors, design)
-    gaussian = -0.5 * (whitened**2).sum() - 0.5 * whitened.size * np.log(2.0 * np.pi)
-    return float(gaussian) + _log_volume(noise, design)
-
-
-def _of_tails(noise: Noise, whitened: Floats, tails: Tails, design: Design) -> float:
-    """Log likelihood of noise with heavy tails, from errors (N, c) that are whitened by this noise."""
-    return t_likelihood(square_norms(whitened), tails.freedom, whitened.shape[1])[0] + _log_volume(noise, design)
-
-
-def _most_repeatability(noise: Noise, scatter: Floats, J: Floats, priors: Priors) -> float:
+def _most_repeatability(noise: ReadingNoise, scatter: Floats, J: Floats, priors: Priors) -> float:
     """The largest repeatability that the scatter (k, c) between visits allows."""
     grid = noise.repeatability * np.linspace(0.0, 1.0, 41)
     costs = []
@@ -206,7 +157,7 @@ def _most_repeatability(noise: Noise, scatter: Floats, J: Floats, priors: Priors
     return float(grid[allowed].max())
 
 
-def _most_restless(noise: Noise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
+def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
     """The actuator along whose motion the errors (N, c), m and rad, exceed the noise most, by a score test; None where none
     does.
 
@@ -215,13 +166,10 @@ def _most_restless(noise: Noise, errors: Floats, design: Design, explained: floa
     explained
         Log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
     """
-    J, c = design.command_jacobian, design.components
-    covariance = noise.covariance(J, c)
-    seen = np.linalg.solve(covariance, J[:, :c])
+    J, c = design.by_command_seen, design.components
+    seen = np.linalg.solve(noise.covariance(J, c), J)
     score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
-    return _beyond_noise(
-        score, np.einsum("nci,nci->ni", seen, J[:, :c]), design.situation.robot.sites, explained, priors
-    )
+    return _beyond_noise(score, np.einsum("nci,nci->ni", seen, J), design.situation.robot.sites, explained, priors)
 
 
 def restless_drive(hypotheses: HypothesisSet, model: Model, sites: Sequence[str]) -> str | None:
@@ -240,8 +188,3 @@ def _beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: 
     best = int(np.argmax(z))
     tolerated = priors.core_leaves * 2.0 * max(explained, 0.0)
     return sites[best] if z[best] > priors.restless and excess[best] / size[:, best].mean() > tolerated else None
-
-
-def _estimated(noise: Noise, errors: Floats, weight: Floats, design: Design, declared: tuple[bool, bool]) -> Noise:
-    """Maximum-likelihood noise from errors (N, c), m and rad."""
-    return likeliest(noise, errors, design.command_jacobian, declared, weight).at_least(SMALLEST)

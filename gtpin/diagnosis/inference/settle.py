@@ -17,8 +17,7 @@ from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.effects.situation import References
-
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Mask
 
 ROUNDS, LONG_ROUNDS = 2, 6
 """Most times that the noise is re-estimated, with and without rods. A search with too small a noise explains some of the noise
@@ -43,8 +42,6 @@ class Settled:
         The same rows, with noise and weights.
     searched, observed
         The rows that the search uses, and the same with noise and weights.
-    declared
-        Whether the position's and the orientation's sigma are known.
     proposal
         The hypotheses.
     guess
@@ -55,7 +52,6 @@ class Settled:
     everything: Observed
     searched: Dataset
     observed: Observed
-    declared: tuple[bool, bool]
     proposal: Proposal
     guess: Model
 
@@ -81,22 +77,20 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     readmitted = ~baseline.used(prepared.dataset)[rows]
     drawn = rng.permutation(len(kept))
     everything = Observed.of(kept, baseline)
-    instrument = kept.instrument
-    declared = (instrument.position_sigma is not None, instrument.orientation_sigma is not None)
     some = _part(drawn, readmitted, MOST_POSES if baseline.model.robot.rods else FEW_POSES)
-    observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
+    observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST:
         del proposal, guess  # frees memory before the next are made
         some = _part(drawn, readmitted, MOST_POSES)
-        observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope, declared)
+        observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope)
     searched = kept.take(some[used])
     if len(some) == len(kept):
-        return Settled(searched, observed, searched, observed, declared, proposal, guess)
+        return Settled(searched, observed, searched, observed, proposal, guess)
     good = ~np.isin(np.arange(len(kept)), some[~used])
     noise = everything.noise.sized_as(observed.noise)
     tails = tails_of(observed, proposal.hypotheses, guess)
     everything = replace(everything, noise=noise, tails=tails).take(good)
-    return Settled(kept.take(good), everything, searched, observed, declared, proposal, guess)
+    return Settled(kept.take(good), everything, searched, observed, proposal, guess)
 
 
 def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArray[np.intp]:
@@ -108,9 +102,7 @@ def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArr
     return np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:most])
 
 
-def _reestimated(
-    observed: Observed, prepared: Prepared, scope: Scope, declared: tuple[bool, bool]
-) -> tuple[Observed, Mask, Proposal, Model]:
+def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[Observed, Mask, Proposal, Model]:
     """Estimate outliers and noise again, given the model of a search.
 
     Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.
@@ -128,7 +120,7 @@ def _reestimated(
     else:
         used[:] = True
     for _ in range(ROUNDS if model.robot.rods else LONG_ROUNDS):
-        noise = reestimate_noise(observed, proposal.hypotheses, guess, declared)
+        noise = reestimate_noise(observed, proposal.hypotheses, guess)
         if not noise.matters:
             break
         observed = noise.observed

@@ -11,21 +11,17 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
-from gtpin.instruments.readings import Readings
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, tamed
+from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, stops, tamed
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Source = Literal["declared", "repeats", "residuals"]
 
 
@@ -67,7 +63,7 @@ class ShownNoise:
         declared
             Declared sigma of each group of numbers, m or rad; None where none is declared, or the data show less.
         """
-        design, inferred = hypotheses.design, readings_noise(observed.noise, hypotheses.design)
+        design, inferred = hypotheses.design, observed.noise
         known = np.array([sigma is not None for sigma in declared])
         sigma = np.array([own if own is not None else s for own, s in zip(declared, inferred.sigma, strict=True)])
         if not known.any() and not np.isfinite(inferred.row_sigma).any():
@@ -77,7 +73,7 @@ class ShownNoise:
         rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
         assumed = bool((~known)[rows_open].any())
         errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, guess)[0])
-        contrast, rows = contrasts(_stops(design.measured), errors)
+        contrast, rows = contrasts(stops(design.measured.q, design.measured.read), errors)
         if len(contrast) < LEAST_CONTRASTS:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
         J = design.by_command_seen[rows]
@@ -112,25 +108,12 @@ class ShownNoise:
         return float(np.sqrt(power / dof)), float(chance)
 
 
-def readings_noise(noise: Noise | ReadingNoise, design: Design) -> ReadingNoise:
-    """The noise of a search as that of numbers, for poses too."""
-    if isinstance(noise, Noise):
-        return ReadingNoise.of_poses(noise, len(design.whitening), design.components)
-    return noise
-
-
 def floor_of(noise: ReadingNoise, design: Design) -> Floats:
     """As :meth:`ShownNoise.floor`, of any noise."""
     covariance = noise.covariance(design.by_command_seen, design.components)
     if design.tracked:
         return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
     return np.asarray(np.einsum("nij,njk,nik->ni", design.whitening, covariance, design.whitening))
-
-
-def _stops(measured: Measured | Readings) -> npt.NDArray[np.intp]:
-    """(N,) index of each row's commands and of what it reads there."""
-    kinds = np.column_stack([measured.read, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel()])
-    return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
 
 
 def _most(noise: ReadingNoise, contrast: Floats, J: Floats, priors: Priors) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
@@ -21,9 +20,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import frame_motions
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 SWEEPS = 30
 USUAL = (1.5e-5, 5e-5)

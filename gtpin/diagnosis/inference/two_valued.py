@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
@@ -17,9 +16,8 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.noise.noise import Noise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
 
 WIDTHS = np.linspace(0.3, 2.0, 18)
 """Half distances of the two values that are tried, in units of the errors' standard deviation."""
@@ -31,7 +29,7 @@ SHARES = (0.3, 0.5, 0.7)
 """Shares of the rows with the larger value, that are tried."""
 
 
-def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Noise) -> Conclusion:
+def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: ReadingNoise) -> Conclusion:
     """The conclusion; where a drive's errors have two values: without the causes of this drive, and with a doubt.
 
     Nothing is changed where causes of the drive explain most of these errors.
@@ -71,7 +69,7 @@ class DriveErrors:
         return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
 
 
-def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> DriveErrors | None:
+def drive_errors(hypotheses: HypothesisSet, model: Model, noise: ReadingNoise) -> DriveErrors | None:
     """Errors along each drive that remain after the geometry and a model were fitted.
 
     None where a pose has too few measured components to determine the errors of all drives.
@@ -82,7 +80,7 @@ def drive_errors(hypotheses: HypothesisSet, model: Model, noise: Noise) -> Drive
     if J.shape[2] > c:
         return None
     left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, model)[0])
-    instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(design.command_jacobian, c)
+    instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(J, c)
     seen = np.linalg.solve(instrument, J)
     information = np.swapaxes(J, 1, 2) @ seen
     if np.linalg.cond(information).max() > SINGULAR:

@@ -13,7 +13,6 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.inference.shown_noise import readings_noise
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.preparation.prepare import Prepared
@@ -54,15 +53,16 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     if repeats is not None and all(getattr(repeats, key) <= most * value for key, value in declared.items()):
         return {}  # the smaller of the two estimates is no larger: no search is needed
     noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
+    noise = replace(noise, estimated=np.ones_like(noise.estimated))
     guess: Model = NOTHING
     for _ in range(LOOKS):
         now = replace(observed, noise=noise)
         hypotheses = propose(now.design(baseline.model), scope).hypotheses
         guess = rough_guess(hypotheses, guess)
-        noise = reestimate_noise(now, hypotheses, guess, (False, False)).observed.noise
+        noise = reestimate_noise(now, hypotheses, guess).observed.noise
     found = {}
     for key, value in declared.items():
-        seen = [getattr(n, key) for n in (noise, repeats) if n is not None]
+        seen = [getattr(n, key) for n in (noise.as_poses(), repeats) if n is not None]
         if min(seen) > most * value:
             found[key] = (value, float(min(seen)))
     return found
@@ -85,8 +85,8 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
     model = baseline.model
     left = observed.measured.minus(model.predict(observed.measured.q))
     scatter, rows = contrasts(visits, left)
-    if len(scatter) < LEAST_CONTRASTS or not isinstance(observed.noise, Noise):
+    if len(scatter) < LEAST_CONTRASTS:
         return None
     design = observed.design(model)
-    noise = replace(readings_noise(observed.noise, design), estimated=np.ones(design.components // 3, dtype=bool))
+    noise = replace(observed.noise, estimated=np.ones_like(observed.noise.estimated))
     return from_repeats(noise.take(rows), scatter, design.by_command_seen[rows]).as_poses()

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Situation
 from gtpin.errors import unheard
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:

@@ -14,8 +14,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.instruments.readings import Readings
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Mask
 
 DRAWS = 400
 """Number of random draws from which an interval is computed."""

@@ -13,10 +13,8 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class Design:
         situation: Situation,
         model: Model,
         measured: Measured | Readings,
-        noise: Noise | ReadingNoise,
+        noise: ReadingNoise,
         weight: Floats,
         free_frame: bool,
         pivot: Floats | None = None,

@@ -11,12 +11,11 @@ from collections.abc import Hashable, Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
 """Type of a group's key."""
 

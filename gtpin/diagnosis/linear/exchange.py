@@ -16,8 +16,8 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from gtpin.diagnosis.linear.evidence import Groups, best_scales
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, scale_prior
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 

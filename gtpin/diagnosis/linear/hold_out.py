@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from gtpin.data import Dataset, by_region, random
 from gtpin.errors import DatasetError, ModelError
+from gtpin.typing import Mask
 
-Mask = npt.NDArray[np.bool_]
 HoldOut = Literal["region", "session", "time", "random"]
 
 TOGETHER = 4

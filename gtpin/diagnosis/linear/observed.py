@@ -21,8 +21,7 @@ from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.sight import line_of_sight
 from gtpin.noise.weights import Tails
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Observed:
 
     measured: Measured | Readings
     covariates: Mapping[str, Column]
-    noise: Noise | ReadingNoise
+    noise: ReadingNoise
     weight: Floats
     temperature: float
     free_frame: bool
@@ -63,7 +62,8 @@ class Observed:
         if isinstance(baseline, ReadingsCalibration):
             return _of_readings(dataset, baseline)
         measured, station = measured_poses(dataset), dataset.instrument.station
-        noise = _without_repeatability(dataset, baseline)
+        own = ReadingNoise.of_poses(_without_repeatability(dataset, baseline), len(dataset), measured.components)
+        noise = replace(own, estimated=np.array([sigma is None for sigma in measured.declared]))
         if noise.sight is not None and station is not None:
             sight, reach = line_of_sight(measured.T, np.array(station))
             noise = replace(noise, sight=sight, reach=reach)

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from scipy.linalg.lapack import dpotri
 
 from gtpin.diagnosis.linear.evidence import Groups, best_scales
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 K = TypeVar("K", bound=Hashable)
 """Type of a group's key."""
 

@@ -15,8 +15,7 @@ from gtpin.diagnosis.linear.evidence import Groups, best_scales
 from gtpin.diagnosis.linear.posterior import Posterior
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 BATCH = 64
 """Number of values whose displacements are in memory at the same time."""

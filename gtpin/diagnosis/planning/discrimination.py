@@ -22,8 +22,8 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Column
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 POOL = 200

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from gtpin.diagnosis.planning.trials import Trials
+from gtpin.typing import Floats
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 IGNORED = 3e-3

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.situation import Column
 from gtpin.effects.untestable import Untestable
+from gtpin.output.shown import present
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,7 @@ class Experiment:
     @property
     def measure(self) -> str:
         """What to do, in a sentence or two."""
-        from gtpin.report.measurements import measure_words  # sentences are made in the report
-
-        return measure_words(self)
+        return str(present(self).short())
 
     def to_json(self) -> dict[str, Any]:
         """One entry of ``next_experiment`` in ``diagnosis.json``."""

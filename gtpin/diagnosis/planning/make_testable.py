@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
@@ -18,8 +17,7 @@ from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POOL = 48
 """Number of random rows from which the most informative are chosen."""

@@ -6,14 +6,12 @@ import re
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_sessions, payloads, warm
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.effects.situation import Column
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 STATIONS = 5
 """Number of poses, far from each other, that are visited repeatedly."""

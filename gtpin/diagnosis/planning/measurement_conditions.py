@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.situation import Column, References
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LATER, INTERVAL = 600.0, 25.0
 """Assumed time from the last recorded visit to the next, and between further visits, s."""

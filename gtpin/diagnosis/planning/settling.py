@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, Rows
 from gtpin.diagnosis.priors import SURE
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 DRAWN = 400
 """Number of simulated measurements. The standard error of a probability is 2.5 % at most."""

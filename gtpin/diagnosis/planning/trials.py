@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from gtpin.diagnosis.linear.design import Design
@@ -19,8 +18,7 @@ from gtpin.effects.situation import References, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 ZERO = 4e-5
 """Prior sigma of the change of a drive's zero since the last measurement, m or rad. Assumed."""

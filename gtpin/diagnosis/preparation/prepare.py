@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.calibrate_readings import with_positions
@@ -16,15 +19,18 @@ from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
 from gtpin.data.extremes import check_extremes
 from gtpin.data.sane import sane_rows
-from gtpin.diagnosis.preparation.contradictions import without_contradictions
-from gtpin.diagnosis.preparation.filled_in import without_filled_in
-from gtpin.diagnosis.preparation.frozen import without_frozen
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
+
+_NEVER_CONSTANT = re.compile(r"approach[0-9]+|time|temp_.*")
+"""Columns that vary wherever they are recorded: a constant is a default value."""
+_SPEED = re.compile(r"speed[0-9]+")
+"""A speed of 0 everywhere says that the machine stood still. Any other recorded speed varies in the last digit."""
 
 
 @dataclass(frozen=True)
@@ -107,3 +113,135 @@ def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | No
     assert isinstance(baseline, ReadingsCalibration)
     sigmas = zip(Readings.of(own, baseline.model.robot).declared, baseline.noise.estimated, strict=True)
     return Prepared(recorded, own, baseline, tuple(None if estimated else sigma for sigma, estimated in sigmas))
+
+
+def without_filled_in(dataset: Dataset) -> Dataset:
+    """The dataset without constant columns that were probably filled in and not recorded: they count as missing.
+
+    A recorded covariate that does not vary excludes its effects. A constant that somebody filled in would exclude them wrongly.
+    Constant payloads, forces and sessions, and speeds of 0, are usual statements about a measurement, and are kept.
+
+    Warns
+    -----
+    GtpinWarning
+        Names the columns.
+    """
+    constant = [name for name, values in dataset.covariates.items() if len(values) > 1 and (values == values[0]).all()]
+    filled = [name for name in constant if _filled_in(name, dataset)]
+    if not filled:
+        return dataset
+    text = f"the same in every row, so taken as not recorded: {', '.join(filled)}"
+    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    return dataset.without(filled)
+
+
+def _filled_in(name: str, dataset: Dataset) -> bool:
+    if _NEVER_CONSTANT.fullmatch(name):
+        return True
+    return bool(_SPEED.fullmatch(name)) and float(np.asarray(dataset.covariates[name], dtype=float)[0]) != 0.0
+
+
+def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
+    """The dataset without temperatures that are constant to the last digit in a sequence of rows: they count as missing.
+
+    Readings of a working thermometer differ from row to row. A logger that repeats its last value, begins late or was read at
+    another time gives such a sequence. Readings in coarse steps are not judged.
+
+    Warns
+    -----
+    GtpinWarning
+        Names the columns and the rows.
+    """
+    order = np.argsort(dataset.covariates["time"], kind="stable") if "time" in dataset.covariates else slice(None)
+    frozen = []
+    for name in sorted(n for n in dataset.covariates if n.startswith("temp_")):
+        values = np.asarray(dataset.covariates[name], dtype=float)[order]
+        first, length = _longest_stretch(values)
+        others = np.delete(values, np.s_[first : first + length])
+        if length < max(priors.fewest_moving, priors.frozen * len(values)) or not len(others):
+            continue
+        if len(np.unique(others)) < priors.distinct * len(others):
+            continue
+        frozen.append(name)
+        lines = dataset.row[order][first : first + length]
+        text = (
+            f"{name} is {values[first]:g} in {length} rows one after the other (line {lines[0]} to line {lines[-1]}) and "
+            "differs in all others: it was not read there, so that it is not used"
+        )
+        warn(f"{dataset.file}: {text}" if dataset.file else text)
+    return dataset.without(frozen) if frozen else dataset
+
+
+def _longest_stretch(values: Floats) -> tuple[int, int]:
+    """First index and length of the longest sequence of equal values."""
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    lengths = np.diff(begins, append=len(values))
+    longest = int(np.argmax(lengths))
+    return int(begins[longest]), int(lengths[longest])
+
+
+def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
+    """The dataset without columns that can't be right; they count as missing.
+
+    These are ``approach`` and ``speed`` of an actuator where the two contradict each other, and ``session`` where the
+    sessions alternate both in the order of time and in the order of the rows, or are too many or too short.
+
+    A direction of approach that belongs to other rows, or to another drive, makes backlash look like servo lag, and the
+    reverse. Nothing tells which of the two columns is wrong, so both count as missing.
+
+    Warns
+    -----
+    GtpinWarning
+        Names the columns.
+    """
+    wrong: list[str] = []
+    for actuator in range(1, dataset.n_actuators + 1):
+        names = (f"approach{actuator}", f"speed{actuator}")
+        if any(name not in dataset.covariates for name in names):
+            continue
+        approach, speed = (np.asarray(dataset.covariates[name], dtype=float) for name in names)
+        moving = speed != 0.0
+        if moving.sum() < priors.fewest_moving:
+            continue
+        same = float((np.sign(speed[moving]) == approach[moving]).mean())
+        if 1.0 - priors.agree < same < priors.agree:
+            wrong += names
+            text = (
+                f"{names[0]} and {names[1]} contradict each other in {100.0 * (1.0 - same):.0f} % of the rows in motion"
+            )
+            hint = "one of them belongs to other rows or another drive, so that neither is used"
+            warn(f"{dataset.file}: {text}: {hint}" if dataset.file else f"{text}: {hint}")
+    text = _too_many(dataset, priors)
+    if not text and _interleaved(dataset, priors):
+        text = "the column session is in order neither of time nor of the rows, so that it is not used"
+    if text:
+        wrong.append("session")
+        warn(f"{dataset.file}: {text}" if dataset.file else text)
+    if not wrong:
+        return dataset
+    return dataset.without(wrong)
+
+
+def _too_many(dataset: Dataset, priors: Priors) -> str:
+    """Why the sessions can't be tested, because they are too many or too short; empty where they can."""
+    if "session" not in dataset.covariates:
+        return ""
+    count, rows = len(set(map(str, dataset.covariates["session"]))), len(dataset)
+    hint = "give rows without a new set-up in between the same session, and the time of each row in a column time"
+    if count == rows > 1:
+        return f"every row has its own session: looks like a time, so that the column session is not used; {hint}"
+    if count > min(priors.most_sessions, rows / priors.session_rows):
+        most = f"up to {priors.most_sessions} sessions of {priors.session_rows:g} rows or more on average can be tested"
+        return f"{count} sessions in {rows} rows: {most}, so that the column session is not used; {hint}"
+    return ""
+
+
+def _interleaved(dataset: Dataset, priors: Priors) -> bool:
+    """Whether sessions alternate, both in the order of the file and in the order of time; False without a column ``time``."""
+    if "session" not in dataset.covariates or "time" not in dataset.covariates:
+        return False
+    names, session = np.unique(dataset.covariates["session"].astype(str), return_inverse=True)
+    least = max(len(names) - 1, 1)
+    orders = (np.argsort(dataset.row, kind="stable"), np.argsort(dataset.covariates["time"], kind="stable"))
+    changes = [int((np.diff(session[order]) != 0).sum()) for order in orders]
+    return len(names) > 1 and min(changes) > max(priors.interleaved * least, priors.fewest_moving)

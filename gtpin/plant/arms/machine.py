@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.robot import Arm
 from gtpin.plant.arms.tree import STRAIGHT, Bending, Placed, moved, placed
 from gtpin.plant.arms.urdf import Frame, Joint
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MASS_SPREAD = 0.04
 """Standard deviation of each mass, relative to the nominal mass."""

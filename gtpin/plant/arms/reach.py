@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.plant.arms.machine import ArmMachine
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 NEAR, FAR = 0.25, 0.92
 """Smallest distance of the TCP from the vertical axis of the base, and largest from its origin, over the stretched length."""

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from gtpin.errors import RobotError
 from gtpin.plant.arms.urdf import Frame, Joint, Urdf, read_urdf
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 TOLERANCE = 5e-4
 """Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""

@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.arms.tree import Bending, Placed
 from gtpin.plant.poses import Poses
 from gtpin.plant.visits import Visits
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from gtpin.plant.arms.urdf import Frame, Joint
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import cross_matrix, exp
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:

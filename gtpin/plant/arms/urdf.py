@@ -12,8 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from gtpin.errors import RobotError
 from gtpin.plant.rotations import exp
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 MOVING = ("revolute", "continuous", "prismatic")
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import Field, curve, uneven_curve
 from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def along(situation: Situation, site: Site, travel: Floats) -> Deviation:

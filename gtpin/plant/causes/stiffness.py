@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import curve
 from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 GIVE = 1e-7
 """Compliance of a cart along its track at small forces, m/N: a rack and pinion of 10 N/um."""

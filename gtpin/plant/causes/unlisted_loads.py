@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.causes.stiffness import GIVE, STRETCH
@@ -11,8 +10,7 @@ from gtpin.plant.deviation import Deviation
 from gtpin.plant.fields import Field, curve
 from gtpin.plant.machine import REACH
 from gtpin.plant.situation import Situation
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 def hose_drag(site: Site, rng: np.random.Generator) -> Cause:

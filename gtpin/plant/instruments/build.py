@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -37,8 +36,7 @@ from gtpin.plant.true_robot import OnRods
 from gtpin.plant.truth import Truth
 from gtpin.plant.visits import Visits, drawn, visited
 from gtpin.robot.geometry import Geometry
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 POOL = 1000
 """Number of commands all over the workspace. Instruments are placed by them, and the search of touches starts from them."""

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from gtpin.data import Commands
 from gtpin.plant.instruments.gauge import Gauge
 from gtpin.plant.instruments.tables import Tables
 from gtpin.plant.poses import Poses
 from gtpin.plant.truth import Truth, write_truth
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import GtpinError
 from gtpin.plant.instruments.encoder import Encoder
@@ -18,9 +17,7 @@ from gtpin.plant.instruments.tilt import Tilt
 from gtpin.plant.instruments.tracker import Camera, Tracker
 from gtpin.plant.poses import Poses
 from gtpin.plant.tracker import Noise
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
 """Kinds of instruments: those of a dataset, a camera (a tracker of several targets), and a ball bar (a range)."""

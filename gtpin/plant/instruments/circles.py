@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
 from gtpin.plant.instruments.layout import Layout
 from gtpin.plant.instruments.targets import ONE
 from gtpin.plant.instruments.way import Moved, PlainWay
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 LONGEST, SHARE = 0.3, 0.6
 """Largest length of the bar: in m, and over the half extent of the workspace along the axes of its circles."""

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.plant.instruments.gauge import Gauge, Hidden
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SIGMA = 2e-5
 ZERO_SIGMA = 1e-2

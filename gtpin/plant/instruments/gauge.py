@@ -12,9 +12,7 @@ import numpy.typing as npt
 from gtpin.data.table import Column
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 NUDGE = 1e-5
 """Step of the central differences from which derivatives are computed, m and rad."""

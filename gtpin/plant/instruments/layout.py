@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import across
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 INNER = (5.0, 95.0)
 """Percentiles of the TCP's coordinates that bound the workspace."""

@@ -11,8 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.plant.instruments.gauge import Gauge
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 FREE = 3.0
 """Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -27,9 +26,6 @@ from gtpin.plant.tracker import Noise
 from gtpin.plant.true_robot import OnRods, true_robot
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
 
 
 def simulate_measured(

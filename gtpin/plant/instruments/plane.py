@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.table import Column
 from gtpin.plant.instruments.gauge import Gauge, Hidden
@@ -14,9 +13,7 @@ from gtpin.plant.instruments.layout import Layout
 from gtpin.plant.instruments.targets import Targets, labels
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import across, exp
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SIGMA = 1e-5
 """Repeatability of a touch probe, m."""

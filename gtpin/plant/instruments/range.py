@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.table import Column
 from gtpin.plant.instruments.gauge import Gauge, Hidden
 from gtpin.plant.instruments.layout import Layout
 from gtpin.plant.instruments.targets import Targets, labels
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SIGMA, OFFSET_SIGMA = 2e-5, 1e-3
 """Noise of a draw wire's reading, and standard deviation of its offset, m."""

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import tomli_w
 
 from gtpin.data.files import write_table
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SCHEMA = "gtpin-dataset/2"
 

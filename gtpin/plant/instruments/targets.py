@@ -10,9 +10,7 @@ import numpy.typing as npt
 
 from gtpin.plant.instruments.gauge import Hidden
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SIGMA = 1e-4
 """Standard deviation of a target's position, per axis, m: from a drawing and the errors of assembly."""

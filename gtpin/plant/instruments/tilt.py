@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
@@ -14,9 +13,7 @@ from gtpin.plant.instruments.gauge import Gauge, Hidden
 from gtpin.plant.instruments.layout import Layout
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 SIGMA = 2e-5
 MOUNT_SIGMA = 1e-2

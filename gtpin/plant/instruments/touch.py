@@ -12,9 +12,8 @@ from gtpin.errors import UnreachableError
 from gtpin.plant.instruments.gauge import Gauge
 from gtpin.plant.instruments.way import Moved, PlainWay, Way
 from gtpin.plant.poses import Poses
+from gtpin.typing import Floats, Ints
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
 Bools = npt.NDArray[np.bool_]
 AWay = TypeVar("AWay", bound=Way)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.table import Column
 from gtpin.plant.instruments.gauge import Gauge, Hidden
@@ -15,9 +14,7 @@ from gtpin.plant.instruments.targets import Targets, labels
 from gtpin.plant.poses import Poses
 from gtpin.plant.rotations import exp, log
 from gtpin.plant.tracker import Noise
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int_]
+from gtpin.typing import Floats, Ints
 
 AWAY, CLEAR = 2.0, 0.8
 """Distance of a camera from the centre: the first number times the workspace's radius, plus the second, m."""

@@ -8,14 +8,12 @@ from functools import cached_property
 from typing import Any, Protocol, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.machine import ArmMachine
 from gtpin.plant.causes.cause import Cause
 from gtpin.plant.poses import Poses
 from gtpin.plant.response import Plant
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 class Way(Protocol):

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
 from gtpin.plant.arms.deviation import ArmDeviation
@@ -17,8 +16,7 @@ from gtpin.plant.looped.deviation import LoopedDeviation
 from gtpin.plant.looped.robot import LoopedArm
 from gtpin.plant.loops import Loops
 from gtpin.plant.poses import Poses
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SHARE = 0.95
 """Used share of each range, about its middle. Bad conditioning limits a machine with loops more than the ends of its ranges."""

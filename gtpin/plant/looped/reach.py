@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.errors import UnreachableError
 from gtpin.plant.looped.machine import LoopedMachine
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 CONDITIONED = 1.5
 """Largest ratio of the TCP's motion by unit commands to that at home: commands with a larger one are not used."""

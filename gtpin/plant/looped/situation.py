@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.situation import ArmSituation
 from gtpin.plant.looped.deviation import LoopedDeviation
 from gtpin.plant.looped.machine import LoopedMachine
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)

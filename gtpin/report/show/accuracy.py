@@ -15,6 +15,7 @@ from gtpin.output.shown import Presentation
 from gtpin.report.accuracy_text import accuracy_text
 from gtpin.report.sensitivity_page import sensitivity_page, step_table
 from gtpin.report.show.table_figure import table_figure
+from gtpin.report.workspace_maps import workspace_map
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -38,15 +39,20 @@ class AccuracyPresentation(Presentation):
         """The columns of sensitivity.csv."""
         return self.accuracy.sensitivity.to_table()
 
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files that ``gtpin sensitivity`` writes."""
+        with results_folder(folder, (*FILES, "report.html"), force=force) as new:
+            write_accuracy(self.accuracy, new)
+            (new / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
 
-def save(found: Accuracy, folder: Path, *, force: bool) -> None:
-    """Write the files that ``gtpin sensitivity`` writes."""
-    with results_folder(folder, (*FILES, "report.html"), force=force) as new:
-        write_accuracy(found, new)
-        (new / "report.html").write_text(sensitivity_page(found, seed=found.seed), encoding="utf-8")
+    def parameters(self) -> Figure:
+        """The report's table of steps."""
+        title = f"Mean change of the TCP's position, µm, by a step of {self.accuracy.sensitivity.step:g}"
+        return table_figure(step_table(self.accuracy), title)
+
+    def workspace(self, quantity: str) -> Figure:
+        """Slices of the workspace, coloured by a quantity."""
+        return workspace_map(self.accuracy, quantity)
 
 
-def parameter_table(found: Accuracy) -> Figure:
-    """The report's table of steps."""
-    title = f"Mean change of the TCP's position, µm, by a step of {found.sensitivity.step:g}"
-    return table_figure(step_table(found), title)
+present = AccuracyPresentation

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
+from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import calibration_text
+from gtpin.report.files import CALIBRATION, write_calibration
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.table_figure import table_figure
+from gtpin.report.unseen_words import unseen_words
 from gtpin.report.words import length, quantity
 
 if TYPE_CHECKING:
@@ -70,25 +75,39 @@ class CalibrationPresentation(Presentation):
             index=pd.Index(c.names, name="parameter"),
         )
 
+    def residuals(self, against: str, component: str | None) -> Figure:
+        """Residuals against a column."""
+        residuals = Residuals.of(self.calibration.dataset, self.calibration)
+        return residual_figure(residuals, against, component or residuals.first_component)
 
-def residuals_against(calibration: Calibration, against: str, component: str | None) -> Figure:
-    """Residuals against a column."""
-    residuals = Residuals.of(calibration.dataset, calibration)
-    return residual_figure(residuals, against, component or residuals.first_component)
+    def ball_bar(self, circle: int) -> Figure:
+        """Deviations of the radius along a circle."""
+        residuals = Residuals.of(
+            with_positions(self.calibration.dataset, self.calibration.model.robot), self.calibration
+        )
+        return ball_bar_figure(residuals, circle, False)
+
+    def workspace(self, view: str) -> Figure:
+        """Position residuals, or errors of readings, over the workspace."""
+        return workspace_figure(Residuals.of(self.calibration.dataset, self.calibration), view)
+
+    def parameters(self) -> Figure:
+        """The report's table of all parameters."""
+        _, every = geometry_tables(self.calibration)
+        return table_figure(every, "Parameters of the geometry")
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of ``gtpin calibrate``."""
+        with results_folder(folder, CALIBRATION, force=force) as new:
+            write_calibration(self.calibration, new)
+
+    def unseen(self) -> tuple[str, ...]:
+        """A sentence for each direction that readings do not show."""
+        c = self.calibration
+        assert isinstance(c, ReadingsCalibration)
+        unseen = c.observability.learned < UNSEEN
+        directions, learned = c.observability.directions[:, unseen], c.observability.learned[unseen]
+        return unseen_words(c.model.geometry, directions, learned, c.remedies)
 
 
-def ball_bar(calibration: Calibration, circle: int) -> Figure:
-    """Deviations of the radius along a circle."""
-    residuals = Residuals.of(with_positions(calibration.dataset, calibration.model.robot), calibration)
-    return ball_bar_figure(residuals, circle, False)
-
-
-def workspace(calibration: Calibration, view: str) -> Figure:
-    """Position residuals, or errors of readings, over the workspace."""
-    return workspace_figure(Residuals.of(calibration.dataset, calibration), view)
-
-
-def parameter_table(calibration: Calibration) -> Figure:
-    """The report's table of all parameters."""
-    _, every = geometry_tables(calibration)
-    return table_figure(every, "Parameters of the geometry")
+present = CalibrationPresentation

@@ -43,23 +43,25 @@ class ComparisonPresentation(Presentation):
         """The columns of compare.csv."""
         return self.comparison.table()
 
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of the paper's ``compare`` command."""
+        data = self.comparison.dataset
+        if data is None:
+            raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
+        with results_folder(folder, (*FILES, "report.html"), force=force) as new:
+            write_comparison(self.comparison, new, carts=data.carts)
+            page = comparison_page(self.comparison, data, robot_of(data))
+            (new / "report.html").write_text(page, encoding="utf-8")
 
-def save(comparison: Comparison, folder: Path, *, force: bool) -> None:
-    """Write the files of the paper's ``compare`` command."""
-    data = comparison.dataset
-    if data is None:
-        raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
-    with results_folder(folder, (*FILES, "report.html"), force=force) as new:
-        write_comparison(comparison, new, carts=data.carts)
-        page = comparison_page(comparison, data, robot_of(data))
-        (new / "report.html").write_text(page, encoding="utf-8")
+    def errors(self) -> Figure:
+        """Position errors of each model."""
+        return alone(errors_drawing(self.comparison).figure(), "Position errors on held-out poses, 95 % intervals")
+
+    def angles(self, angle: str) -> Figure:
+        """Errors of an Euler angle."""
+        return alone(
+            angles_drawing(self.comparison, angle).figure(), f"Errors of the Euler angle {angle} on held-out poses"
+        )
 
 
-def errors(comparison: Comparison) -> Figure:
-    """Position errors of each model."""
-    return alone(errors_drawing(comparison).figure(), "Position errors on held-out poses, 95 % intervals")
-
-
-def angles(comparison: Comparison, angle: str) -> Figure:
-    """Errors of an Euler angle."""
-    return alone(angles_drawing(comparison, angle).figure(), f"Errors of the Euler angle {angle} on held-out poses")
+present = ComparisonPresentation

@@ -69,24 +69,27 @@ class DatasetPresentation(Presentation):
             columns |= dict(zip(ORIENTATION, data.orientation.T, strict=True))
         return pd.DataFrame({**columns, **data.covariates})
 
+    def workspace(self, view: str, color: str | None) -> Figure:
+        """Measured positions, or for readings the nominal TCP positions; coloured by a column of numbers."""
+        dataset = self.dataset
+        if dataset.readings is not None:
+            dataset = with_positions(dataset, robot_of(dataset))
+        table = DatasetPresentation(dataset).table()
+        values = None
+        if color is not None:
+            numbers = [str(name) for name in table if table[name].dtype.kind in "fi"]
+            if color not in numbers:
+                raise DatasetError("no such column of numbers", column=color, hint=f"there are {', '.join(numbers)}")
+            values = table[color].to_numpy(dtype=np.float64)
+        title = f"Measured positions, {dataset.robot}"
+        return position_map(
+            dataset.position,
+            dataset.pose.tolist(),
+            view,
+            title,
+            values,
+            with_unit(color or "", covariate_unit(color or "")),
+        )
 
-def workspace(dataset: Dataset, view: str, color: str | None) -> Figure:
-    """Measured positions, or for readings the nominal TCP positions; coloured by a column of numbers."""
-    if dataset.readings is not None:
-        dataset = with_positions(dataset, robot_of(dataset))
-    table = DatasetPresentation(dataset).table()
-    values = None
-    if color is not None:
-        numbers = [str(name) for name in table if table[name].dtype.kind in "fi"]
-        if color not in numbers:
-            raise DatasetError("no such column of numbers", column=color, hint=f"there are {', '.join(numbers)}")
-        values = table[color].to_numpy(dtype=np.float64)
-    title = f"Measured positions, {dataset.robot}"
-    return position_map(
-        dataset.position,
-        dataset.pose.tolist(),
-        view,
-        title,
-        values,
-        with_unit(color or "", covariate_unit(color or "")),
-    )
+
+present = DatasetPresentation

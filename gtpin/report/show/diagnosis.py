@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from rich.console import Console
 
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
+from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.curve_plots import curve_drawing, drawn_curves
+from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.effect_curves import curves
 from gtpin.report.figure import alone
+from gtpin.report.files import DIAGNOSIS, write_diagnosis
 from gtpin.report.gap_words import gap_words
 from gtpin.report.page import Table
 from gtpin.report.reading_maps import workspace_figure
@@ -72,53 +76,64 @@ class DiagnosisPresentation(Presentation):
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
+    def residuals(self, against: str, component: str | None, *, after: bool) -> Figure:
+        """Residuals against a column, with the causes' prediction."""
+        residuals = _residuals(self.diagnosis)
+        if component is None:
+            component = leading(residuals, [c.site for c in self.diagnosis.causes], self.diagnosis.where.axis)
+        return residual_figure(residuals, against, component, causes=bool(self.diagnosis.causes), after=after)
+
+    def ball_bar(self, circle: int) -> Figure:
+        """Deviations of the radius along a circle."""
+        return ball_bar_figure(_residuals(self.diagnosis), circle, bool(self.diagnosis.causes))
+
+    def workspace(self, view: str, *, after: bool) -> Figure:
+        """Position residuals, or errors of readings, over the workspace."""
+        return workspace_figure(_residuals(self.diagnosis), view, after=after)
+
+    def effect(self, number: int, quantity: str | None) -> Figure:
+        """The curve of a cause with its interval."""
+        if not 0 <= number < len(self.diagnosis.causes):
+            raise GtpinError(
+                f"there is no cause {number}", hint=f"there are {len(self.diagnosis.causes)}, counted from 0"
+            )
+        cause = self.diagnosis.causes[number]
+        active = next(e for e in self.diagnosis.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
+        found = curves(active, _residuals(self.diagnosis))
+        chosen = (
+            drawn_curves(found)[:1] if quantity is None else [curve for curve in found if curve.name == quantity][:1]
+        )
+        if not chosen:
+            known = ", ".join(dict.fromkeys(curve.name for curve in found))
+            raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
+        made = curve_drawing(chosen[0]).figure()
+        made.update_layout(yaxis_title=made.layout.title.text)
+        return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
+
+    def parameters(self) -> Figure:
+        """The causes' parameters."""
+        rows = [
+            [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
+            + [quantity(end, e.unit) for end in e.interval]
+            + [percent(c.shrinkage)]
+            for c in self.diagnosis.causes
+            for name, e in c.parameters.items()
+        ]
+        head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
+        return table_figure(Table(head, rows), "Parameters of the causes")
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of ``gtpin diagnose``."""
+        with results_folder(folder, DIAGNOSIS, force=force) as new:
+            write_diagnosis(self.diagnosis, new)
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        return diagnosis_json(self.diagnosis)
+
 
 def _residuals(d: Diagnosis) -> Residuals:
     return Residuals.of(d.dataset, d.baseline, d.model, d.set_aside_rows)
 
 
-def residuals_against(d: Diagnosis, against: str, component: str | None, *, after: bool) -> Figure:
-    """Residuals against a column, with the causes' prediction."""
-    residuals = _residuals(d)
-    if component is None:
-        component = leading(residuals, [c.site for c in d.causes], d.where.axis)
-    return residual_figure(residuals, against, component, causes=bool(d.causes), after=after)
-
-
-def ball_bar(d: Diagnosis, circle: int) -> Figure:
-    """Deviations of the radius along a circle."""
-    return ball_bar_figure(_residuals(d), circle, bool(d.causes))
-
-
-def workspace(d: Diagnosis, view: str, *, after: bool) -> Figure:
-    """Position residuals, or errors of readings, over the workspace."""
-    return workspace_figure(_residuals(d), view, after=after)
-
-
-def effect_curve(d: Diagnosis, number: int, quantity: str | None) -> Figure:
-    """The curve of a cause with its interval."""
-    if not 0 <= number < len(d.causes):
-        raise GtpinError(f"there is no cause {number}", hint=f"there are {len(d.causes)}, counted from 0")
-    cause = d.causes[number]
-    active = next(e for e in d.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
-    found = curves(active, _residuals(d))
-    chosen = drawn_curves(found)[:1] if quantity is None else [curve for curve in found if curve.name == quantity][:1]
-    if not chosen:
-        known = ", ".join(dict.fromkeys(curve.name for curve in found))
-        raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
-    made = curve_drawing(chosen[0]).figure()
-    made.update_layout(yaxis_title=made.layout.title.text)
-    return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
-
-
-def parameter_table(d: Diagnosis) -> Figure:
-    """The causes' parameters."""
-    rows = [
-        [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
-        + [quantity(end, e.unit) for end in e.interval]
-        + [percent(c.shrinkage)]
-        for c in d.causes
-        for name, e in c.parameters.items()
-    ]
-    head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
-    return table_figure(Table(head, rows), "Parameters of the causes")
+present = DiagnosisPresentation

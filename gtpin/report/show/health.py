@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from gtpin.health.result import HealthCheck
+from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
+from gtpin.report.health_files import CHECK, write_check
+from gtpin.report.health_json import health_json
 from gtpin.report.health_words import advice, headline, power_words, unseen
 
 
@@ -46,3 +51,15 @@ class HealthPresentation(Presentation):
                 }
             )
         return pd.DataFrame(rows).set_index(["effect", "site"])
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of ``gtpin diagnose --against``."""
+        with results_folder(folder, CHECK, force=force) as new:
+            write_check(self.check, new)
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        return health_json(self.check)
+
+
+present = HealthPresentation

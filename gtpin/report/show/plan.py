@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import pandas as pd
 
 from gtpin.health.plan import PosePlan
 from gtpin.output.shown import Presentation
+from gtpin.report.plan_json import plan_json
 from gtpin.report.plan_words import plan_words, smallest_words, usual
 
 
@@ -33,3 +35,10 @@ class PlanPresentation(Presentation):
         commands = self.plan.commands
         columns = {f"q{i + 1}": commands.q[:, i] for i in range(commands.n_actuators)}
         return pd.DataFrame({"pose": commands.pose, **columns, **commands.covariates}).set_index("pose")
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``plan.json``."""
+        return plan_json(self.plan)
+
+
+present = PlanPresentation

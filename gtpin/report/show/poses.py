@@ -9,8 +9,11 @@ import numpy as np
 import pandas as pd
 
 from gtpin.output.shown import Presentation
+from gtpin.report.show.positions import position_map
 
 if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
     from gtpin.kinematics.poses import Poses
 
 
@@ -40,3 +43,10 @@ class PosesPresentation(Presentation):
         """The columns ``x y z qw qx qy qz``: m, and unit quaternions."""
         values = np.hstack([self.poses.T, self.poses.quaternions])
         return pd.DataFrame(values, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
+
+    def workspace(self, view: str) -> Figure:
+        """The positions in a plane of their frame."""
+        return position_map(self.poses.T, range(1, len(self.poses) + 1), view, "Positions of the TCP")
+
+
+present = PosesPresentation

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.machine import REACH
 from gtpin.plant.arms.situation import ArmSituation
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.fields import Field, curve, uneven_curve
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 SLIDING = 0.3
 """Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.plant.arms.deviation import ArmDeviation
 from gtpin.plant.arms.machine import REACH
@@ -12,8 +11,7 @@ from gtpin.plant.causes.arms.drives import turned
 from gtpin.plant.causes.cause import Cause, Site
 from gtpin.plant.causes.stiffness import hertz
 from gtpin.plant.fields import curve
-
-Floats = npt.NDArray[np.float64]
+from gtpin.typing import Floats
 
 WEIGHT = 3.0 / 8.0
 """Share of a beam's weight that, at the beam's end, deflects the end as much as the distributed weight does."""

@@ -1,0 +1,93 @@
+"""The order of the package: a layer imports only those below it, and no files import each other in a circle."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from importlib import import_module
+from pathlib import Path
+
+import gtpin
+from gtpin.output.shown import PRESENTATIONS
+
+PACKAGE = Path(gtpin.__file__).parent
+LAYERS = (
+    ("errors", "typing", "distributions", "estimate"),
+    ("memory", "threads", "references", "output"),
+    ("data",),
+    ("robot",),
+    ("kinematics",),
+    ("effects", "noise"),
+    ("model",),
+    ("instruments",),
+    ("calibration",),
+    ("diagnosis", "accuracy", "comparison", "compensation"),
+    ("health", "certificate", "importers", "sim"),
+    ("export", "plant"),
+    ("report",),
+    ("view", "blind"),
+    ("commands",),
+    ("cli",),
+    ("__main__",),
+)
+"""Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``plant`` and
+``blind`` make machines and judge answers."""
+HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
+
+
+def modules() -> dict[str, Path]:
+    """All files of the package by their dotted names."""
+    files = sorted(PACKAGE.rglob("*.py"))
+    return {
+        ".".join(("gtpin", *file.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__"): file
+        for file in files
+    }
+
+
+MODULES = modules()
+
+
+def imported(file: Path) -> Iterator[str]:
+    """The package's modules that a file imports, at its top, in a function or for types."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield from [name for name in (whole, node.module or "") if name in MODULES][:1]
+
+
+def place(module: str) -> str:
+    """The folder or single file of the package that a module belongs to; empty for the package itself."""
+    return (*module.split("."), "")[1]
+
+
+def test_a_layer_imports_only_what_stands_below_it() -> None:
+    wrong = [
+        f"{module} imports {other}"
+        for module, file in MODULES.items()
+        for other in imported(file)
+        if place(module) and place(other) and place(module) != place(other)
+        if HEIGHT[place(other)] >= HEIGHT[place(module)]
+    ]
+    assert wrong == []
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    arrows = {module: {other for other in imported(file) if other != module} for module, file in MODULES.items()}
+    tuple(TopologicalSorter(arrows).static_order())  # raises CycleError
+
+
+def test_every_result_that_is_shown_has_a_presentation() -> None:
+    for file in PRESENTATIONS.values():
+        assert callable(import_module(f"gtpin.report.show.{file}").present)
+    shown = {
+        node.name
+        for file in MODULES.values()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and any(getattr(base, "id", "") == "Shown" for base in node.bases)
+    }
+    assert shown <= set(PRESENTATIONS)
+    assert "Diagnosis" in shown
