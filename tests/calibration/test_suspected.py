@@ -59,6 +59,19 @@ def test_otherwise_there_is_a_warning_with_both_residuals(
         suspect(MISTAKE, of(*declared), before, after)
 
 
+def test_a_convention_of_rotations_is_certain_where_it_leaves_exactly_the_noise_and_nothing_else_is_left() -> None:
+    known = of(2e-5, 5e-5)
+    with pytest.raises(DatasetError, match="q1 looks reversed"):
+        suspect(MISTAKE, known, (2e-5, 2e-4), (2e-5, 5e-5), exact=True)
+    for before, after in (
+        ((2e-5, 6.5e-5), (2e-5, 5.7e-5)),  # an effect that a convention happens to resemble
+        ((2e-5, 2e-4), (2e-5, 6e-5)),  # more than noise is left
+        ((4e-5, 2e-4), (4e-5, 5e-5)),  # the positions have an error that is no convention
+    ):
+        with pytest.warns(GtpinWarning, match="used as they are"):
+            suspect(MISTAKE, known, before, after, exact=True)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_large_error_of_orientation_outside_the_catalogue_is_no_convention(seed: int) -> None:
     data = make_case(661 + seed, robot="stewart", n_effects=0, poses=80, held_out=1).dataset

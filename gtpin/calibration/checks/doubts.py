@@ -157,7 +157,7 @@ def unstrained(
 
 def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
     """Suspect orientations that fit far better when they are read by another convention."""
-    found, before, after = other_convention(settled.fit, float(settled.noise.sigma[-1]))
+    found, before, after = other_convention(settled.fit, settled.noise.sigma)
     if found:
         looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
         error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
@@ -208,11 +208,11 @@ def check_fit(kept: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
 
 
-def other_convention(fit: Fit[Problem], sigma: float) -> tuple[list[RotationReading], Size, Size]:
+def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationReading], Size, Size]:
     """Other conventions of rotations by which the measured orientations fit the geometry better, the most usual one first.
 
-    Also the standard deviations of the orientation residuals as they are, and by the best convention, m (0) and rad; ``sigma``:
-    the noise of orientations of the fit, rad. The list is empty where the orientations fit as they are.
+    Also the standard deviations of position and orientation residuals as they are, and by the best convention, m and rad;
+    ``sigmas`` (2,): the noise of the fit, m and rad. The list is empty where the orientations fit as they are.
 
     For small angles two conventions give nearly the same rotation: the difference grows with the square of the angle, and a fit
     absorbs a part of it. Therefore the residuals of a convention are those after a linearised fit to the orientations read by
@@ -235,24 +235,27 @@ def other_convention(fit: Fit[Problem], sigma: float) -> tuple[list[RotationRead
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
     def left(rotations: list[Floats]) -> Floats:
-        """(k,) sum of squares of the orientation residuals that each of k readings of the rotations leaves after the fit."""
+        """(k, 2) sums of squares of the position and orientation residuals that each of k readings of the rotations leaves after
+        the fit."""
         count = len(rotations)
         read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
         all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))
         difference = read.minus(all_predicted).reshape(count, -1, 6)
         r = np.einsum("nij,knj->kni", problem.whitening, difference).reshape(count, -1) * weight
         remaining = (r - (r @ solve.T) @ A.T).reshape(count, -1, 6)
-        return np.asarray((remaining[:, :, 3:] ** 2).sum(axis=(1, 2)))
+        return np.asarray((remaining.reshape(count, -1, 2, 3) ** 2).sum(axis=(1, 3)))
 
     rotation = Rotation.from_matrix(some.R)
     readings = _readings()
-    now, *others = left([some.R, *(reading.read(rotation) for reading in readings)])
+    sums = left([some.R, *(reading.read(rotation) for reading in readings)])
+    now, *others = sums[:, 1]
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
         return [], NONE, NONE
     found = [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
-    before, after = (sigma * float(np.sqrt(value / (3.0 * fit.weight[rows].sum()))) for value in (now, least))
-    return found, (0.0, before), (0.0, after)
+    of_each = sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))
+    before, after = ((float(size[0]), float(size[1])) for size in (of_each[0], of_each[1 + others.index(least)]))
+    return found, before, after
 
 
 @cache

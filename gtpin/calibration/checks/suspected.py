@@ -31,7 +31,7 @@ BEYOND: Size = (1e-2, 2e-2)
 """Residuals of a fit, m and rad, that no effect of the catalogue leaves. Assumed. There `LOWER` is enough."""
 LOWER = 4.0
 """The same factor for residuals `BEYOND` all effects. Assumed."""
-EXACT, ABOVE = 1.2, 1.3
+EXACT, ABOVE = 1.1, 2.0
 """Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
 Assumed: an effect has another pattern than a convention of rotations, so that more would be left."""
 NO_BETTER = 0.8
