@@ -235,8 +235,7 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
     def left(rotations: list[Floats]) -> Floats:
-        """(k, 2) sums of squares of the position and orientation residuals that each of k readings of the rotations leaves after
-        the fit."""
+        """(k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit."""
         count = len(rotations)
         read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
         all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))
