@@ -179,6 +179,19 @@ def real_ladder() -> str:
     return "\n".join(lines)
 
 
+def real_plain() -> str:
+    """gtpin's calibration beside plain least squares, as docs/real_arms.md has it."""
+    lines = ["| dataset | robot | poses | measured | plain, mm | gtpin, mm | ratio |", "|---" * 7 + "|"]
+    kinds = {"poses_measured": "positions and orientations", "positions": "positions"}
+    for name, found in _record("real_plain.json").items():
+        for kind, words in kinds.items():
+            if kind in found:
+                plain, own = found[kind]["plain"], found[kind]["gtpin"]
+                row = f"| {name} | `{found['robot']}` | {found['poses']:,} | {words} | {plain:.3f} | {own:.3f} |"
+                lines.append(f"{row} {own / plain:.2f} |")
+    return "\n".join(lines)
+
+
 def _left_out(found: Mapping[str, Any]) -> str:
     """What a ladder leaves out in turn."""
     what = "regions" if found.get("left_out_by", "region") == "region" else "parts drawn at random"
