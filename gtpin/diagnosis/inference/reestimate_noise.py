@@ -121,7 +121,9 @@ def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Model
             )
             if restless is not None:
                 weight = np.ones(len(errors))  # these errors are no noise, so their tails say nothing about the noise
-    before, after = (np.diagonal(n.covariance(J, design.components), axis1=1, axis2=2) for n in (noise, found))
+    before, after = (
+        np.diagonal(n.covariance(J, design.components), axis1=1, axis2=2)[:, design.compared] for n in (noise, found)
+    )
     changed = abs(float((after / before).mean()) - 1.0) > MATTERS
     changed = changed or float(np.abs(weight - observed.weight).mean()) > MATTERS
     return Reestimated(replace(observed, noise=found, weight=weight), changed, restless)
