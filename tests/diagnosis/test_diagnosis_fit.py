@@ -20,6 +20,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
@@ -52,7 +53,8 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     seen = true.predict(observed.measured.q, observed.covariates)
     T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
     R = exp(ORIENTATION * rng.standard_normal(seen.T.shape)) @ seen.R
-    return true, replace(observed, measured=Measured(observed.measured.q, T, R), noise=Noise(POSITION, ORIENTATION))
+    noise = ReadingNoise.of_poses(Noise(POSITION, ORIENTATION), len(T), 6)
+    return true, replace(observed, measured=Measured(observed.measured.q, T, R), noise=noise)
 
 
 def test_a_fit_about_its_own_result_is_the_linear_posterior():

@@ -104,7 +104,8 @@ def together(case: Case, later: Dataset, absent: Mapping[str, float] | None = No
 
 def log_evidence(known: Known, dataset: Dataset, name: str, unseen: int = 0) -> float:
     """Of an effect over none, by its best scale; the first rows may be ones whose covariate was not recorded."""
-    observed = replace(known.observed, measured=measured_poses(dataset), covariates=dataset.covariates)
+    noise = known.observed.noise.take(np.zeros(len(dataset), dtype=int))  # equal for all poses
+    observed = replace(known.observed, measured=measured_poses(dataset), covariates=dataset.covariates, noise=noise)
     design = replace(observed, weight=np.ones(len(dataset))).design(known.model)
     which = candidate(name)
     X = design.columns(which.effect.basis(design.situation, which.site))
