@@ -90,6 +90,7 @@ def test_commands_fill_the_ranges() -> None:
     assert (np.ptp(q, axis=0) > 1.9 * limit).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [GANTRY, SCARA, gtpin.read_model("ur5")], ids=["gantry", "scara", "ur5"])
 def test_the_command_writes_maps_a_page_and_dexterity(
     model: gtpin.Model, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -113,6 +114,7 @@ def test_the_command_writes_maps_a_page_and_dexterity(
     assert "rod" not in page.split("<h2")[3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tcp", "bounded"), [("tool0", True), ("left_far", False)])
 def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_everywhere(
     tcp: str, bounded: bool, tmp_path: Path

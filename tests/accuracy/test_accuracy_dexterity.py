@@ -96,6 +96,7 @@ def sprung(q: np.ndarray, force: np.ndarray, T: np.ndarray, R: np.ndarray) -> np
     return 1e-6 * np.asarray(x[:3])
 
 
+@pytest.mark.slow
 def test_stiffness_is_that_of_a_sprung_machine_under_load() -> None:
     q = commands(2, seed=4)
     poses = MODEL.predict(q)
@@ -138,6 +139,7 @@ def test_a_stiffness_of_zero_is_refused() -> None:
         stiffness(MODEL, commands(1), 1e7, np.ones(2))
 
 
+@pytest.mark.slow
 def test_workspace_holds_just_the_points_whose_commands_are_in_range() -> None:
     T = MODEL.predict(ROBOT.home_q[None]).T[0]
     space = workspace(MODEL, T - 1.2, T + 1.2, (5, 5, 5))
@@ -152,6 +154,7 @@ def test_workspace_holds_just_the_points_whose_commands_are_in_range() -> None:
     assert (near <= 0.31).all()
 
 
+@pytest.mark.slow
 def test_values_come_back_to_their_points() -> None:
     T = MODEL.predict(ROBOT.home_q[None]).T[0]
     space = workspace(MODEL, T - 0.8, T + 0.8, (3, 4, 5))
@@ -161,6 +164,7 @@ def test_values_come_back_to_their_points() -> None:
         np.testing.assert_allclose(table[:, :, k][space.reachable[:, :, k]], z, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_box_out_of_reach_is_refused() -> None:
     with pytest.raises(UnreachableError, match="no point"):
         workspace(MODEL, np.full(3, 50.0), np.full(3, 51.0), (2, 2, 2))
@@ -168,6 +172,7 @@ def test_a_box_out_of_reach_is_refused() -> None:
         workspace(MODEL, np.ones(3), np.zeros(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gantry_tau", "stewart"])
 def test_default_commands_are_in_range_and_reached(name: str) -> None:
     model = MODEL if name == "gantry_tau" else other(name)

@@ -28,6 +28,7 @@ def test_mean_length_of_one_and_of_three_equal_sigmas_is_the_textbooks() -> None
     )
 
 
+@pytest.mark.slow
 def test_errors_by_tolerances_are_those_of_machines_off_by_them() -> None:
     geometry = MODEL.geometry
     tolerance = 0.05 * geometry.tolerance
@@ -46,6 +47,7 @@ def test_errors_by_tolerances_are_those_of_machines_off_by_them() -> None:
         np.testing.assert_allclose(error.at, lengths.mean(axis=0), rtol=0.15)
 
 
+@pytest.mark.slow
 def test_errors_by_closure_residuals_are_those_of_drawn_measurements() -> None:
     sigmas = np.array([2e-4, 1.7e-4, 1.6e-4, 8e-5, 7e-5, 9e-5])
     expected = expected_error(MODEL, Q, Uncertainty(closures=sigmas), visits=10)
@@ -58,6 +60,7 @@ def test_errors_by_closure_residuals_are_those_of_drawn_measurements() -> None:
     assert expected.position.maximum == pytest.approx(np.mean(largest), rel=0.05)
 
 
+@pytest.mark.slow
 def test_repeatability_is_that_of_scattered_commands() -> None:
     expected = expected_error(MODEL, Q, Uncertainty(repeatability=1e-5))
     rng = np.random.default_rng(4)
@@ -66,6 +69,7 @@ def test_repeatability_is_that_of_scattered_commands() -> None:
     assert expected.position.mean == pytest.approx(lengths.mean(), rel=0.04)
 
 
+@pytest.mark.slow
 def test_a_calibrations_covariance_foretells_the_error_of_recalibrated_models() -> None:
     from gtpin.plant.simulate import simulate
 
@@ -98,6 +102,7 @@ def test_same_seed_same_numbers_and_nothing_uncertain_no_error() -> None:
     assert expected_error(MODEL, Q, Uncertainty()).position.maximum == 0.0
 
 
+@pytest.mark.slow
 def test_more_visits_than_poses_go_round_again() -> None:
     one = Response(np.zeros((2, 3, 0)), np.tile(np.eye(3), (2, 1, 1)))
     few, many = (expected_of(one, visits=visits).position.maximum for visits in (2, 200))

@@ -24,6 +24,7 @@ def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(analysis, "COUNTS", (3, 5, 5))
 
 
+@pytest.mark.slow
 def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     write_sensitivity(MODEL, commands(10), tmp_path / "out", costs=COSTS)
@@ -41,6 +42,7 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
         assert 0.0 < part["mean"] < min(part["p95"], part["maximum"])
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "map_figures", lambda *_: {})
     for name in ("a", "b"):
@@ -71,6 +73,7 @@ def test_without_costs_the_tolerances_are_what_is_uncertain() -> None:
     assert told["expected"]["position"]["mean"] > 1e-3  # of joints and rods that are off by a millimetre or two
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stewart", "rotary_tau"])
 def test_other_robots_with_rods_are_analysed_over_a_default_set(name: str) -> None:
     model = other(name)
@@ -80,6 +83,7 @@ def test_other_robots_with_rods_are_analysed_over_a_default_set(name: str) -> No
     assert set(found.sensitivity.to_table()["link"]) == {rod.name for rod in model.robot.rods}
 
 
+@pytest.mark.slow
 def test_a_platform_that_lies_level_has_no_zyz_angles_to_change() -> None:
     """A linear delta's TCP frame is turned like the base: alpha and gamma turn about one axis, and only their sum is told."""
     with pytest.warns(GtpinWarning, match="ZYZ angles jump"):
@@ -98,6 +102,7 @@ def test_costs_of_other_links_are_refused() -> None:
         analyse(MODEL, commands(3), costs={"1": 1e-6})
 
 
+@pytest.mark.slow
 def test_every_axis_of_every_figure_is_labelled() -> None:
     pytest.importorskip("matplotlib")
     q = commands(12)

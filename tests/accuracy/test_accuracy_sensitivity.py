@@ -72,6 +72,7 @@ def test_measured_poses_are_taken_in_the_instruments_frame() -> None:
     np.testing.assert_allclose(there.exact.cost, here.exact.cost, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_expected_cost_change_is_the_mean_over_drawn_machines() -> None:
     q = commands(10, seed=6)
     expected = sensitivity(MODEL, q, sigmas=SIGMAS).exact.cost

@@ -144,6 +144,7 @@ def test_an_answer_reads_back_as_it_was_written(tmp_path: Path) -> None:
     assert Answer.read(tmp_path / "a.json") == answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "place", "told"),
     [

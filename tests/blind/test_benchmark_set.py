@@ -118,6 +118,7 @@ def test_rounding_leaves_no_last_bits_and_no_negative_zero(tmp_path: Path) -> No
     assert rounded_energy(123.456) == 123.5
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_case_and_scores_an_answer(tmp_path: Path) -> None:
     run = CliRunner()
     case = ["--case", "ur5-tracker-01"]

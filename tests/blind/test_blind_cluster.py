@@ -14,6 +14,7 @@ distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # dask's own
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_cluster_gives_the_same_score(cases: Path, tmp_path: Path) -> None:
     local = check_given(tmp_path / "local", cases, Quiet())
@@ -24,6 +25,7 @@ def test_a_cluster_gives_the_same_score(cases: Path, tmp_path: Path) -> None:
     assert score(far.cases) == score(local.cases)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gtpin.blind.spread.CONNECT", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense"):

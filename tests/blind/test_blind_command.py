@@ -22,6 +22,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(ended.value.code or 0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_score_is_written_and_told(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -64,6 +65,7 @@ def test_cases_are_drawn_or_given(
     assert run(monkeypatch, "-o", tmp_path / "out", "--cases", 0) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_cases_that_are_drawn_are_made_sealed_opened_and_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -85,6 +87,7 @@ def test_cases_that_are_drawn_are_made_sealed_opened_and_judged(
     assert (score["cases"], score["check"]["seed"], score["strict"]) == (3, 5150, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_an_interrupt_ends_in_order_and_can_be_gone_on_from(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -41,6 +41,7 @@ def test_energy_is_the_plants(linearity: tuple[Case, Calibration], difficulty: D
     assert difficulty.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["backlash@cart1", "link_compliance@arm", "straightness@cart2"])
 def test_what_an_effect_leaves_is_by_the_definition(
     linearity: tuple[Case, Calibration], difficulty: Difficulty, name: str

@@ -39,6 +39,7 @@ def run_of(folder: Path, count: int, manifest: str) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path) -> None:
     log, day = tmp_path / "log.md", datetime.date(2030, 1, 2)
     first, second = run_of(tmp_path / "one", 1000, "a"), run_of(tmp_path / "two", 1000, "b")

@@ -82,6 +82,7 @@ def test_another_machine_has_the_effects_that_its_parts_can_have() -> None:
     assert made(next(draft for draft in some if draft.kind == "one")).dataset.robot == "stewart"
 
 
+@pytest.mark.slow
 def test_cases_of_other_instruments_have_the_same_kinds_and_a_truth_without_sigma() -> None:
     plain, other = list(drafts(20, 4)), list(drafts(20, 4, instruments=("range",)))
     assert [(d.kind, d.effects, d.seed) for d in plain] == [(d.kind, d.effects, d.seed) for d in other]
@@ -101,6 +102,7 @@ def test_cases_of_other_instruments_have_the_same_kinds_and_a_truth_without_sigm
     assert touched.readings == ()
 
 
+@pytest.mark.slow
 def test_rough_cases_of_other_instruments_can_be_made() -> None:
     case = measured(Draft("x", "rough", 11, instruments=("socket", "tilt")))
     assert {read.described["name"] for read in case.dataset.read} == {"cup", "level"}

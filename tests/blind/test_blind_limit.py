@@ -45,6 +45,7 @@ def log_evidence(y: np.ndarray, B: np.ndarray, columns: Sequence[np.ndarray], sc
     return float(found[0] - found[1] - sum(0.5 * (np.log(s) / PRIORS.scale_spread) ** 2 for s in scale))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_best_set_is_that_of_the_densities_of_all_sets_and_scales(seed: int) -> None:
     found, B, columns = tiny(np.random.default_rng(seed), (0.0, 3.0, 0.0, -2.0))
@@ -78,6 +79,7 @@ def test_a_class_has_what_changes_the_evidence_little() -> None:
     assert members[other] > -CLASS_NATS
 
 
+@pytest.mark.slow
 def test_three_are_found_where_three_are_there_and_none_where_none_is() -> None:
     assert set(tiny(np.random.default_rng(5), (0.0, 3.0, 3.0, 3.0))[0].best(flat).terms) == {"b", "c", "d"}
     silent = [not tiny(np.random.default_rng(100 + i), (0.0,) * 4)[0].best(flat).terms for i in range(40)]
@@ -96,6 +98,7 @@ def pair() -> Limit:
     return Limit.of(case.dataset, truth_of(case, "two"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odds", ["diagnosis", "flat"])
 def test_a_strong_pair_far_apart_is_named_and_nothing_else(pair: Limit, odds: str) -> None:
     said = pair.statement(odds)  # type: ignore[arg-type]
@@ -112,6 +115,7 @@ def test_a_true_form_has_one_coefficient_and_no_other_of_its_place_beside_it(pai
     assert any(cost > 1.0 for term, cost in paid.items() if term.effect.has_nonlinear)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_named_where_no_effect_is_although_forms_of_some_are_known(seed: int) -> None:
     case = make_case(seed, effects=[], poses=90, held_out=1)
@@ -124,6 +128,7 @@ def test_nothing_is_named_where_no_effect_is_although_forms_of_some_are_known(se
     assert Limit(plain.hypotheses, forms).statement("flat").verdict == "none"
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_in_no_catalogue_is_left_out() -> None:
     case = made(("hose_drag", "platform"))
     rival = Limit.of(case.dataset, truth_of(case, "unlisted"))

@@ -74,6 +74,7 @@ def opened_by(folder: Path, truth: Truth, outcome: Outcome) -> Judged:
     return judge(folder, file, digest_of(file.read_bytes()), outcome)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "instruments",
     [["range"], ["plane"], ["socket"], ["tilt"], ["ballbar"], ["camera"], ["range", "plane"], ["socket", "tilt"]],
@@ -138,6 +139,7 @@ def test_an_effect_leaves_next_to_nothing_of_its_own_form_in_readings(wire_and_b
     assert found.left < 0.01 * difficulty.energy(displacement)
 
 
+@pytest.mark.slow
 def test_a_case_of_readings_is_judged_with_d_that_is_at_most_e(tmp_path: Path) -> None:
     _, truth = a_case(tmp_path / "x", ["range"], "linearity")
     case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
@@ -147,6 +149,7 @@ def test_a_case_of_readings_is_judged_with_d_that_is_at_most_e(tmp_path: Path) -
     assert case.rival != case.single.name
 
 
+@pytest.mark.slow
 def test_a_tracker_of_schema_2_is_graded_as_one_of_schema_1(tmp_path: Path) -> None:
     _, truth = a_case(tmp_path / "x", ["tracker"], "linearity")
     case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
@@ -156,6 +159,7 @@ def test_a_tracker_of_schema_2_is_graded_as_one_of_schema_1(tmp_path: Path) -> N
     assert 0.0 <= case.leaves <= 1.02 * case.energy
 
 
+@pytest.mark.slow
 def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Path) -> None:
     case, truth = a_case(tmp_path / "x", ["encoder"], **ON_FIVE_BAR)
     true = np.array(case.held["encoder"][0])
@@ -175,6 +179,7 @@ def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Pa
 # ------------------------------------------------------------------------------------------------- realised shrinkage
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "name"), [("plane", "bed"), ("socket", "cup")])
 def test_shrinkage_of_what_is_touched_is_realised_at_touches_that_were_not_in_the_data(
     tmp_path: Path, kind: str, name: str
@@ -199,6 +204,7 @@ def test_shrinkage_of_what_is_touched_is_realised_at_touches_that_were_not_in_th
     assert shrunk.share == pytest.approx(1.0 - 1.0 / 9.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("instruments", [["plane"], ["socket"], ["range", "socket"]], ids="+".join)
 def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path: Path, instruments: list[str]) -> None:
     """With the touches of the data as its own commands, an instrument is predicted as the calibration's residuals are."""
@@ -224,6 +230,7 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
         np.testing.assert_allclose(values.ravel(), missed[own], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "effect"),
     [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
@@ -240,6 +247,7 @@ def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path
     assert found.shrunk.after == found.shrunk.before  # the model that it was given has no cause
 
 
+@pytest.mark.slow
 def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> None:
     _, truth = a_case(tmp_path / "x", ["range"], "backlash", 5)
     nameless = truth.model_copy(
@@ -251,6 +259,7 @@ def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> N
     assert found.shrunk.knowing is None
 
 
+@pytest.mark.slow
 def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
     """With no cause to fit and the calibration's noise, the step starts where the calibration has converged, and ends there."""
     draft = Draft("x", "none", 5, (), 60, instruments=("range", "socket"))
@@ -275,6 +284,7 @@ def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
     assert np.abs((unknowns - baseline.u) / np.sqrt(np.diag(baseline.u_covariance))).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     draft = Draft("x", "two", 7, ("backlash", "linearity"), 60, instruments=("range", "plane"))
     whole = measured(draft)
@@ -290,6 +300,7 @@ def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     assert [e.energy for e in case.effects] == sorted((e.energy for e in case.effects), reverse=True)
 
 
+@pytest.mark.slow
 def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None:
     """No model predicts the scatter: the truth has it, so that a model's error does not."""
     draft = Draft("x", "none", 11, (), 90, instruments=("plane",))
@@ -307,6 +318,7 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
     assert chi2.ppf(1e-4, count) < squares < chi2.isf(1e-4, count)
 
 
+@pytest.mark.slow
 def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gtpin.blind.left_out_touches, "ONE_IN", 10_000)
     draft = Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket"))
@@ -315,12 +327,14 @@ def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.Monk
     assert case.effects[0].energy == pytest.approx(whole.effects[0].energy, rel=0.01)
 
 
+@pytest.mark.slow
 def test_all_touches_stay_where_an_encoder_reads_too() -> None:
     draft = Draft("x", "one", 7, ("backlash",), 20, instruments=("encoder", "plane"))
     whole = measured(draft)
     assert without_some_touches(whole, recipe(draft)) == (whole, ())
 
 
+@pytest.mark.slow
 def test_one_diagnosis_of_instruments_is_judged_by_all_of_their_readings(tmp_path: Path) -> None:
     _, truth = a_case(tmp_path / "x", ["range", "plane"])
     wire, bed = truth.readings
@@ -343,6 +357,7 @@ def test_the_truth_of_a_tracker_is_sealed_as_before() -> None:
     assert Truth.model_validate_json(truth.model_dump_json()) == truth
 
 
+@pytest.mark.slow
 def test_noise_is_at_least_the_instruments_own(tmp_path: Path) -> None:
     case, truth = a_case(tmp_path, ["ballbar", "plane"])
     for gauge, noise in zip(case.gauges, truth.noise, strict=True):
@@ -351,6 +366,7 @@ def test_noise_is_at_least_the_instruments_own(tmp_path: Path) -> None:
     assert Truth.model_validate_json(truth.model_dump_json()) == truth
 
 
+@pytest.mark.slow
 def test_cases_of_instruments_that_are_scored_again_have_the_same_d_and_shrinkage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: None
 ) -> None:

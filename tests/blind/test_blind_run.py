@@ -117,6 +117,7 @@ def _diagnosis(out: Path) -> None:
     file.write_text(file.read_text().replace('"none"', '"unknown"'))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("edit", "told"),
@@ -171,6 +172,7 @@ def test_every_other_case_of_an_effect_is_diagnosed_without_it(
     assert [c.said and c.said.verdict for c in checked.cases] == ["explained"] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_stopped_check_goes_on_where_it_was(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = score(check_given(tmp_path / "whole", cases, Quiet()).cases)
@@ -193,6 +195,7 @@ def test_a_stopped_check_goes_on_where_it_was(cases: Path, tmp_path: Path, monke
     assert score(again.cases) == whole
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_folder_is_that_of_one_check(cases: Path, tmp_path: Path) -> None:
     check_given(tmp_path / "out", cases, Quiet())
@@ -206,6 +209,7 @@ def test_a_folder_is_that_of_one_check(cases: Path, tmp_path: Path) -> None:
     assert [f.name for f in (tmp_path / "full").iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_opened_cases_can_be_scored_again(cases: Path, tmp_path: Path) -> None:
     first = check_given(tmp_path / "out", cases, Quiet())
@@ -232,6 +236,7 @@ def test_sources_that_change_meanwhile_are_told(cases: Path, tmp_path: Path, mon
         check_given(tmp_path / "out", cases, Quiet())
 
 
+@pytest.mark.slow
 def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Made and judged here, diagnosed by the real thing in processes of its own."""
     real = gtpin.blind.run.workers
@@ -269,6 +274,7 @@ def machines(here: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gtpin.blind.run, "drafts", drafts)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machines")
 def test_a_check_of_other_instruments_is_a_check_of_its_own_and_can_be_scored_again(tmp_path: Path) -> None:
     first = check(tmp_path / "out", 2, 0, Quiet(), instruments=["tilt", "range"])
@@ -307,6 +313,7 @@ def test_a_dataset_of_schema_2_is_taken_in_with_the_urdf_that_it_names(tmp_path:
 # ------------------------------------------------------------------------------------- crashes, bad input, other people
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("left", [b"", b'{"diagnosis": {"sch', b"\x00" * 100])
 def test_a_diagnosis_that_a_crash_has_cut_short_is_made_again(cases: Path, tmp_path: Path, left: bytes) -> None:
@@ -321,6 +328,7 @@ def test_a_diagnosis_that_a_crash_has_cut_short_is_made_again(cases: Path, tmp_p
     assert not list((output / "diagnoses").glob(".*"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_manifest_that_a_crash_has_left_empty_is_written_again(cases: Path, tmp_path: Path) -> None:
     output = tmp_path / "out"
@@ -331,6 +339,7 @@ def test_a_manifest_that_a_crash_has_left_empty_is_written_again(cases: Path, tm
     assert (output / "cases" / "manifest.json").read_bytes() == manifest
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_claim_that_could_not_be_written_leaves_nothing(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -352,6 +361,7 @@ def test_a_claim_that_could_not_be_written_leaves_nothing(
     assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_full_disk_does_not_touch_the_claim_of_a_check_that_goes_on(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -371,6 +381,7 @@ def test_a_full_disk_does_not_touch_the_claim_of_a_check_that_goes_on(
     assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_bad_input_leaves_no_folder_that_refuses_the_right_one(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -395,6 +406,7 @@ def test_bad_input_leaves_no_folder_that_refuses_the_right_one(
     assert len(check_given(output, cases, Quiet()).cases) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_a_check_of_cases_that_were_corrected_since_replaces_one_that_had_not_begun(
     cases: Path, tmp_path: Path
@@ -406,6 +418,7 @@ def test_a_check_of_cases_that_were_corrected_since_replaces_one_that_had_not_be
     assert check_given(output, cases, Quiet()).cases[2].kind == "one"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_force_moves_another_check_and_foreign_files_aside(cases: Path, tmp_path: Path) -> None:
     output = tmp_path / "out"
@@ -423,6 +436,7 @@ def test_force_moves_another_check_and_foreign_files_aside(cases: Path, tmp_path
     assert (tmp_path / "mine" / "cases.old-1" / "thesis.tex").read_text() == "mine"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_of_two_checks_in_one_folder_one_stops(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said = []

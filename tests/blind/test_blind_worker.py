@@ -38,6 +38,7 @@ def _is_module(name: str) -> bool:
     return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
 
 
+@pytest.mark.slow
 def test_nothing_that_the_worker_builds_on_knows_the_plant_or_the_truth() -> None:
     reached, waiting = set(), ["gtpin.blind.worker"]
     while waiting:
@@ -50,6 +51,7 @@ def test_nothing_that_the_worker_builds_on_knows_the_plant_or_the_truth() -> Non
     assert {name for name in reached if name.startswith("gtpin.blind")} == {"gtpin.blind.worker"}
 
 
+@pytest.mark.slow
 def test_the_worker_does_not_import_the_plant() -> None:
     code = "import sys, gtpin.blind.worker; print([m for m in sys.modules if m.startswith(('gtpin.plant', 'gtpin.blind'))])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -63,6 +65,7 @@ def test_a_process_that_knows_the_plant_refuses_to_diagnose(cases: Path) -> None
     assert "knows the plant" in str(said.error)
 
 
+@pytest.mark.slow
 def test_processes_that_made_cases_never_diagnose_any(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)
     makers: list[int] = []
@@ -94,6 +97,7 @@ def test_a_worker_is_given_the_datasets_files_alone(
     assert exclude == ("backlash",)
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_costs_its_own_case_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gtpin.blind.spread.processes", lambda: 2)
     monkeypatch.setattr(gtpin.blind.run, "diagnose_alone", dying)

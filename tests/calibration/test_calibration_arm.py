@@ -64,6 +64,7 @@ def arm_case(robot, seed, count=50):
     return deviations, dataset, (q, T, R)
 
 
+@pytest.mark.slow
 def test_the_joint_placements_of_an_arm_are_identified(robot):
     calibrations, machines = [], []
     for seed in range(25):

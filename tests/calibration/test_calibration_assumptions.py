@@ -54,6 +54,7 @@ def test_what_is_declared_truly_is_not_doubted(seed):
     assert said == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("position", "orientation", "unit"),
     [(1e3, 1.0, "millimetres"), (1e6, 1.0, "micrometres"), (1.0, 1e3, "milliradians"), (1.0, 57.3, "degrees")],
@@ -64,6 +65,7 @@ def test_a_sigma_in_another_unit_is_refused_and_the_unit_named(position, orienta
         gtpin.calibrate(declared(clean(), position, orientation))
 
 
+@pytest.mark.slow
 def test_noise_three_times_overstated_is_warned_of_and_the_data_s_own_is_used():
     found, said = warned(declared(clean(), 3.0, 3.0))
     assert "position_sigma" in said
@@ -73,6 +75,7 @@ def test_noise_three_times_overstated_is_warned_of_and_the_data_s_own_is_used():
     assert found.noise.orientation_sigma == pytest.approx(SIGMAS[1], rel=0.2)
 
 
+@pytest.mark.slow
 def test_noise_a_little_overstated_stays_as_declared():
     dataset = declared(clean(), 1.5, 1.5)
     found, said = warned(dataset)
@@ -88,6 +91,7 @@ def test_noise_declared_a_million_times_too_small_is_refused_or_warned_of():
     assert "times the noise" in said or "show a noise of" in said or "1 sigma per axis in m, from" in said
 
 
+@pytest.mark.slow
 def test_an_instrument_eight_millimetres_beside_the_base_is_warned_of_and_fitted_as_free():
     dataset = clean()
     beside = moved(dataset, slice(None), (0.0, 0.008, 0.0), (0.0, 0.0, 0.0))
@@ -99,6 +103,7 @@ def test_an_instrument_eight_millimetres_beside_the_base_is_warned_of_and_fitted
     assert np.abs(found.model.predict(q).T - expected).max() < 2e-5
 
 
+@pytest.mark.slow
 def test_a_drive_s_zero_thirty_millimetres_off_is_named_with_its_size():
     dataset = clean()
     found, said = warned(replace(dataset, q=dataset.q + np.array([0.0, 0.03, 0.0])))
@@ -107,6 +112,7 @@ def test_a_drive_s_zero_thirty_millimetres_off_is_named_with_its_size():
     assert found.chi2_per_dof < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("by", "fits"), [(1, "after"), (-1, "before")])
 @pytest.mark.parametrize("start", [0.3, 0.7])
 def test_commands_one_row_off_from_some_row_on_are_named(by, fits, start):
@@ -119,6 +125,7 @@ def test_commands_one_row_off_from_some_row_on_are_named(by, fits, start):
     assert caught.value.row == pytest.approx(dataset.row[first], abs=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "end"), [(0.5, 1.0), (0.3, 0.55)])
 def test_an_instrument_that_was_bumped_is_named_with_its_rows(start, end):
     dataset = clean()
@@ -128,6 +135,7 @@ def test_an_instrument_that_was_bumped_is_named_with_its_rows(start, end):
     assert caught.value.row == pytest.approx(dataset.row[rows.start], abs=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "end"), [(0.5, 1.0), (0.3, 0.55)])
 def test_a_bump_of_the_size_of_an_effect_is_warned_of_with_its_rows(start, end):
     dataset = clean()
@@ -151,6 +159,7 @@ def test_an_instrument_set_up_anew_in_a_session_of_its_own_is_left_to_the_diagno
         gtpin.calibrate(replace(bumped, covariates={**dataset.covariates, "session": session}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["tracker_drift", "link_compliance", "thermal_track"])
 def test_what_drifts_or_follows_a_recorded_column_is_no_bump(effect):
     case = make_case(41, effects=[(effect, None)], energy=8000.0, poses=90)
@@ -159,6 +168,7 @@ def test_what_drifts_or_follows_a_recorded_column_is_no_bump(effect):
         gtpin.calibrate(case.dataset)
 
 
+@pytest.mark.slow
 def test_a_machine_a_third_of_a_metre_off_nominal_is_reached():
     dataset = make_case(11, effects=[("link_compliance", None)], robot="stewart_jugglebot").dataset
     nominal = gtpin.Geometry.nominal(gtpin.load_robot("stewart_jugglebot"))
@@ -170,6 +180,7 @@ def test_a_machine_a_third_of_a_metre_off_nominal_is_reached():
     assert np.sqrt((found.residual[:, :3] ** 2).sum(axis=1).mean()) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_stretch_of_rows_with_commands_of_others_is_refused_with_its_rows():
     dataset = clean()
     q = dataset.q.copy()

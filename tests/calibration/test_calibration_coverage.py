@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 from virtual_gantry import commands, draw, measured
 
+pytestmark = pytest.mark.slow
+
 MACHINES = 250
 
 

@@ -37,6 +37,7 @@ def peak(dataset):
     return found
 
 
+@pytest.mark.slow
 def test_memory_grows_by_no_more_than_what_is_said_for_each_pose(robot):
     many = simulate(robot, "gantry_tau", poses=40_000, seed=1).dataset
     few = many.take(np.arange(len(many) // 2))
@@ -45,6 +46,7 @@ def test_memory_grows_by_no_more_than_what_is_said_for_each_pose(robot):
     assert large <= FIXED + PER_POSE * len(many) <= 4.0 * large
 
 
+@pytest.mark.slow
 @linux
 def test_what_is_said_beforehand_is_what_a_process_takes(robot, tmp_path):
     simulate(robot, "gantry_tau", poses=60_000, seed=2).dataset.write(tmp_path / "data")
@@ -62,6 +64,7 @@ def test_what_is_said_beforehand_is_what_a_process_takes(robot, tmp_path):
     assert 0.5 <= (FIXED + PER_POSE * rows) / taken <= 2.0
 
 
+@pytest.mark.slow
 def test_a_fit_that_starts_from_a_part_ends_where_the_fit_of_all_ends(robot, monkeypatch):
     dataset = simulate(robot, "gantry_tau", poses=600, seed=3).dataset
     whole = gtpin.calibrate(dataset)
@@ -73,6 +76,7 @@ def test_a_fit_that_starts_from_a_part_ends_where_the_fit_of_all_ends(robot, mon
     np.testing.assert_allclose(found.sigma, whole.sigma, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_nothing_depends_on_how_many_poses_are_worked_on_together(monkeypatch):
     dataset = make_case(4, effects=[("thermal_links", "arm")], energy=800.0, poses=150).dataset
@@ -146,6 +150,7 @@ def test_too_little_is_refused_with_what_is_needed_and_what_is_free(tmp_path, mo
         memory.require("this", 1.9e9)
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("command", ["calibrate", "diagnose"])
 @pytest.mark.parametrize("room", [20, 60, 150, 300])

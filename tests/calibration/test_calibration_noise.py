@@ -33,6 +33,7 @@ def mean_is(values, truth, bias=0.0):
     assert abs(np.mean(values) - truth) < bound, (np.mean(values), truth, bound)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repeats", [False, True])
 def test_undeclared_noise_is_estimated_without_bias(repeats):
     def make(rng):
@@ -48,6 +49,7 @@ def test_undeclared_noise_is_estimated_without_bias(repeats):
     found.assert_unbiased()
 
 
+@pytest.mark.slow
 def test_undeclared_noise_of_positions_alone_is_estimated_without_bias():
     def make(rng):
         machine = draw(rng)
@@ -58,6 +60,7 @@ def test_undeclared_noise_of_positions_alone_is_estimated_without_bias():
     found.assert_covers()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
     truth = 20e-6
@@ -86,6 +89,7 @@ def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
         mean_is([c.chi2_per_dof for c in found.calibrations], 1.0, 0.01)
 
 
+@pytest.mark.slow
 def test_no_repeatability_is_invented_where_repeats_scatter_by_the_instrument_alone():
     def make(rng):
         machine, visits = draw(rng), np.repeat(np.arange(60), 2)
@@ -98,6 +102,7 @@ def test_no_repeatability_is_invented_where_repeats_scatter_by_the_instrument_al
     assert all(c.noise.repeatability < 10e-6 for c in found.calibrations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.3, 1.0])
 def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(ratio):
     station = np.array([1.5, -7.0, 0.3])
@@ -126,6 +131,7 @@ def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(rati
     mean_is([c.chi2_per_dof for c in found.calibrations], 1.0, 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
     def make(rng):
@@ -145,6 +151,7 @@ def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
     assert np.mean([len(c.rejected) for c in found.calibrations]) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [40, 98])
 @pytest.mark.parametrize("size", [5e-4, 1.3e-3, 4e-3])
 def test_one_large_error_in_heavy_tails_is_no_bumped_instrument(size, row):
@@ -178,6 +185,7 @@ def gross_case(seed, wrong=5, count=120):
     return machine, spoilt, clean.take(np.setdiff1d(np.arange(count), bad)), {str(i) for i in bad}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     good_lost = 0
@@ -203,6 +211,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     assert good_lost <= binom.isf(ONCE, runs, 1e-3)
 
 
+@pytest.mark.slow
 def test_gross_errors_of_positions_alone_are_set_aside():
     for seed in range(12):
         _, spoilt, _, bad = gross_case(seed, wrong=3, count=60)
@@ -242,6 +251,7 @@ def test_gross_errors_of_orientation_and_of_commands_are_set_aside():
         assert {"3", "7"} <= set(gtpin.calibrate(spoilt).rejected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("nominal", [False, True], ids=["drawn", "nominal"])
 @pytest.mark.parametrize("repeats", [False, True])
@@ -268,6 +278,7 @@ def test_data_without_noise_are_fitted_closely(declared, nominal, repeats, seed)
     assert np.isfinite(found.chi2_per_dof)
 
 
+@pytest.mark.slow
 def test_noise_larger_than_declared_enlarges_the_sigmas():
     def make(rng):
         machine = draw(rng)
@@ -299,6 +310,7 @@ def ratio_of_sigmas(one, two):
     return np.median(one.sigma[known] / two.sigma[known])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize(("blank", "freedom"), [(False, np.inf), (True, np.inf), (False, 2.5)])
 def test_visits_of_the_same_poses_say_no_more_of_errors_that_repeat(blank, freedom):
@@ -312,6 +324,7 @@ def test_visits_of_the_same_poses_say_no_more_of_errors_that_repeat(blank, freed
     assert np.mean(ratios) == pytest.approx(expected, abs=0.04 if np.isinf(freedom) else 0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_heavy_tails_count_the_same_with_noise_that_is_declared_and_with_noise_that_visits_show():
     data = wrong_by_pose(0, 3, 2.5)

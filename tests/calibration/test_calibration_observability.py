@@ -68,6 +68,7 @@ def test_learned_lies_between_nothing_and_all(case):
     np.testing.assert_allclose(found.learned, 1.0 - (found.sigma / found.model.geometry.tolerance) ** 2)
 
 
+@pytest.mark.slow
 def test_indices_and_directions_equal_an_independent_singular_value_decomposition(case):
     kind, q, found = case
     J, s, _ = seen_by_the_data(kind, found, q)
@@ -154,6 +155,7 @@ def test_freedoms_are_measured_components_less_what_was_learned(case):
     assert found.dof + found.observability.learned.sum() + frame == pytest.approx(components, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_what_can_t_be_seen_keeps_its_tolerance_and_what_is_seen_does_not(case):
     kind, q, found = case
     J, s, Vt = seen_by_the_data(kind, found, q)

@@ -25,6 +25,7 @@ def test_the_contract_s_48_are_the_default():
     assert len(found.names) == 48
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "count"),
     [
@@ -63,6 +64,7 @@ def test_parameters_left_out_stay_nominal():
     assert abs(found.chi2_per_dof - 1.0) < 5.0 * np.sqrt(2.0 / found.dof)
 
 
+@pytest.mark.slow
 def test_what_was_left_out_wrongly_shows_as_a_lack_of_fit():
     _, dataset = case()
     found = gtpin.calibrate(dataset, without=["track_direction"])
@@ -100,12 +102,14 @@ def test_a_tolerance_of_unknown_kind_is_refused():
         gtpin.calibrate(replace(dataset, tolerance={"belt_length": 1e-3}))
 
 
+@pytest.mark.slow
 def test_fewer_numbers_than_parameters_are_fitted_within_tolerances_or_refused_for_that():
     assert gtpin.calibrate(case(count=8)[1]).dof > 1.0
     with pytest.raises(DatasetError, match="6 measured numbers leave"):
         gtpin.calibrate(case(count=2, orientation=False)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [9, 12, 20])
 def test_few_poses_are_no_reason_to_claim_more_than_is_known(count):
     def make(rng):
@@ -117,6 +121,7 @@ def test_few_poses_are_no_reason_to_claim_more_than_is_known(count):
     found.assert_fits()
 
 
+@pytest.mark.slow
 def test_poses_of_another_machine_do_not_converge_in_silence():
     rng = np.random.default_rng(0)
     _, dataset = case()
@@ -138,6 +143,7 @@ def test_an_iteration_limit_that_is_hit_is_an_error(monkeypatch):
         gtpin.calibrate(dataset)
 
 
+@pytest.mark.slow
 def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
     _, dataset = case()
     monkeypatch.setattr("gtpin.calibration.robust_fit.MAX_ITERATIONS", 1)
@@ -145,6 +151,7 @@ def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
         gtpin.calibrate(dataset)
 
 
+@pytest.mark.slow
 def test_it_takes_few_steps_from_nominal():
     for seed in range(10):
         steps = []

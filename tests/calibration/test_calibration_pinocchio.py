@@ -11,6 +11,7 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 OTHERS = ("tau", "stewart", "gantry_tau_6dof", "linear_delta")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
 @pytest.mark.parametrize("scale", [None, "actuator"])
 def test_calibrations_by_arrays_and_by_pinocchio_are_the_same(free, scale):

@@ -27,6 +27,7 @@ from gtpin.robot.geometry import Geometry
 SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", [False, True], ids=["start", "away"])
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
@@ -62,6 +63,7 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
 def test_scipy_finds_the_same_optimum(free):
     rng = np.random.default_rng(11)
@@ -102,6 +104,7 @@ def test_scipy_finds_the_same_optimum(free):
     np.testing.assert_allclose(found.sigma, np.sqrt(np.diag(covariance))[order], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_free_frame_is_found_from_any_stand():
     rng = np.random.default_rng(0)
     for _ in range(5):

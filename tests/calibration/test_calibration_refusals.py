@@ -20,6 +20,7 @@ def good():
     return measured(draw(rng), commands(rng, COUNT), rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil",
     [
@@ -38,6 +39,7 @@ def test_columns_in_a_wrong_order_or_sign_never_give_a_model(good, spoil):
     assert "column" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_scalar_last_quaternions_are_recognised_in_a_free_frame_though_the_plate_hardly_turns(good):
     free = replace(good, instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, frame="free"))
     assert gtpin.calibrate(free).chi2_per_dof < 1.5
@@ -103,6 +105,7 @@ def test_observability_indices_are_those_of_the_whitened_derivative_down_to_what
     assert found.observability.indices == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_commands_in_reverse_order_in_half_of_the_rows_never_give_a_model(seed):

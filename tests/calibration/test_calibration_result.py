@@ -121,6 +121,7 @@ def test_the_text_names_poses_that_were_set_aside(case):
     assert {"4", "31"} <= set(line.replace(",", " ").split())
 
 
+@pytest.mark.slow
 def test_the_text_admits_a_lack_of_fit_and_says_where_sigmas_come_from(case):
     dataset, _ = case
     fine = Instrument(position_sigma=5e-6, orientation_sigma=2e-5)
@@ -193,6 +194,7 @@ def read_or_refuse(folder, text):
         assert "\n" not in said
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_model_json_with_other_values_is_read_or_refused(model_json, data):

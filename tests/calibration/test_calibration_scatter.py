@@ -10,6 +10,8 @@ from virtual_gantry import commands, draw, measured, undeclared
 
 import gtpin
 
+pytestmark = pytest.mark.slow
+
 MACHINES = 30
 SCATTER = 20e-6
 

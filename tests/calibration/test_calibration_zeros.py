@@ -39,6 +39,7 @@ def true_zero(machine, cart):
     return float(np.mean(places @ axis)) + (SHIFT if cart == 1 else 0.0)
 
 
+@pytest.mark.slow
 def test_the_equivalent_zero_is_found_and_its_sigma_holds(found):
     z = []
     for machine, _, calibration in found:
@@ -71,6 +72,7 @@ def test_joints_that_no_calibration_may_move_have_no_zero():
     assert gtpin.calibrate(dataset, without=["cart_joint"]).zeros == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("position", "orientation"), [(0.0, 0.0), (0.25, 0.0), (0.0, 0.25), (0.25, 0.25)])
 def test_chi_square_is_1_by_construction_only_where_no_noise_was_declared(position, orientation):
     """Declared sigmas are a quarter of the true ones; those of size 0 are not declared."""

@@ -9,6 +9,8 @@ from test_recognise import machine
 import gtpin
 from gtpin.errors import GtpinError, GtpinWarning
 
+pytestmark = pytest.mark.slow
+
 
 def test_truncated_commands_are_named_as_multiples_of_their_step():
     data = machine("gantry_tau", 2)

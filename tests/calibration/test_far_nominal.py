@@ -11,6 +11,8 @@ import gtpin
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "real"))
 from far_nominal import draw, errors
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("seed", [300, 301, 302, 303, 304, 305])
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")

@@ -50,6 +50,7 @@ def test_the_target_is_found_to_the_noise_of_the_mean_in_spite_of_gross_errors(s
         assert np.linalg.norm(pin.log3(found.mount.T @ X.rotation)) < 1e-9
 
 
+@pytest.mark.slow
 def test_with_frame_and_target_free_poses_that_were_not_measured_are_predicted_as_if_both_were_known() -> None:
     case = make_case(4, robot="ur5", poses=80, held_out=40)
     rng = np.random.default_rng(0)
@@ -135,6 +136,7 @@ def measured_in(robot: gtpin.Robot, order: list[int], *, frame: Literal["robot",
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", ["robot", "free"])
 @pytest.mark.parametrize("robot", [ROBOT, gtpin.Robot(Description.parse(TURNER, "turner"))], ids=["ur5", "one joint"])
 def test_the_order_of_quaternions_is_recognised_with_a_free_target(

@@ -94,6 +94,7 @@ def off(model, data):
     return float(np.sqrt(((found.T - data.position) ** 2).sum(axis=1).mean()))
 
 
+@pytest.mark.slow
 def test_geometry_and_kept_effects_together_predict_other_poses(robot, case):
     poses, data = case
     fitted = gtpin.calibrate(data, keep_effects=[acting(robot)])
@@ -105,6 +106,7 @@ def test_geometry_and_kept_effects_together_predict_other_poses(robot, case):
         assert off(gtpin.calibrate(data).model, other) > 10.0 * SIGMA
 
 
+@pytest.mark.slow
 def test_without_effects_the_calibration_is_the_usual_one(case):
     _, data = case
     with warnings.catch_warnings():
@@ -113,6 +115,7 @@ def test_without_effects_the_calibration_is_the_usual_one(case):
     np.testing.assert_array_equal(same.values, usual.values)
 
 
+@pytest.mark.slow
 def test_what_only_one_day_had_is_left_out_with_a_warning(robot, case):
     _, data = case
     shift = acting(robot, "frame_shift", "frame", None)
@@ -136,6 +139,7 @@ def test_readings_of_other_instruments_are_refused(robot, case, tmp_path):
         gtpin.calibrate(gtpin.Dataset.read(tmp_path / "wire"), keep_effects=[acting(robot)])
 
 
+@pytest.mark.slow
 def test_commands_outside_the_range_of_the_fit_are_said(robot, case):
     _, data = case
     model = gtpin.calibrate(data, keep_effects=[acting(robot)]).model
@@ -149,6 +153,7 @@ def test_commands_outside_the_range_of_the_fit_are_said(robot, case):
         predict(model, replace(commands, q=np.zeros((4, 6))))
 
 
+@pytest.mark.slow
 def test_the_command_keeps_the_effects_of_a_folder(robot, case, tmp_path):
     _, data = case
     earlier = gtpin.calibrate(data, keep_effects=[acting(robot)]).model

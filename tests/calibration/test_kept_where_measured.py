@@ -83,6 +83,7 @@ def off(model, data):
     return float(np.sqrt(((model.predict(data.q).T - data.position) ** 2).sum(axis=1).mean()))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:set aside as gross errors")
 def test_a_deviation_that_ends_where_the_fit_ended_is_not_extrapolated(robot):
     data = measured(robot, lambda q: curve(q) if q < HIGH else 0.0, np.random.default_rng(5))
@@ -95,6 +96,7 @@ def test_a_deviation_that_ends_where_the_fit_ended_is_not_extrapolated(robot):
     assert off(found.model, data) < 0.5 * off(without.model, data)
 
 
+@pytest.mark.slow
 def test_a_deviation_that_goes_on_is_extrapolated(robot):
     data = measured(robot, curve, np.random.default_rng(6))
     with pytest.warns(gtpin.GtpinWarning, match="extrapolated"):
@@ -129,6 +131,7 @@ def test_the_kept_curve_differs_from_the_whole_one_by_what_the_geometry_absorbs(
     assert np.abs(left).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_a_model_file_keeps_where_a_curve_was_measured(robot, tmp_path):
     data = measured(robot, lambda q: curve(q) if q < HIGH else 0.0, np.random.default_rng(7))
     with warnings.catch_warnings():

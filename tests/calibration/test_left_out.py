@@ -44,6 +44,7 @@ def test_left_out_residuals_are_those_of_fits_without_the_pose():
         np.testing.assert_allclose(found[own], y[own] - J[own] @ solved(~own), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_calibration_states_the_error_of_calibrations_without_each_pose():
     data = Machine(11).measured(0, 2, False)
     data = data.take(slice(0, 40))  # 20 poses

@@ -36,6 +36,7 @@ def test_rows_in_another_unit_are_counted_and_the_first_and_last_named(robot, fr
     assert f"multiply x, y and z of these rows by {metres:g}" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart", "linear_delta"])
 @pytest.mark.parametrize("frame", ["robot", "free"])
 def test_data_in_one_unit_or_with_gross_errors_have_no_part_in_another(robot, frame):

@@ -21,6 +21,7 @@ def in_sessions(data, moves, *, first=0):
     return replace(data, position=data.position + shift, covariates={**data.covariates, "session": names})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 @pytest.mark.parametrize("orientations", [True, False])
 @pytest.mark.parametrize("move", [0.03, 0.1, 1.0])
@@ -36,11 +37,13 @@ def test_sessions_between_which_a_free_frame_moved_are_named_with_how_far(robot,
     assert "make a dataset of each session, or register the sessions" in text
 
 
+@pytest.mark.slow
 def test_a_motion_of_a_centimetre_is_named_where_the_fit_fails():
     data = in_sessions(elsewhere(machine("gantry_tau", 2), 5, "free"), [0.0, 0.02])
     assert "the instrument moved between sessions" in refusal(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart", "gantry_tau_6dof", "linear_delta"])
 @pytest.mark.parametrize("frame", ["robot", "free"])
 @pytest.mark.parametrize("orientations", [True, False])

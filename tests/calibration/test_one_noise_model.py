@@ -10,6 +10,8 @@ from virtual_gantry import commands, draw, measured, undeclared
 import gtpin
 from gtpin.data.read_instruments import InstrumentContents
 
+pytestmark = pytest.mark.slow
+
 
 def as_readings(dataset, folder, monkeypatch):
     """The dataset written as schema 2, and read as readings of an instrument."""

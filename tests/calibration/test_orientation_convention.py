@@ -31,6 +31,7 @@ MEANT = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wrongly", "meant"), list(zip(WRONGLY, MEANT, strict=True)))
 @pytest.mark.parametrize("effects", [0, 1])
 def test_a_wrong_conversion_is_refused_with_the_convention_that_fits(wrongly, meant, effects):
@@ -53,6 +54,7 @@ def test_turns_so_small_that_the_nominal_robot_hides_them_show_after_the_fit():
         gtpin.calibrate(spoilt)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of what two effects do to a fit
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart", "tau"])
 @pytest.mark.parametrize("declared", [True, False])

@@ -118,6 +118,7 @@ def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
     assert "readings of cup with socket" in said or "tolerances" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_a_machine_within_its_tolerances_is_not_warned_of(tmp_path, seed):
     rng = np.random.default_rng(100 + seed)
@@ -136,6 +137,7 @@ def test_one_reading_is_not_said_to_contradict_its_sigma(tmp_path):
     assert "noise" not in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 5, 10, 15])
 def test_fewer_readings_than_unknowns_are_fitted_or_refused_for_that(tmp_path, count):
     few = wire(MACHINE.gantry, np.random.default_rng(count), count, away=0.5, offset=1e-3)

@@ -89,6 +89,7 @@ OTHER_UNITS: dict[str, tuple[Callable[[float], Seen], str, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("name", OTHER_UNITS)
 def test_another_unit_is_named_and_where(tmp_path, name, unit):
@@ -100,12 +101,14 @@ def test_another_unit_is_named_and_where(tmp_path, name, unit):
     assert error.column
 
 
+@pytest.mark.slow
 def test_a_target_in_millimetres_is_named_where_the_frame_could_take_most_of_it_in(tmp_path):
     error = refused(tmp_path, LASER.saying(target=[1e3 * v for v in LASER.said["target"]]))
     assert "the target looks like millimetres" in error.what
     assert error.column == "instrument.0.target"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["millimetres", "inches"])
 def test_another_unit_of_one_of_several_instruments_is_named(tmp_path, unit):
     wrong, file, looks = OTHER_UNITS["heights"]
@@ -114,6 +117,7 @@ def test_another_unit_of_one_of_several_instruments_is_named(tmp_path, unit):
     assert f"bed: {looks} {unit}" in error.what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["heights", "normals"])
 def test_a_plane_touched_from_below_is_named(tmp_path, side):
     if side == "heights":
@@ -133,6 +137,7 @@ def test_tilts_of_another_unit_are_named(tmp_path, unit, factor):
     assert (Path(str(error.file)).name, error.column) == ("level.csv", "tilt_x tilt_y")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("looks", "x", "y", "signs"),
     [
@@ -237,6 +242,7 @@ def test_a_sigma_that_is_far_from_what_the_data_show_is_named(tmp_path, name):
     assert ratio in error.what
 
 
+@pytest.mark.slow
 def test_a_sigma_that_is_a_resolution_is_questioned_and_does_little_harm(tmp_path):
     with pytest.warns(GtpinWarning, match="or the declared sigma is too small"):
         found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=2e-7)))
@@ -261,6 +267,7 @@ OTHER_MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHER_MISTAKES)
 def test_other_mistakes_are_refused_with_what_to_check(tmp_path, name):
     wrong, column, told = OTHER_MISTAKES[name]
@@ -284,6 +291,7 @@ def test_good_readings_are_let_pass(tmp_path, name):
     assert_calibrated(gtpin.calibrate(read(tmp_path / "set", GOOD[name])))
 
 
+@pytest.mark.slow
 def test_good_readings_of_all_instruments_together_are_let_pass(tmp_path):
     several = (WIRE, TOUCHES, CUP, LEVEL, LASER)
     found = gtpin.calibrate(read(tmp_path / "set", *several))
@@ -348,6 +356,7 @@ def test_a_single_row_of_an_instrument_says_nothing_against_its_sigma(tmp_path):
     assert_calibrated(gtpin.calibrate(read(tmp_path / "set", WIRE, once)))
 
 
+@pytest.mark.slow
 def test_undeclared_sigmas_of_unequal_instruments_are_each_its_own_with_repeats(tmp_path):
     rng = np.random.default_rng(3)
     machine = Gantry.nominal()

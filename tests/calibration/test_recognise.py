@@ -119,6 +119,7 @@ def refusal(data):
     return str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_refused_by_its_name(robot, mistake):
@@ -126,6 +127,7 @@ def test_a_mistake_is_refused_by_its_name(robot, mistake):
     assert words in refusal(spoil(machine(robot, 611)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", ["inches", "z in millimetres", "q1 reversed"])
 @pytest.mark.parametrize("frame", ["robot", "free"])
 def test_it_is_recognised_in_positions_of_an_instrument_elsewhere_too(mistake, frame):
@@ -136,6 +138,7 @@ def test_it_is_recognised_in_positions_of_an_instrument_elsewhere_too(mistake, f
     assert ('set frame = "free"' in text) == (frame == "robot")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "tau", "gantry_tau_6dof", "stewart", "linear_delta"])
 def test_an_instrument_elsewhere_is_recognised(robot):
     data = elsewhere(machine(robot, 613), 613, "robot")
@@ -143,6 +146,7 @@ def test_an_instrument_elsewhere_is_recognised(robot):
     assert found(robot, replace(data, instrument=data.instrument.model_copy(update={"frame": "free"}))) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "gantry_tau_6dof", "stewart", "linear_delta"])
 @pytest.mark.parametrize("orientations", [True, False])
 def test_a_metre_along_x_may_always_be_another_frame(robot, orientations):
@@ -153,12 +157,14 @@ def test_a_metre_along_x_may_always_be_another_frame(robot, orientations):
     assert 'set frame = "free" under [instrument]' in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "gantry_tau_6dof", "stewart"])
 def test_conjugated_quaternions_are_recognised(robot):
     for seed in (614, 702):
         assert "the orientations look inverted (conjugated)" in (found(robot, conjugated(machine(robot, seed))) or "")
 
 
+@pytest.mark.slow
 def test_two_columns_of_commands_that_are_swapped_are_recognised():
     swapped = commands(lambda q: q[:, [1, 0, 2]])(machine("gantry_tau", 615))
     assert refusal(swapped).endswith("q1 and q2 look swapped; swap them")
@@ -184,6 +190,7 @@ def parts(data, seed):
         yield replace(data, position=position)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("frame", ["robot", "free"])
 def test_data_that_are_right_are_never_taken_for_a_mistake(robot, frame):
@@ -204,6 +211,7 @@ def test_an_orientation_that_is_constant_is_left_out_with_a_warning():
     assert np.array_equal(left_out.model.geometry.values, alone.model.geometry.values)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # its drawn geometry does turn a little
 def test_a_constant_orientation_of_a_robot_that_keeps_it_is_a_measurement():
     data = machine("linear_delta", 632)

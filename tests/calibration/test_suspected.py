@@ -72,6 +72,7 @@ def test_a_convention_of_rotations_is_certain_where_it_leaves_exactly_the_noise_
             suspect(MISTAKE, known, before, after, exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_large_error_of_orientation_outside_the_catalogue_is_no_convention(seed: int) -> None:
     data = make_case(661 + seed, robot="stewart", n_effects=0, poses=80, held_out=1).dataset
@@ -95,6 +96,7 @@ def bumped() -> Dataset:
     return replace(data, position=position, covariates=order)
 
 
+@pytest.mark.slow
 def test_trusted_data_are_calibrated_and_the_result_has_the_warnings() -> None:
     with pytest.raises(DatasetError, match="bumped"):
         gtpin.calibrate(bumped())
@@ -106,6 +108,7 @@ def test_trusted_data_are_calibrated_and_the_result_has_the_warnings() -> None:
     assert found.to_json()["warnings"] == list(found.warnings)
 
 
+@pytest.mark.slow
 def test_warnings_of_fits_that_are_not_the_result_are_not_noted() -> None:
     data = make_case(672, n_effects=0, poses=60, held_out=1).dataset
     with warnings.catch_warnings(record=True) as heard:

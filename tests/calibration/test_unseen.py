@@ -48,6 +48,7 @@ def poses(machine: Gantry, rng: np.random.Generator, q: Floats) -> Seen:
     return Seen(said, q, columns)
 
 
+@pytest.mark.slow
 def test_what_is_said_to_tell_a_direction_tells_it_and_nothing_else_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

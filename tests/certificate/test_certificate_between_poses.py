@@ -15,6 +15,8 @@ sys.path.insert(0, str(EXAMPLES))
 
 import unseen_poses  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("visits", [1, 3])
 @pytest.mark.parametrize("basis", ["fitted", "new"])

@@ -58,6 +58,7 @@ def test_scatter_no_larger_than_the_noise_leaves_the_machine_s_repeatability_bla
     assert blank >= 0.95 * TRIALS
 
 
+@pytest.mark.slow
 def test_the_standard_s_numbers_need_thirty_visits_and_agree_with_the_truth():
     rng = np.random.default_rng(3)
     far = lengths(rng)

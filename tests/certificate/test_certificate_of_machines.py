@@ -38,6 +38,7 @@ def new_poses(case: Case, count: int, seed: int) -> gtpin.Dataset:
     return measure_at(case, gtpin.Commands(case.commands.pose[rows], case.commands.q[rows]), seed)
 
 
+@pytest.mark.slow
 def test_the_expanded_uncertainty_covers_true_errors_of_new_poses_as_often_as_it_says():
     found = []
     for seed in range(20, 30):
@@ -49,6 +50,7 @@ def test_the_expanded_uncertainty_covers_true_errors_of_new_poses_as_often_as_it
     assert 0.93 <= radius <= 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_diagnosed_machines_are_covered_too():
     axes, radius = of_machines(8, 200).mean(axis=0)
@@ -56,6 +58,7 @@ def test_diagnosed_machines_are_covered_too():
     assert 0.93 <= radius <= 0.99
 
 
+@pytest.mark.slow
 def test_pose_accuracy_agrees_with_the_truth_within_its_uncertainty():
     off = []
     for seed in range(20, 30):
@@ -73,6 +76,7 @@ def test_pose_accuracy_agrees_with_the_truth_within_its_uncertainty():
     assert np.max(np.abs(off)) < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True])
 def test_the_propagated_posterior_is_the_spread_of_machines_drawn_from_it(free):
     case, model = machine(21 if free else 20, free)
@@ -83,6 +87,7 @@ def test_the_propagated_posterior_is_the_spread_of_machines_drawn_from_it(free):
     assert np.std(drawn, axis=0) == pytest.approx(found, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_free_frame_takes_away_what_moves_all_poses_alike():
     case, model = machine(21, True)
     certificate = gtpin.certify(new_poses(case, 60, 0), model)
@@ -94,6 +99,7 @@ def test_a_free_frame_takes_away_what_moves_all_poses_alike():
     assert rows["frame"].position > 0.0
 
 
+@pytest.mark.slow
 def test_the_poses_of_the_fit_are_recognised_and_new_ones_too():
     for seed in (20, 21, 22):
         case, model = machine(seed, seed % 2 == 1)
@@ -103,6 +109,7 @@ def test_the_poses_of_the_fit_are_recognised_and_new_ones_too():
         assert found["AP_p_corrected_max"].value > found["AP_p_corrected_rms"].value
 
 
+@pytest.mark.slow
 def test_the_mean_reversal_of_an_actuator_has_the_size_and_sign_of_what_the_machine_does():
     case, model = machine(20)
     q, reversal, off = case.commands.q, 3e-5, []
@@ -118,6 +125,7 @@ def test_the_mean_reversal_of_an_actuator_has_the_size_and_sign_of_what_the_mach
     assert np.max(np.abs(off)) < 4.0
 
 
+@pytest.mark.slow
 def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum():
     case, model = machine(20)
     plain = gtpin.certify(case.dataset, model).budget
@@ -133,6 +141,7 @@ def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum()
     assert np.sum(np.square(sizes)) >= 0.3 * rows["geometry"].position ** 2
 
 
+@pytest.mark.slow
 def test_undeclared_noise_without_repeated_visits_counts_as_error_of_the_machine():
     case, model = machine(20)
     first = np.unique(case.dataset.pose, return_index=True)[1]

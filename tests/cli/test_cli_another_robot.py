@@ -39,6 +39,7 @@ def words(command: str, made: Path, model: str, data: str, out: Path) -> list[st
     return [word.format(**places, commands=own / "commands.csv", out=out) for word in COMMANDS[command]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_model_of_the_same_robot_is_accepted(run, made: Path, tmp_path: Path, command: str) -> None:
     done = run(*words(command, made, "ur5", "ur5", tmp_path))

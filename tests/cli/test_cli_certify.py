@@ -63,6 +63,7 @@ def test_the_model_that_corrects_the_machine_is_beside_the_page_which_has_its_di
     assert np.array_equal(certified.T, given.T)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(run, folder, tmp_path):
     for name in ("a", "b"):
         done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / name, "--seed", 3)

@@ -33,6 +33,7 @@ def test_calibrate_writes_the_model_and_its_numbers(calibrated, source):
     )
 
 
+@pytest.mark.slow
 def test_calibrate_predicts_what_it_was_not_shown(run, tmp_path):
     made = run("simulate", "-o", tmp_path / "set", "--poses", "100", "--seed", "4", "--truth")
     assert made.code == 0
@@ -95,6 +96,7 @@ def test_simulate_takes_a_robot_by_its_urdf(run, tmp_path, calibrated):
     assert run("calibrate", tmp_path / "deep" / "set", "-o", tmp_path / "out").code == 0
 
 
+@pytest.mark.slow
 def test_demo_needs_nothing_but_a_folder_and_is_repeatable(run, tmp_path, monkeypatch, tree):
     monkeypatch.chdir(tmp_path)
     ran = run("demo")
@@ -124,6 +126,7 @@ def test_demo_needs_nothing_but_a_folder_and_is_repeatable(run, tmp_path, monkey
     assert errors["diagnosed"] < 0.5 * errors["calibrated"] < 0.1 * errors["nominal"]
 
 
+@pytest.mark.slow
 def test_the_demo_of_an_arm_finds_what_its_scenario_hides_and_says_what_readme_shows(run, tmp_path):
     ran = run("demo", "--robot", "ur5", "-o", tmp_path / "arm")
     assert ran.code == 0
@@ -167,6 +170,7 @@ def test_a_demo_of_a_robot_without_a_scenario_says_which_have_one(run, tmp_path)
     assert not (tmp_path / "arm").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["simulate", "calibrate", "predict"])
 def test_the_same_seed_gives_the_same_bytes(run, source, calibrated, tmp_path, tree, command):
     arguments = {
@@ -247,6 +251,7 @@ def test_predict_reads_parquet_and_a_dataset_s_own_poses(run, calibrated, source
     assert len(pd.read_csv(tmp_path / "d.csv")) == len(Dataset.read(source))
 
 
+@pytest.mark.slow
 def test_predict_answers_in_the_instrument_s_frame(run, dataset, tmp_path):
     toml = (dataset / "dataset.toml").read_text()
     (dataset / "dataset.toml").write_text(toml.replace('frame = "robot"', 'frame = "free"'))
@@ -263,6 +268,7 @@ def test_predict_answers_in_the_instrument_s_frame(run, dataset, tmp_path):
     assert np.abs(found[["x", "y", "z"]] - frame[["x", "y", "z"]]).max(axis=None) < 8 * 15e-6
 
 
+@pytest.mark.slow
 def test_calibrate_reads_parquet_bom_and_any_line_ending(run, dataset, calibrated, tmp_path):
     text = (dataset / "poses.csv").read_bytes()
     reference = json.loads((calibrated / "calibration.json").read_text())
@@ -276,6 +282,7 @@ def test_calibrate_reads_parquet_bom_and_any_line_ending(run, dataset, calibrate
     assert json.loads((tmp_path / "parquet" / "calibration.json").read_text()) == reference
 
 
+@pytest.mark.slow
 def test_the_program_works_from_end_to_end(program, tmp_path):
     """As people run it: relative paths, one process after the other."""
     for arguments in (

@@ -144,6 +144,7 @@ def again(strong):
         return gtpin.diagnose(Dataset.read(strong))
 
 
+@pytest.mark.slow
 def test_the_same_data_twice_give_the_same_bytes(diagnosed, again, strong, tmp_path, tree):
     folder, _ = diagnosed
     write_diagnosis(again, tmp_path)
@@ -153,6 +154,7 @@ def test_the_same_data_twice_give_the_same_bytes(diagnosed, again, strong, tmp_p
     assert [name for name in names if first[name] != second[name]] == []
 
 
+@pytest.mark.slow
 def test_json_prints_the_result_and_nothing_else(run, diagnosed, again, strong, tmp_path, monkeypatch):
     monkeypatch.setattr("gtpin.commands.diagnose.run_diagnosis", lambda *_, **__: again)
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--json")
@@ -161,6 +163,7 @@ def test_json_prints_the_result_and_nothing_else(run, diagnosed, again, strong, 
     assert all(line.startswith("gtpin: warning: ") for line in ran.err.splitlines())
 
 
+@pytest.mark.slow
 def test_what_is_excluded_is_neither_named_nor_considered(run, strong, tmp_path):
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--exclude", "backlash@cart1", "--exclude", "servo_lag")
     assert ran.code == 0, ran.err
@@ -174,6 +177,7 @@ def test_what_is_excluded_is_neither_named_nor_considered(run, strong, tmp_path)
     assert found["verdict"] != "none"
 
 
+@pytest.mark.slow
 def test_without_an_effect_nothing_is_named(run, tmp_path):
     dataset = made(tmp_path)
     ran = run("diagnose", dataset, "-o", tmp_path / "out")
@@ -201,6 +205,7 @@ def test_a_false_alarm_rate_that_can_t_be_is_refused(run, strong, tmp_path, valu
     assert "--false-alarm" in run("diagnose", strong, "-o", tmp_path / "out", "--false-alarm", value).failed()
 
 
+@pytest.mark.slow
 def test_wrong_datasets_are_refused_and_leave_nothing(run, strong, tmp_path, tree):
     dataset = tmp_path / "set"
     replace(Dataset.read(strong), position=Dataset.read(strong).position * 1000.0).write(dataset)
@@ -248,6 +253,7 @@ def test_what_can_t_be_held_out_by_its_column_is_refused_in_one_line(hold_out, r
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_what_was_held_out_is_in_the_json_and_in_the_report(strong, tmp_path, run):
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--hold-out", "time", "--seed", 3)
     assert ran.code == 0, ran.err

@@ -116,6 +116,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WRONG)
 def test_wrong_datasets_are_refused_in_one_line_that_names_the_place(run, dataset, tmp_path, tree, kind):
     change, named = WRONG[kind]
@@ -352,6 +353,7 @@ def test_a_disk_that_fills_while_writing_is_one_line_too(run, source, tmp_path, 
     assert tree(tmp_path) == {}
 
 
+@pytest.mark.slow
 def test_an_output_folder_is_updated_and_what_else_is_in_it_stays(run, dataset, tmp_path, tree):
     target = tmp_path / "out"
     assert run("calibrate", dataset, "-o", target).code == 0
@@ -395,6 +397,7 @@ CELL = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_commands_with_any_cell_are_predicted_or_refused(run, tmp_path_factory, data):
@@ -414,6 +417,7 @@ def test_commands_with_any_cell_are_predicted_or_refused(run, tmp_path_factory, 
         assert [path.name for path in folder.iterdir()] == ["c.csv"]
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_datasets_with_any_cell_are_calibrated_or_refused(run, source, tmp_path_factory, data):

@@ -122,6 +122,7 @@ def test_a_table_of_corrections_is_what_to_command(run: Run, erring: Path, tmp_p
     np.testing.assert_array_equal(table.forward, table.reverse)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "more", "written"),
     [

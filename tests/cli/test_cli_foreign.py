@@ -83,6 +83,7 @@ def put(place: Path, kind: str, elsewhere: Path) -> None:
         place.symlink_to(elsewhere / "nowhere")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("command", FOLDERS)
 def test_a_folder_with_something_of_a_user_s_is_refused_before_any_work(run, source, tmp_path, tree, command):
@@ -170,6 +171,7 @@ def test_the_truth_beside_a_dataset_is_not_written_over_something_else(run, sour
     assert tree(tmp_path) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["file", "folder", "link", "dangling"])
 def test_force_moves_a_user_s_things_aside_and_keeps_them(run, source, tmp_path, tree, kind):
     output, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
@@ -226,6 +228,7 @@ def test_a_broken_marker_vouches_for_nothing(run, tmp_path, tree):
         assert tree(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_results_go_beside_a_user_s_measurements(run, dataset, tmp_path, tree):
     before = tree(dataset)
     assert run("calibrate", dataset, "-o", dataset).code == 0

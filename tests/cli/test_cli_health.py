@@ -29,6 +29,7 @@ def folder(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 def test_a_check_writes_what_a_diagnosis_writes_and_adds_itself_to_the_log(run, folder, tmp_path):
     done = run(
         "diagnose", folder / "today", "--against", folder / "model", "-o", tmp_path / "o", "--history", tmp_path / "log"
@@ -45,6 +46,7 @@ def test_a_check_writes_what_a_diagnosis_writes_and_adds_itself_to_the_log(run, 
     assert poses.code == 0, poses.err
 
 
+@pytest.mark.slow
 def test_a_plan_is_a_table_that_predict_reads_and_is_repeatable(run, folder, tmp_path):
     for name in ("a", "b"):
         done = run("plan", folder / "model", "--for", "health", "--poses", 6, "-o", tmp_path / name)
@@ -85,6 +87,7 @@ def test_a_check_measured_in_another_frame_than_the_model_is_one_line(run, folde
     assert 'frame = "free"' in words
 
 
+@pytest.mark.slow
 def test_a_model_of_an_older_version_is_taken_with_a_warning(run, folder, tmp_path):
     old = tmp_path / "old"
     gtpin.write_model(replace(gtpin.read_model(folder / "model"), fit=None), old)

@@ -147,6 +147,7 @@ def test_files_of_others_are_never_replaced(run: Run, tmp_path: Path) -> None:
     assert (folder / "bed.csv.old-1").read_text(encoding="utf-8") == "mine\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

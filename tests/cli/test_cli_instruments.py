@@ -16,6 +16,7 @@ from gtpin.data import Dataset
 BACKLASH = Path(__file__).parents[2] / "examples" / "scenarios" / "backlash.toml"
 
 
+@pytest.mark.slow
 def test_a_table_for_each_instrument_is_written_and_read(run, tmp_path):
     ran = run("simulate", "-o", tmp_path / "set", "--poses", "12", "--instrument", "plane", "--instrument", "range")
     assert (ran.code, ran.err) == (0, "")
@@ -30,6 +31,7 @@ def test_a_table_for_each_instrument_is_written_and_read(run, tmp_path):
     assert "length[2a]" in truth["geometry"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a scenario holds constant is noticed
 def test_a_scenario_gives_the_machine_its_effects_and_the_table_its_covariates(run, tmp_path):
     options = ("--scenario", BACKLASH, "--poses", "12", "--robot", "linear_delta", "--instrument", "socket", "--json")
@@ -47,6 +49,7 @@ def test_a_tracker_s_dataset_takes_the_place_of_one_of_other_instruments(run, tm
     assert names == {"dataset.toml", "poses.csv", "commands.csv"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "what"),
     [
@@ -98,6 +101,7 @@ def five_bar(measured, tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the links of five_bar have no masses")
 def test_an_encoder_s_data_go_the_whole_way(run, five_bar):
     cal = five_bar / "cal"

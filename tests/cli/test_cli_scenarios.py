@@ -43,6 +43,7 @@ def test_every_example_becomes_a_dataset_with_its_truth_beside_it(run, tmp_path,
 BACKLASH = next(file for file in SCENARIOS if file.stem == "backlash")
 
 
+@pytest.mark.slow
 def test_what_is_given_takes_precedence_over_the_scenario_and_the_same_gives_the_same_bytes(run, tmp_path, tree):
     found = {}
     for name, options in {"own": [], "again": [], "seed": ["--seed", "1"]}.items():

@@ -47,6 +47,7 @@ def test_the_version_is_told(run):
     assert ran.out.strip() == f"gtpin {gtpin.__version__}"
 
 
+@pytest.mark.slow
 def test_piped_output_has_neither_colour_nor_progress(program, source, tmp_path):
     ran = program("calibrate", source, "-o", tmp_path / "out")
     assert ran.code == 0
@@ -55,6 +56,7 @@ def test_piped_output_has_neither_colour_nor_progress(program, source, tmp_path)
     assert "\r" not in ran.out
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_no_color_is_respected_on_a_terminal(source, tmp_path):
     import pty
@@ -93,6 +95,7 @@ def test_no_color_is_respected_on_a_terminal(source, tmp_path):
     assert "\x1b[3" not in shown["plain"].replace("\x1b[39", "")
 
 
+@pytest.mark.slow
 def test_a_reader_that_closes_the_pipe_is_no_fault(source, tmp_path):
     code = "import gtpin.cli; gtpin.cli.main()"
     process = subprocess.Popen(
@@ -109,6 +112,7 @@ def test_a_reader_that_closes_the_pipe_is_no_fault(source, tmp_path):
     assert (tmp_path / "out" / "calibration.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ["--help", "--version", "robots --json"])
 def test_whatever_is_printed_ends_quietly_where_nobody_reads_it(words):
     process = subprocess.Popen(
@@ -129,11 +133,13 @@ def test_a_still_image_is_told_as_json(run, tmp_path):
     assert target.stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_the_package_runs_as_the_program_does():
     ran = subprocess.run([sys.executable, "-m", "gtpin", "--version"], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == f"gtpin {gtpin.__version__}"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes can't be listed")
 def test_a_program_that_is_told_to_end_leaves_no_processes(tmp_path):
     program = [sys.executable, "-m", "gtpin", "blind", "--cases", "40", "-o", str(tmp_path / "check")]
@@ -183,6 +189,7 @@ def _heeding_signals() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [["predict"], ["--help"]], ids=" ".join)
 def test_a_full_standard_output_is_one_line_and_results_are_written(source, tmp_path, arguments):
@@ -197,6 +204,7 @@ def test_a_full_standard_output_is_one_line_and_results_are_written(source, tmp_
     assert not written or (tmp_path / "p.csv").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_a_terminal_of_few_letters_is_told_everything_it_can_show(tmp_path):
     folder = tmp_path / "Μessung µ"  # the first letter is Greek
     environment = {"PYTHONIOENCODING": "latin-1", "LC_ALL": "C"}
@@ -238,6 +246,7 @@ def test_a_name_that_is_too_long_is_one_line_that_names_it(run, source, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0, 1])
 @pytest.mark.parametrize("module", ["typer", "pydantic"])
 def test_an_interruption_of_the_imports_is_one_line(tmp_path, start, module):
@@ -250,6 +259,7 @@ def test_an_interruption_of_the_imports_is_one_line(tmp_path, start, module):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0, 1])
 def test_an_interruption_of_an_import_amid_the_work_is_one_line(source, tmp_path, start):
     code = (

@@ -11,6 +11,8 @@ import pytest
 
 from gtpin.plant import make_case
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def bumped(tmp_path_factory: pytest.TempPathFactory) -> Path:

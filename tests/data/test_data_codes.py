@@ -44,6 +44,7 @@ def test_a_written_table_is_that_of_pandas(tmp_path):
     assert (tmp_path / "ours.csv").read_bytes() == (tmp_path / "theirs.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_reading_a_dataset_does_not_import_pandas(tmp_path):
     (tmp_path / "dataset.toml").write_text(TOML)
     (tmp_path / "poses.csv").write_text("\n".join((HEADER, *LINES)) + "\n")

@@ -77,6 +77,7 @@ INCH = 0.0254
 STEPS = [(UM, UM), (UM, 0.1 * UM), (10 * UM, UM), (UM, 0.3 * UM), (1e-4 * INCH, UM), (0.1 * UM, UM)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "scatter"), STEPS)
 def test_readings_that_are_equal_by_chance_are_no_copies(make: Make, step: float, scatter: float) -> None:
     for seed in range(SETS):
@@ -138,6 +139,7 @@ def test_the_scatter_of_a_drive_that_moves_all_columns_together_makes_no_copies(
         assert not copies(replace(data, position=np.round((data.position + along) / UM) * UM)).any()
 
 
+@pytest.mark.slow
 def test_a_copy_is_never_set_aside_as_a_gross_error() -> None:
     data = simulate(gtpin.load_robot("gantry_tau"), "gantry_tau", poses=60, seed=4).dataset
     model = gtpin.calibrate(data).model

@@ -83,6 +83,7 @@ def bits(column):
     return column.tolist() if column.dtype == object else np.ascontiguousarray(column).tobytes()
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(case=folders(), suffix=st.sampled_from(["csv", "parquet"]))
 def test_readings_are_read_as_they_were_written(tmp_path, case, suffix):
@@ -225,6 +226,7 @@ def test_one_tracker_of_schema_2_is_the_dataset_of_schema_1(both):
     assert bits(one.covariates["time"]) == bits(two.covariates["time"])
 
 
+@pytest.mark.slow
 def test_one_tracker_of_schema_2_calibrates_as_in_schema_1(both):
     one, two = (json.loads(json.dumps(gtpin.calibrate(dataset).to_json())) for dataset in both)
     assert_near(one, two)

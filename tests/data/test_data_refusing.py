@@ -355,6 +355,7 @@ def spoil(data, corruptions):
     return data
 
 
+@pytest.mark.slow
 @no_deadline
 @given(corruptions=st.lists(corruption, min_size=1, max_size=4))
 def test_a_corrupted_table_never_raises_anything_but_a_dataset_error(make, corruptions):
@@ -366,6 +367,7 @@ def test_a_corrupted_table_never_raises_anything_but_a_dataset_error(make, corru
                 read()
 
 
+@pytest.mark.slow
 @no_deadline
 @given(corruptions=st.lists(corruption, min_size=1, max_size=4))
 def test_a_corrupted_dataset_toml_never_raises_anything_but_a_dataset_error(make, corruptions):
@@ -374,6 +376,7 @@ def test_a_corrupted_dataset_toml_never_raises_anything_but_a_dataset_error(make
         Dataset.read(folder)
 
 
+@pytest.mark.slow
 @no_deadline
 @given(corruptions=st.lists(st.tuples(st.integers(0, 9000), st.integers(0, 30), st.binary(max_size=6)), max_size=3))
 def test_a_corrupted_parquet_table_never_raises_anything_but_a_dataset_error(make, corruptions):

@@ -26,6 +26,7 @@ def is_partition_of_poses(masks, data):
         assert sum(mask[data.pose == pose].any() for mask in masks) == 1
 
 
+@pytest.mark.slow
 @settings(deadline=None, derandomize=True)
 @given(st.integers(8, 40), st.integers(0, 20), st.integers(0, 5), st.integers(2, 8))
 def test_every_split_is_a_partition_that_no_pose_straddles(n, repeats, seed, folds):

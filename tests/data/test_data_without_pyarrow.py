@@ -23,6 +23,7 @@ def both(make, tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_csv_needs_no_pyarrow(both: Path) -> None:
     """In a process of its own: pandas decides at its import whether pyarrow is there."""
     code = "import sys; sys.modules['pyarrow'] = None; import gtpin; print(len(gtpin.Dataset.read(sys.argv[1])))"

@@ -41,6 +41,7 @@ def searched(shapes: Floats, errors: Floats, variance: Floats, lines: int, taken
     return FittedLines(errors, variance, tuple(found), len(FREQUENCIES), taken)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [0.0, 1.0])
 def test_scatter_is_significant_no_more_often_than_is_said(spread: float) -> None:
     rng = np.random.default_rng(11)
@@ -53,6 +54,7 @@ def test_scatter_is_significant_no_more_often_than_is_said(spread: float) -> Non
     assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
 
 
+@pytest.mark.slow
 def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than_is_said() -> None:
     rng = np.random.default_rng(13)
     significant, others = 0, POSES // 2
@@ -66,6 +68,7 @@ def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than
     assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [0.5, 0.9])
 def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_it(part: float) -> None:
     rng = np.random.default_rng(14)
@@ -86,6 +89,7 @@ def test_errors_that_other_causes_fit_completely_show_no_line() -> None:
         assert searched(shapes, np.full(4, 1e-9), np.ones(4), 1, taken).chance() == 1.0
 
 
+@pytest.mark.slow
 def test_a_line_with_a_third_of_the_power_is_significant() -> None:
     rng = np.random.default_rng(12)
     for _ in range(20):
@@ -105,6 +109,7 @@ def erring(seed: int, size: float) -> gtpin.Dataset:
     return replace(data, q=q)
 
 
+@pytest.mark.slow
 def test_a_joint_with_random_errors_is_unknown_and_no_periodic_error() -> None:
     found = gtpin.diagnose(erring(1, 1e-4))
     assert found.verdict == "unknown"
@@ -112,6 +117,7 @@ def test_a_joint_with_random_errors_is_unknown_and_no_periodic_error() -> None:
     assert {doubt.site for doubt in found.doubts} == {"wrist_1_joint"}
 
 
+@pytest.mark.slow
 def test_a_line_at_few_commands_that_are_visited_often_is_named() -> None:
     rng = np.random.default_rng(2)
     robot = gtpin.load_robot("ur5")

@@ -10,6 +10,8 @@ import pytest
 import gtpin
 from gtpin.data import Instrument
 
+pytestmark = pytest.mark.slow
+
 
 def computed(seed: int, digits: int) -> gtpin.Dataset:
     """Poses of an arm whose geometry is not nominal, as a controller writes its targets: without noise, and rounded."""

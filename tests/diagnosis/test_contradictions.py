@@ -64,6 +64,7 @@ def test_sessions_of_other_rows_are_left_out_and_clocks_that_begin_anew_are_not(
     assert without_contradictions(anew) is anew
 
 
+@pytest.mark.slow
 def test_backlash_with_directions_of_other_rows_is_called_nothing_else() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
@@ -71,6 +72,7 @@ def test_backlash_with_directions_of_other_rows_is_called_nothing_else() -> None
     assert not [c for c in found.causes if c.probability >= 0.95 and c.effect != "backlash"]
 
 
+@pytest.mark.slow
 def test_commands_that_were_cut_off_name_no_cause() -> None:
     dataset = measured(8, [])
     cut = replace(dataset, q=np.trunc(dataset.q / 1e-4) * 1e-4, pose=np.arange(len(dataset)).astype(str).astype(object))
@@ -103,6 +105,7 @@ def test_too_many_or_too_short_sessions_are_left_out(count: int) -> None:
     assert without_contradictions(kept) is kept
 
 
+@pytest.mark.slow
 def test_a_session_in_every_row_makes_its_effects_untestable_for_that_reason() -> None:
     dataset = measured(8, []).take(np.arange(60))
     with warnings.catch_warnings():

@@ -164,6 +164,7 @@ def check(hypotheses: HypothesisSet, model: Model) -> None:
     assert model.log_evidence == pytest.approx(dense[0] - dense[1] + prior, rel=1e-4, abs=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(hypotheses=problems(), long=st.sampled_from([0, 8, 100]))
 def test_a_search_over_any_hypotheses_ends_with_finite_evidence(hypotheses: HypothesisSet, long: int) -> None:

@@ -28,12 +28,14 @@ def tooth(poses: int = POSES, noise: Noise | None = None, without: tuple[str, ..
     return case.dataset
 
 
+@pytest.mark.slow
 def test_the_same_data_and_seed_give_the_same_bytes():
     once = said(1, "rack_periodic")
     again = gtpin.diagnose(machine(1, "rack_periodic").dataset)
     assert json.dumps(once.to_json()) == json.dumps(again.to_json())
 
 
+@pytest.mark.slow
 def test_the_order_of_rows_means_nothing():
     dataset = machine(1, "rack_periodic").dataset
     once = said(1, "rack_periodic")
@@ -48,6 +50,7 @@ def test_the_order_of_rows_means_nothing():
     assert np.isclose(again.gap.after, once.gap.after, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_covariate_of_no_effect_changes_nothing():
     dataset = machine(2, "backlash").dataset
     humidity = np.random.default_rng(1).uniform(30.0, 60.0, len(dataset))
@@ -57,6 +60,7 @@ def test_a_covariate_of_no_effect_changes_nothing():
         assert again[part] == once[part], part
 
 
+@pytest.mark.slow
 def test_positions_alone_show_the_cause():
     found = gtpin.diagnose(tooth(noise=Noise(orientations=False)))
     assert TOOTH in classes(found)
@@ -64,6 +68,7 @@ def test_positions_alone_show_the_cause():
     assert set(found.where.axis) == {"x", "y", "z"}
 
 
+@pytest.mark.slow
 def test_noise_that_is_not_declared_is_no_hindrance():
     found = gtpin.diagnose(tooth(noise=Noise(declared=False)))
     assert TOOTH in names(found)
@@ -71,6 +76,7 @@ def test_noise_that_is_not_declared_is_no_hindrance():
     assert abs(np.log(found.gap.floor / (np.sqrt(3.0) * 1.5e-5))) < 0.2
 
 
+@pytest.mark.slow
 def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
     noise = Noise(repeatability=(2.4e-5, 2.6e-5))
     case = make_case(1, effects=[], poses=POSES, noise=noise)
@@ -81,6 +87,7 @@ def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
     assert abs(np.log(found.gap.floor**2 / scatter)) < 0.35
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_gross_errors_are_no_cause():
     found = gtpin.diagnose(tooth(noise=Noise(gross=0.04)))
@@ -90,6 +97,7 @@ def test_gross_errors_are_no_cause():
     assert clean.verdict == "none"
 
 
+@pytest.mark.slow
 def test_what_a_missing_covariate_would_show_is_untestable_and_says_so():
     found = gtpin.diagnose(tooth(without=("temp", "speed", "approach", "session", "payload", "time")))
     assert TOOTH in names(found)
@@ -106,6 +114,7 @@ def test_what_a_missing_covariate_would_show_is_untestable_and_says_so():
         assert untestable[effect, site] == Untestable("missing", word)
 
 
+@pytest.mark.slow
 def test_bare_commands_and_poses_are_enough():
     dataset = replace(machine(2).dataset, covariates={})
     found = gtpin.diagnose(dataset)
@@ -113,6 +122,7 @@ def test_bare_commands_and_poses_are_enough():
     assert any(c.testable for c in found.candidates)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poses", [8, 12, 20])
 @pytest.mark.parametrize("effect", [[], [TOOTH]])
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -142,6 +152,7 @@ def test_positions_of_few_poses_never_end_in_a_crash():
     assert found.verdict == "none"
 
 
+@pytest.mark.slow
 def test_an_arm_without_masses_is_diagnosed_and_loads_are_untestable(tmp_path):
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(ARM, encoding="utf-8")
@@ -172,6 +183,7 @@ def test_what_is_excluded_must_be_known(word):
         gtpin.diagnose(machine(1).dataset, exclude=[word])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("station", [None, (1.5, -7.0, 0.3)])
 def test_more_poses_than_a_search_is_made_on_are_all_fitted(station, monkeypatch):
     dataset = machine(1, "rack_periodic").dataset
@@ -185,6 +197,7 @@ def test_more_poses_than_a_search_is_made_on_are_all_fitted(station, monkeypatch
     assert len(found.model.predict(dataset.q, dataset.covariates).T) == len(dataset) > 100
 
 
+@pytest.mark.slow
 def test_an_instrument_in_a_frame_of_its_own_is_no_cause():
     found = gtpin.diagnose(make_case(3, effects=[], poses=POSES, noise=Noise(free=True)).dataset)
     assert found.verdict == "none"

@@ -23,6 +23,8 @@ from gtpin.plant import make_case
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.verdict import verdict
 
+pytestmark = pytest.mark.slow
+
 
 def warned(dataset: Dataset) -> tuple[Diagnosis, str]:
     with warnings.catch_warnings(record=True) as caught:

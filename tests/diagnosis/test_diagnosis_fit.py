@@ -57,6 +57,7 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     return true, replace(observed, measured=Measured(observed.measured.q, T, R), noise=noise)
 
 
+@pytest.mark.slow
 def test_a_fit_about_its_own_result_is_the_linear_posterior():
     true, observed = machine(1)
     references = true.effects[0].references

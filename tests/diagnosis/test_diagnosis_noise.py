@@ -50,6 +50,7 @@ def asked(observed: Observed, declared: tuple[bool, bool]) -> tuple[Observed, bo
     return found.observed, found.matters
 
 
+@pytest.mark.slow
 def test_what_a_model_leaves_is_what_least_squares_leaves():
     observed = measured(1)
     hypotheses = hypotheses_of(observed)
@@ -87,6 +88,7 @@ def test_repeatability_is_found(seed, declared, true):
     assert matters
 
 
+@pytest.mark.slow
 def test_declared_sigmas_of_gaussian_noise_are_left_alone():
     draws, shown = 16, 0
     for seed in range(draws):

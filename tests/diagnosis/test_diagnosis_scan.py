@@ -122,6 +122,7 @@ def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
         )
 
 
+@pytest.mark.slow
 def test_sigmas_of_periods_cover_the_true_ones():
     effect, draws = FewPeriods(), 30
     rng = np.random.default_rng(7)

@@ -49,6 +49,7 @@ def test_a_block_left_out_is_what_a_fit_without_it_predicts(c, free):
     assert_allclose(found.columns, moved, rtol=1e-9, atol=1e-9 * SIGMA)
 
 
+@pytest.mark.slow
 def test_the_noise_that_a_fit_shows_is_without_bias():
     rng = np.random.default_rng(2)
     n, c, p, draws = 40, 6, 12, 300
@@ -113,6 +114,7 @@ def compared(strength: float) -> list[tuple[Gap, float]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.3, 1.0])
 def test_intervals_cover_the_shrinkage_on_other_poses(strength):
     inside = [said.interval[0] <= true <= said.interval[1] for said, true in compared(strength)]
@@ -139,6 +141,7 @@ def test_without_causes_nothing_shrinks_and_the_floor_is_no_higher_than_the_gap(
         assert found.interval is None
 
 
+@pytest.mark.slow
 def test_a_perfect_model_shows_the_noise_floor():
     ratios = []
     for seed in range(20):

@@ -47,6 +47,7 @@ def tilted(data: gtpin.Dataset, axis: int, about: tuple[float, float, float]) ->
 SITES = [("gantry_tau", "frame"), ("ur5", "base_link")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "site"), SITES)
 def test_a_column_that_acts_is_named_and_measured(robot, site, tmp_path):
     data = replace(tilted(measured(robot), 0, (0.0, 0.0, 0.0)), drivers=(Driver("tilt_x", site, "rx", 1e-4),))
@@ -69,6 +70,7 @@ def test_a_column_that_acts_is_named_and_measured(robot, site, tmp_path):
         read.predict(data.q, {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "site"), SITES)
 def test_a_column_of_noise_is_not_named(robot, site):
     found = gtpin.diagnose(replace(measured(robot), drivers=(Driver("tilt_x", site, "rx", 1e-4),)))
@@ -76,6 +78,7 @@ def test_a_column_of_noise_is_not_named(robot, site):
     assert any(c.effect == "driver:tilt_x" and c.testable for c in found.candidates)
 
 
+@pytest.mark.slow
 def test_a_column_can_be_excluded():
     data = replace(measured("gantry_tau"), drivers=(Driver("tilt_x", "cart1", "ry", 1e-4),))
     found = gtpin.diagnose(data, exclude=["driver:tilt_x"])

@@ -140,6 +140,7 @@ def diagnosed(dataset: Dataset, exclude: Sequence[str]) -> tuple[gtpin.Diagnosis
     return found, json.loads(json.dumps(found.to_json(), allow_nan=False))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize("number", range(len(TABLE)))
 def test_any_two_choices_together_are_diagnosed(number: int, measured: Simulation, tmp_path: Path) -> None:

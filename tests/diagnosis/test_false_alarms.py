@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from every_effect import every_effect
 from linear_problems import calibrated
 from scipy.stats import binom
 
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.search import rough_guess
+
+pytestmark = pytest.mark.slow
 
 MACHINES = 60
 RATES = (0.3, 0.05)

@@ -40,6 +40,7 @@ def test_a_constant_that_states_something_is_kept(backlash, column, value):
         assert column in without_filled_in(data).covariates
 
 
+@pytest.mark.slow
 def test_backlash_without_approaches_is_not_taken_for_a_sure_lag(backlash):
     filled = constant(backlash, approach1=1.0, approach2=1.0, approach3=1.0)
     with pytest.warns(GtpinWarning, match="taken as not recorded: approach1, approach2, approach3"):
@@ -50,6 +51,7 @@ def test_backlash_without_approaches_is_not_taken_for_a_sure_lag(backlash):
     assert [(c.effect, c.site) for c in found.causes] == [(c.effect, c.site) for c in left_out.causes]
 
 
+@pytest.mark.slow
 def test_marks_of_a_logger_are_set_aside_by_name_and_change_no_cause(backlash):
     temperature = backlash.covariates["temp_frame"].copy()
     temperature[[3, 40]] = -999.0

@@ -112,6 +112,7 @@ def by_session() -> gtpin.Diagnosis:
     return gtpin.diagnose(machine(SEED, EFFECT, energy=LARGE).dataset, hold_out="session")
 
 
+@pytest.mark.slow
 def test_shifts_between_sessions_are_named_and_predict_no_other_session():
     known, unseen = said(SEED, EFFECT), by_session()
     assert known.verdict == unseen.verdict == "explained"
@@ -129,6 +130,7 @@ def test_the_method_says_what_was_left_out():
     assert "four neighbouring poses" in said(SEED, EFFECT).to_json()["gap"]["method"]
 
 
+@pytest.mark.slow
 def test_only_where_there_is_one_session_the_interval_is_said_to_ignore_another_day():
     method = said(SEED, EFFECT).to_json()["gap"]["method"]
     assert "another day" not in method
@@ -169,6 +171,7 @@ def of_days(seed: int, days: int = 4) -> tuple[Gap, float]:
     return found, float(1.0 - (after**2).sum() / (before**2).sum())
 
 
+@pytest.mark.slow
 def test_intervals_over_sessions_cover_what_another_session_shows():
     found = [of_days(seed) for seed in range(100)]
     inside = [told.interval[0] <= true <= told.interval[1] for told, true in found]

@@ -4,10 +4,13 @@ import warnings
 from typing import Any
 
 import numpy as np
+import pytest
 
 import gtpin
 from gtpin.diagnosis.inference import joint_fit
 from gtpin.plant import make_case
+
+pytestmark = pytest.mark.slow
 
 STEP = 1e-3
 """In sigmas of the priors."""

@@ -12,6 +12,8 @@ from diagnosed import machine
 import gtpin
 from gtpin.diagnosis.inference import joint_fit
 
+pytestmark = pytest.mark.slow
+
 STEP = 1e-4
 """In sigmas of the priors."""
 

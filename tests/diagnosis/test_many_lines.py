@@ -12,6 +12,8 @@ from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.plant import simulate
 
+pytestmark = pytest.mark.slow
+
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
 LINES = {

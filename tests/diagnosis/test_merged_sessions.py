@@ -97,6 +97,7 @@ def test_neighbours_are_merged_where_equal_coefficients_have_the_larger_evidence
     assert found == ([[0], [1, 2]] if equal > apart_ else [[0], [1], [2]])
 
 
+@pytest.mark.slow
 def test_a_shift_of_the_frame_stays_the_cause_where_each_session_has_four_labels() -> None:
     case = make_case(
         0, effects=[("frame_shift", "frame")], energy=1500.0, poses=100, held_out=1, conditions=Conditions(sessions=3)

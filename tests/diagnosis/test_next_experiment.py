@@ -124,6 +124,7 @@ def _log_density(gram: np.ndarray, moment: np.ndarray, width: np.ndarray) -> flo
     return float(0.5 * (u @ np.linalg.solve(A, u) - np.linalg.slogdet(A)[1]))
 
 
+@pytest.mark.slow
 def test_planned_poses_part_causes_from_their_rivals_better_than_as_many_random_ones() -> None:
     planned, random, expected = [], [], []
     for truth, rival in PAIRS:
@@ -158,6 +159,7 @@ def _gain(case: Case, known: Known, truth: str, rival: str, later: Dataset) -> f
     return factors[1] - factors[0]
 
 
+@pytest.mark.slow
 def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_than_random_poses() -> None:
     name, planned, random = "backlash@cart1", [], []
     for seed in range(2):
@@ -224,6 +226,7 @@ def test_a_plan_is_worth_more_than_every_random_choice_out_of_the_same_rows() ->
     assert plan > max(drawn)
 
 
+@pytest.mark.slow
 def test_same_stream_same_plan() -> None:
     _, known = known_of("linearity@cart2", 0)
     first, same, other = (
@@ -234,6 +237,7 @@ def test_same_stream_same_plan() -> None:
     assert first != other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [("thermal_links@arm", "tracker_drift@frame"), ("zero_shift@cart2", "frame_shift@frame"), PAIRS[1]],
@@ -259,6 +263,7 @@ def test_a_plan_can_be_measured(names: tuple[str, str]) -> None:
             assert len(measured(case, experiment.poses, free, 0)) == len(experiment.poses)
 
 
+@pytest.mark.slow
 def test_both_states_of_a_machine_are_asked_for_where_its_warmth_is_in_question() -> None:
     _, known = known_of("thermal_links@arm", 0)
     experiment = proposed(known, class_of("thermal_links@arm", "tracker_drift@frame"))[0]
@@ -323,6 +328,7 @@ def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
     assert not proposed(known, CauseClass(cause, 1.0, ((cause, 0.99),)))
 
 
+@pytest.mark.slow
 def test_every_free_motion_can_be_traced() -> None:
     case, known = known_of("linearity@cart2", 0)
     frees = {free.over: free for free, _ in smooth_terms(known.situation, PRIORS)}
@@ -335,6 +341,7 @@ def test_every_free_motion_can_be_traced() -> None:
         assert len(measured(case, experiment.poses, at_will, 0)) == len(experiment.poses)
 
 
+@pytest.mark.slow
 def test_data_without_any_covariate_get_a_plan_too() -> None:
     bare = ("time", "session", "temp", "payload", "approach", "speed", "f")
     _, known = known_of("linearity@cart2", 1, without=bare)

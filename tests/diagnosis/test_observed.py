@@ -14,6 +14,8 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 
+pytestmark = pytest.mark.slow
+
 
 def calibrated(dataset: gtpin.Dataset) -> gtpin.Calibration:
     with warnings.catch_warnings():

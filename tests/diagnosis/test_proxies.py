@@ -15,6 +15,8 @@ from gtpin.effects.untestable import Untestable
 from gtpin.plant import Case, make_case
 from gtpin.plant.conditions import Conditions
 
+pytestmark = pytest.mark.slow
+
 CONFIDENT = 0.95
 
 

@@ -103,6 +103,7 @@ def test_a_block_is_the_same_by_rows_and_by_coefficients(rows: int) -> None:
     assert found.log_density == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_sockets_that_only_one_session_has_make_no_gap_of_it(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     machine = draw(rng).gantry

@@ -14,6 +14,8 @@ from gtpin.diagnosis.inference import readmit_outliers, settle
 from gtpin.plant import make_case
 from gtpin.report.residuals import Residuals
 
+pytestmark = pytest.mark.slow
+
 
 def diagnosed(dataset: Dataset) -> gtpin.Diagnosis:
     with warnings.catch_warnings():

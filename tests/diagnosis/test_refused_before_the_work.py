@@ -60,6 +60,7 @@ def test_poses_too_few_for_the_geometry(measured: Dataset) -> None:
     assert "measure at least 8 poses" in refused(lambda **told: gtpin.diagnose(few, **told))
 
 
+@pytest.mark.slow
 def test_poses_too_few_for_geometry_frame_and_target(measured: Dataset) -> None:
     free = measured.instrument.model_copy(update={"frame": "free", "target": "free"})
     few = replace(measured.take(np.arange(8)), instrument=free)
@@ -76,6 +77,7 @@ def test_a_robot_that_does_not_move(measured: Dataset, tmp_path: Path) -> None:
     assert "nothing moves" in refused(lambda **told: gtpin.diagnose(fixed, **told))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the links of:gtpin.errors.GtpinWarning")
 def test_loops_that_can_not_be_closed(measured: Dataset, tmp_path: Path) -> None:
     apart = of_robot(APART, measured, tmp_path)

@@ -13,6 +13,8 @@ from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
+pytestmark = pytest.mark.slow
+
 POSE = 1e-12
 """Largest difference of a pose, m and rad."""
 EVIDENCE = 1e-6

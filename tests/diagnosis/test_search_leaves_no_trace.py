@@ -21,6 +21,8 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 
+pytestmark = pytest.mark.slow
+
 
 def design_of(effect: str, site: str) -> Design:
     dataset = machine(5, effect, site).dataset

@@ -11,6 +11,8 @@ from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.model.measured_robot import robot_of
 
+pytestmark = pytest.mark.slow
+
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
 

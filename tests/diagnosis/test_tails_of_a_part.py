@@ -16,6 +16,8 @@ from gtpin.diagnosis.inference.settle import Settled, settle
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.plant import make_case
 
+pytestmark = pytest.mark.slow
+
 POSES, PART, FREEDOM = 240, 120, 2.5
 
 

@@ -19,6 +19,8 @@ from gtpin.errors import GtpinWarning
 from gtpin.plant import make_case
 from gtpin.plant.tracker import Noise
 
+pytestmark = pytest.mark.slow
+
 
 def groups_of(dataset: gtpin.Dataset):
     with warnings.catch_warnings():

@@ -11,6 +11,8 @@ import gtpin
 from gtpin.blind.draw import Draft, drafts, made
 from gtpin.plant import make_case
 
+pytestmark = pytest.mark.slow
+
 CONFIDENT = 0.95
 CASES, SEED = 2000, 1795444570
 """The sealed check whose pairs docs/blind.md has (examples/blind/pairs.py)."""

@@ -17,6 +17,7 @@ from gtpin.report.verdict import verdict
 STILL = Conditions(rest=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_not_called_nothing(seed):
     case = make_case(seed, effects=[("backlash", "cart1")], energy=4000.0, poses=130, held_out=1, conditions=STILL)
@@ -31,6 +32,7 @@ def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_no
         assert any("approach" in line for line in verdict(found).advice)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [60, 220, 1000])
 def test_gaussian_scatter_is_hardly_ever_taken_for_two_values(count):
     rng = np.random.default_rng(count)

@@ -15,6 +15,8 @@ from gtpin.blind.benchmark.public_set import PublicSet
 from gtpin.blind.benchmark.score import figures, score_answers
 from gtpin.blind.truth import Truth
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
 RECORD = json.loads((ROOT / "docs" / "figures" / "benchmark.json").read_text(encoding="utf-8"))

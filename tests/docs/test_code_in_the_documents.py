@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [p for p in PAGES if "```python" in p.read_text(encoding="utf-8")], ids=lambda p: p.name
 )
@@ -65,6 +66,7 @@ def test_every_block_of_toml_json_and_xml_reads() -> None:
                 read(code)
 
 
+@pytest.mark.slow
 def test_the_pages_build_without_a_warning_and_are_all_in_the_navigation(tmp_path: Path) -> None:
     pytest.importorskip("mkdocs")
     pytest.importorskip("mkdocstrings")

@@ -8,6 +8,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 import gtpin
 
 ROOT = Path(gtpin.__file__).parent
@@ -39,5 +41,6 @@ def test_the_clash_is_recognised() -> None:
     assert not clashes("def g(): pass\ndef f(x):\n    a = [h for h in x]\n    return a, [g(y) for y in x]")
 
 
+@pytest.mark.slow
 def test_no_module_has_such_a_clash() -> None:
     assert not {file: found for file in ROOT.rglob("*.py") if (found := clashes(file.read_text(encoding="utf-8")))}

@@ -11,6 +11,8 @@ import pytest
 import gtpin
 from gtpin.plant import make_case
 
+pytestmark = pytest.mark.slow
+
 NAMES = [name for name in gtpin.__all__ if name != "__version__"]
 
 

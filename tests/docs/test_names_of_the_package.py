@@ -26,6 +26,7 @@ def test_every_name_is_found_and_is_what_type_checkers_see():
         assert getattr(gtpin, name).__name__ == name
 
 
+@pytest.mark.slow
 def test_parts_of_the_package_are_found_and_nothing_else():
     code = (
         "import gtpin; print(gtpin.errors.GtpinError.__name__, gtpin.data.Dataset.__name__, hasattr(gtpin, 'gremlin'))"
@@ -38,6 +39,7 @@ def test_parts_of_the_package_are_found_and_nothing_else():
         from gtpin import gremlin  # noqa: F401
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "unneeded"),
     [

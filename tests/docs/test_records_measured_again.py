@@ -14,6 +14,8 @@ sys.path.insert(0, str(ROOT / "examples" / "pages"))
 
 import figures  # noqa: E402  (the scripts of examples are no package)
 
+pytestmark = pytest.mark.slow
+
 AGAIN = {
     "false_alarms": 3,
     "missing_covariates": 3,

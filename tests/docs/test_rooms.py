@@ -5,7 +5,11 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 import gtpin
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(gtpin.__file__).parent
 TOP = {"__init__", "__main__"}

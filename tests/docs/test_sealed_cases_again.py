@@ -6,10 +6,14 @@ import json
 import warnings
 from pathlib import Path
 
+import pytest
+
 import gtpin
 from gtpin.blind.draw import Draft, drafts, made, truth_of
 from gtpin.blind.judged import Judged
 from gtpin.blind.statement import Statement
+
+pytestmark = pytest.mark.slow
 
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "blind.json"
 CASES = 12

@@ -18,6 +18,8 @@ from gtpin.diagnosis.hypotheses import lines
 from gtpin.diagnosis.inference import causes, search, settle
 from gtpin.diagnosis.linear import cross_validation, evidence, hold_out, scan
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "statistics.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -58,6 +58,7 @@ def test_every_page_has_its_picture() -> None:
         assert 1_000 < (PAGES / f"{name}.svg").stat().st_size < LARGEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "some_names"),
     [("pictures.py", ["backlash", "joint_clearance", "frame_shift"]), ("chain_pictures.py", ["axis_motion"])],

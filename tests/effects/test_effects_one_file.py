@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 import gtpin
 from gtpin.effects.catalogue import OWN
 
@@ -14,6 +16,7 @@ ELSEWHERE = {("comparison/figures.py", "linearity")}
 """A figure of the paper, which is called so."""
 
 
+@pytest.mark.slow
 def test_no_other_module_decides_by_an_effects_name() -> None:
     """The plant's causes stand apart: it must not share the diagnosis's effects."""
     named = set()

@@ -85,6 +85,7 @@ def test_several_effects_are_applied_to_one_closed_chain() -> None:
     np.testing.assert_allclose(together, apart, rtol=0, atol=2e-3 * np.abs(apart).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", OTHERS)
 def test_signatures_hold_on_other_machines(robot: str) -> None:
     kinematics = RodKinematics(drawn(robot))

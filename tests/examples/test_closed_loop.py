@@ -44,6 +44,7 @@ def test_a_cause_is_settled_only_where_it_is_the_true_one_and_sure(causes: list[
     assert closed_loop.outcome(second, TRUE, cause(0.6, TRUE, OTHER)) == expected
 
 
+@pytest.mark.slow
 def test_further_rows_are_added_with_their_conditions_and_cold_ones_after_a_night() -> None:
     case = make_case(1, effects=[("linearity", "cart2")], poses=40, without=("session", "fx", "fy", "fz"))
     old = case.dataset

@@ -16,6 +16,7 @@ NEEDS = {"export_to_mujoco": "mujoco", "machine_in_mujoco": "mujoco", "machines_
 """Packages that an example needs and gtpin does not."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_tells_something(example: Path, tmp_path: Path) -> None:
     if example.stem in NEEDS:

@@ -26,6 +26,7 @@ def run(monkeypatch, capsys):
     return command
 
 
+@pytest.mark.slow
 def test_noise_of_millimetres_is_not_what_a_far_nominal_model_leaves():
     found = gtpin.calibrate(gtpin.Dataset.read(FIELD / "far_nominal"))
     errors = np.linalg.norm(found.residual[:, :3], axis=1)
@@ -33,11 +34,13 @@ def test_noise_of_millimetres_is_not_what_a_far_nominal_model_leaves():
     assert found.noise.position_sigma < 3e-4  # made with 20 to 200 um
 
 
+@pytest.mark.slow
 def test_scatter_beyond_the_declared_noise_is_unknown():
     found = gtpin.diagnose(gtpin.Dataset.read(FIELD / "scatter"))
     assert (found.verdict, [d.reason for d in found.doubts]) == ("unknown", ["excess"])
 
 
+@pytest.mark.slow
 def test_virtual_poses_of_a_five_bar_are_on_one_assembly(tmp_path, run):
     code, _ = run("simulate", "-o", tmp_path / "sim", "--robot", FIELD / "five_bar" / "five_bar.urdf")
     assert code in (0, None)
@@ -55,6 +58,7 @@ def test_virtual_poses_of_a_five_bar_are_on_one_assembly(tmp_path, run):
     assert min(off) < 0.02 < max(off)  # the machine is some millimetres off nominal
 
 
+@pytest.mark.slow
 def test_an_undetermined_motion_names_its_joints(tmp_path, run):
     folder = FIELD / "undetermined"
     code, said = run("predict", folder / "four_bar.urdf", folder / "q.csv", "-o", tmp_path / "out.csv")

@@ -40,6 +40,7 @@ def test_the_pictures_are_small() -> None:
     assert sum(file.stat().st_size for file in gallery.FOLDER.iterdir()) < MOST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_an_example_run_again_gives_a_picture_of_the_same_kind(name: str, tmp_path: Path) -> None:
     drawn = gallery.draw(name, tmp_path)

@@ -80,6 +80,7 @@ def test_a_notebook_is_kept_without_outputs(notebook: Path) -> None:
     assert not any(cell.outputs or cell.execution_count for cell in cells)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_each_cell_of_a_notebook_shows_a_table_or_a_figure(notebook: Path, tmp_path: Path) -> None:
     if notebook.stem in NEEDS:

@@ -81,6 +81,7 @@ def test_nobody_corrects_the_machine_for_its_instrument(gantry: Drawn) -> None:
     np.testing.assert_allclose(q, gantry.q, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_what_can_not_be_reached_or_met_is_said(gantry: Drawn) -> None:
     wanted = gantry.poses.T[:3].copy()
     wanted[1] += 50.0
@@ -107,6 +108,7 @@ def travel(model: gtpin.Model, actuator: int, q: np.ndarray, approach: float) ->
     return found[:, actuator]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", ["forward", "reverse"])
 def test_a_table_brings_each_actuator_where_it_was_wanted(
     gantry: Drawn, erring: gtpin.Model, direction: str, tmp_path: Path
@@ -142,6 +144,7 @@ def test_drive_scales_are_corrected(gantry: Drawn) -> None:
     np.testing.assert_allclose(1.002 * table.forward, table.nominal, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_linuxcnc_takes_256_lines_of_trims_in_millimetres(gantry: Drawn, erring: gtpin.Model, tmp_path: Path) -> None:
     """As usrmotLoadComp of LinuxCNC reads them: three numbers a line, nominals ascending."""
     drives = replace(erring, effects=erring.effects[:4])
@@ -176,6 +179,7 @@ def test_zero_shifts_are_those_of_the_session_that_is_told(gantry: Drawn, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_what_a_table_does_not_hold_is_named(erring: gtpin.Model, tmp_path: Path) -> None:
     with pytest.warns(GtpinWarning, match=r"link_compliance@arm \(.* um\), thermal_links@arm \("):
         export(erring, tmp_path / "table.csv")

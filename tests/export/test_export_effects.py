@@ -77,6 +77,7 @@ def printed(words: Sequence[str], pattern: str) -> float:
     return size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "effect", "site", "first"), HELD)
 def test_the_core_of_an_effect_is_held_to_two_micrometres(
     robot: str, effect: str, site: str, first: float, tmp_path: Path
@@ -99,6 +100,7 @@ PARTLY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "effect", "site"), PARTLY)
 def test_the_error_that_is_printed_is_the_error_in_mujoco(robot: str, effect: str, site: str, tmp_path: Path) -> None:
     """All coefficients, the modulation five times as large as usual so that the error stands out."""
@@ -128,6 +130,7 @@ WHOLE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "effect", "site"), WHOLE)
 def test_curves_are_held_with_all_their_waves(robot: str, effect: str, site: str, tmp_path: Path) -> None:
     nominal, q, approach = commands(robot, 60)
@@ -145,6 +148,7 @@ def test_curves_are_held_with_all_their_waves(robot: str, effect: str, site: str
     assert rms(poses, expected) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "sign"), [("gantry_tau", 1.0), ("linear_delta", 1.0), ("gantry_tau", -1.0)])
 def test_a_play_that_varies_along_the_track_is_held(robot: str, sign: float, tmp_path: Path) -> None:
     """Without the part that goes with the load; also that of a drive that overshoots."""
@@ -162,6 +166,7 @@ def test_a_play_that_varies_along_the_track_is_held(robot: str, sign: float, tmp
     assert rms(poses, core.predict(q[:12], some)) > 5.0
 
 
+@pytest.mark.slow
 def test_friction_and_place_of_a_soft_cart_are_held(tmp_path: Path) -> None:
     """What friction adds is as large at all loads in the file: a part of it remains."""
     nominal, q, approach = commands("gantry_tau", 60)
@@ -188,6 +193,7 @@ def test_play_is_in_the_middle_where_a_command_is_reached_from_rest(tmp_path: Pa
     assert rms(poses, nominal.predict(home)) < 1.0
 
 
+@pytest.mark.slow
 def test_zero_shifts_are_held_for_a_session_that_is_named(tmp_path: Path) -> None:
     nominal, q, _ = commands("gantry_tau", 60)
     sessions = np.array(["a", "b"] * 30, dtype=object)
@@ -203,6 +209,7 @@ def test_zero_shifts_are_held_for_a_session_that_is_named(tmp_path: Path) -> Non
     assert printed(words, r"does not hold zero_shift@cart2 \((\S+) um\)") > 10.0
 
 
+@pytest.mark.slow
 def test_several_effects_of_one_machine_are_held_together_under_a_payload(tmp_path: Path) -> None:
     nominal, q, approach = commands("ur5", 60)
     payload = np.linspace(0.0, 4.0, 60)

@@ -50,6 +50,7 @@ def added(table: pd.DataFrame, q: np.ndarray, temperatures: dict[str, float]) ->
     )
 
 
+@pytest.mark.slow
 def test_commands_with_what_the_table_adds_bring_the_tcp_where_it_was_meant(warm: gtpin.Model, tmp_path: Path) -> None:
     with pytest.warns(GtpinWarning) as recorded:
         export(warm, tmp_path / "table.csv", "grid", tables=TablesFor(temperatures=(30.0, 20.0)))
@@ -74,6 +75,7 @@ def test_commands_with_what_the_table_adds_bring_the_tcp_where_it_was_meant(warm
     assert 1e6 * before == pytest.approx(float(told[2]), rel=0.15)
 
 
+@pytest.mark.slow
 def test_without_temperatures_thermal_effects_are_named_as_left_out(warm: gtpin.Model, tmp_path: Path) -> None:
     with pytest.warns(GtpinWarning) as recorded:
         export(warm, tmp_path / "table.csv", "grid")

@@ -35,6 +35,7 @@ def with_effect(name: str, site: str, first: float) -> gtpin.Model:
     return replace(UR5, effects=(active,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "site", "first"),
     [

@@ -26,6 +26,7 @@ def apart(T: np.ndarray, R: np.ndarray, poses: gtpin.Poses) -> tuple[float, floa
     return float(np.linalg.norm(T - poses.T, axis=1).max()), float(turn.max())
 
 
+@pytest.mark.slow
 def test_at_rest_the_platform_is_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
     rest = Rest(exported(".xml"), drawn.model.robot.tcp_frame)
     position, turn = apart(*rest.poses(drawn.q), drawn.poses)
@@ -58,6 +59,7 @@ def gantry(drawn_of: Callable[[str], Drawn]) -> Drawn:
     return drawn_of("gantry_tau")
 
 
+@pytest.mark.slow
 def test_soft_links_stretch_as_the_model_says(gantry: Drawn, tmp_path: Path) -> None:
     """Compliances of the whole arm and of one link, five times the usual so that they show."""
     soft = active(gantry.model, gantry.q, "link_compliance", "arm", compliance=2e-7)
@@ -83,6 +85,7 @@ def test_a_soft_cart_gives_way_and_tips_as_the_model_says(gantry: Drawn, tmp_pat
     assert apart(T, R, predicted)[0] < 0.04 * shift.max()
 
 
+@pytest.mark.slow
 def test_a_soft_arm_gives_way_under_a_push_on_the_tool(gantry: Drawn, tmp_path: Path) -> None:
     push = (150.0, -200.0, 100.0)
     soft = active(gantry.model, gantry.q, "link_compliance", "arm", compliance=2e-7)

@@ -22,6 +22,7 @@ def read(file: Path) -> dict[str, list]:
     return {key: json.loads(value) for key, value in pairs}
 
 
+@pytest.mark.slow
 def test_frames_of_both_files_close_it_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
     file = exported(".yaml")
     told = read(file)

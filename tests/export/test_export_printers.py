@@ -105,6 +105,7 @@ def test_firmwares_do_what_the_tables_say(folder: Path) -> None:
         np.testing.assert_allclose(1e-3 * read(folder).moves_to(1e3 * xyz), table.applied(xyz), rtol=0, atol=2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", READERS)
 @pytest.mark.parametrize("dimensions", [True, False])
 def test_a_delta_is_as_near_as_the_command_says(
@@ -127,6 +128,7 @@ def test_a_delta_is_as_near_as_the_command_says(
     assert after_z < 0.1 * before_z
 
 
+@pytest.mark.slow
 def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: Path) -> None:
     """A scale of a drive is a rotation_distance: it is taken away whole, and only where it belongs."""
     drawn = drawn_of("linear_delta")
@@ -144,6 +146,7 @@ def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: P
     np.testing.assert_allclose(new.arms, ARM, rtol=0, atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", READERS)
 def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Path, file: str) -> None:
     tables = TablesFor(temperatures=(20.0, 35.0), box=BOX, firmware=folder / FILES[file])
@@ -169,6 +172,7 @@ def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Pa
     assert rms(cold_at_35[:, 2:]) > 3.0 * told[1][2]
 
 
+@pytest.mark.slow
 def test_temperatures_are_whole_degrees(printer: gtpin.Model, folder: Path) -> None:
     """Klipper takes GTPIN_22C and GTPIN_22_5 for the command GTPIN_22 (docs/Command_Templates.md)."""
     for temperature in (22.5, -3.0):
@@ -176,6 +180,7 @@ def test_temperatures_are_whole_degrees(printer: gtpin.Model, folder: Path) -> N
             export(printer, folder / "gtpin.cfg", tables=TablesFor(temperatures=(temperature,), box=BOX))
 
 
+@pytest.mark.slow
 def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[str], Drawn], tmp_path: Path) -> None:
     """Offset, skew and heights need no delta; the controller has the nominal geometry."""
     model, nominal = drawn_of("gantry_tau").model, gtpin.read_model("gantry_tau")
@@ -197,6 +202,7 @@ def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[s
     assert after_z < before_z
 
 
+@pytest.mark.slow
 def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(printer: gtpin.Model, folder: Path) -> None:
     calibrated = replace(printer, effects=())
     with pytest.warns(GtpinWarning) as recorded:
@@ -206,6 +212,7 @@ def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(prin
     assert not any("geometry" in str(warning.message) for warning in recorded)
 
 
+@pytest.mark.slow
 def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) -> None:
     with pytest.warns(GtpinWarning) as recorded:
         export(printer, folder / "gtpin.cfg", tables=TablesFor(box=BOX, firmware=folder / "printer.cfg"))
@@ -223,6 +230,7 @@ def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) 
     assert found["linearity@cart1"][0] < 0.2 * found["linearity@cart1"][1]
 
 
+@pytest.mark.slow
 def test_importers_read_the_tables_back(printer: gtpin.Model, folder: Path) -> None:
     for file in READERS:
         with pytest.warns(GtpinWarning):
@@ -235,6 +243,7 @@ def test_importers_read_the_tables_back(printer: gtpin.Model, folder: Path) -> N
     np.testing.assert_allclose(mesh.position, heights.position, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "tables", "message"),
     [

@@ -67,6 +67,7 @@ def told(element: Element, path: str) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_the_graph_closes_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
     graph, robot = Graph(exported(".sdf")), drawn.model.robot
     rods = graph.rods([a.joint for a in robot.actuators], robot.description.platform or "")
@@ -94,6 +95,7 @@ def test_masses_are_the_urdfs(drawn: Drawn, exported: Callable[[str], Path]) -> 
     assert Graph(exported(".sdf")).mass == pytest.approx(told_mass, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_ranges_are_counted_from_the_pose_in_the_file(drawn_of: Callable[[str], Drawn], tmp_path: Path) -> None:
     drawn = drawn_of("stewart")
     export(drawn.model, tmp_path / "stewart.sdf")

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+import pytest
 import yourdfpy
 from drawn_machines import Drawn
 from pinocchio_loops import Loops, anchor
@@ -16,6 +17,7 @@ from rod_graph import Placed
 import gtpin
 
 
+@pytest.mark.slow
 def test_pinocchio_closes_it_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
     file, robot = exported(".urdf"), drawn.model.robot
     model = pin.buildModelFromUrdf(str(file))

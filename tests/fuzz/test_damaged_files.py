@@ -40,6 +40,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TRIES)
 def test_damaged_files_end_in_a_result_or_in_one_line(sound: Path, tmp_path: Path, kind: str) -> None:
     commands = [command for command in COMMANDS if command.line.startswith(kind)]
@@ -65,6 +66,7 @@ def test_damaged_files_end_in_a_result_or_in_one_line(sound: Path, tmp_path: Pat
     damage()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", dict.fromkeys(command.line for command in COMMANDS if not command.slow))
 def test_sound_files_end_in_a_result(sound: Path, tmp_path: Path, line: str) -> None:
     """Else the damage would prove nothing."""

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # 
 KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("actuator", [0, 1, 2])
 def test_a_zero_shifted_by_30_um_is_found_with_ten_poses(actuator):
     case, model = machine(21)
@@ -34,6 +35,7 @@ def test_a_zero_shifted_by_30_um_is_found_with_ten_poses(actuator):
     assert any(("zero_shift", f"cart{actuator + 1}") in members for members in classes(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("actuator", [0, 1, 2])
 def test_a_backlash_of_50_um_is_found_and_leads_its_class(actuator):
     case, model = machine(22)
@@ -43,6 +45,7 @@ def test_a_backlash_of_50_um_is_found_and_leads_its_class(actuator):
     assert abs(reversal.value + 5e-5) < 4.0 * reversal.sigma
 
 
+@pytest.mark.slow
 def test_a_change_of_three_tenths_of_a_millimetre_is_measured_to_its_sigma():
     case, model = machine(23)
     found = gtpin.diagnose(later(case, 1, shift={1: 3e-4}), against=model)
@@ -51,6 +54,7 @@ def test_a_change_of_three_tenths_of_a_millimetre_is_measured_to_its_sigma():
     assert found.gap.shrinkage > 0.95
 
 
+@pytest.mark.slow
 def test_machines_without_a_change_raise_no_more_alarms_than_chance_allows():
     alarms, checks = 0, 0
     for seed in (24, 25, 26):
@@ -95,6 +99,7 @@ def problem(model, dataset):
     return Bench(changes(design, scope, since.assumed).hypotheses), design, earlier
 
 
+@pytest.mark.slow
 def test_one_gross_error_is_set_aside_and_is_no_change():
     case, model = machine(22)
     dataset = later(case, 7)
@@ -105,6 +110,7 @@ def test_one_gross_error_is_set_aside_and_is_no_change():
     assert found.verdict == "none"
 
 
+@pytest.mark.slow
 def test_an_instrument_that_stands_elsewhere_is_no_change_where_its_place_is_free():
     case, model = machine(27, free=True)
     dataset = later(case, 1)
@@ -118,6 +124,7 @@ def test_an_instrument_that_stands_elsewhere_is_no_change_where_its_place_is_fre
     assert there.gap.before == pytest.approx(here.gap.before, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_check_with_a_free_instrument_says_that_it_hardly_sees_shifted_zeros():
     known, free = machine(21), machine(27, free=True)
     smallest = []
@@ -127,6 +134,7 @@ def test_a_check_with_a_free_instrument_says_that_it_hardly_sees_shifted_zeros()
     assert smallest[0] < 3e-5 < 1e-4 < smallest[1]
 
 
+@pytest.mark.slow
 def test_what_can_not_be_seen_is_listed_with_its_reason():
     case, model = machine(21)
     dataset = later(case, 2)
@@ -138,6 +146,7 @@ def test_what_can_not_be_seen_is_listed_with_its_reason():
     assert {(s.effect, s.site) for s in found.smallest} == {(c.effect, c.site) for c in found.candidates if c.testable}
 
 
+@pytest.mark.slow
 def test_the_model_with_the_change_in_predicts_poses_that_were_not_measured():
     case, model = machine(23)
     found = gtpin.diagnose(later(case, 1, shift={1: 1e-4}), against=model)
@@ -149,6 +158,7 @@ def test_the_model_with_the_change_in_predicts_poses_that_were_not_measured():
     assert np.sqrt((errors[1] ** 2).mean()) < 0.5 * np.sqrt((errors[0] ** 2).mean())
 
 
+@pytest.mark.slow
 def test_a_check_against_the_updated_model_finds_nothing_more(tmp_path):
     case, model = machine(23)
     first = gtpin.diagnose(later(case, 1, shift={1: 1e-4}), against=model)
@@ -160,6 +170,7 @@ def test_a_check_against_the_updated_model_finds_nothing_more(tmp_path):
     assert any(("zero_shift", "cart2") in members for members in classes(back))
 
 
+@pytest.mark.slow
 def test_the_json_is_that_of_a_diagnosis_with_one_key_more():
     case, model = machine(21)
     dataset = later(case, 1, shift={0: 3e-5})
@@ -171,6 +182,7 @@ def test_the_json_is_that_of_a_diagnosis_with_one_key_more():
     assert all(one["value"] is None or one["value"] > 0.0 for one in told[0]["against"]["smallest"])
 
 
+@pytest.mark.slow
 def test_the_smallest_change_is_found_with_its_power_on_machines_drawn_from_the_model():
     """The machine is drawn from the model's covariance, and measured by the exact closures and noise of the test's own."""
     case, model = machine(22)
@@ -206,6 +218,7 @@ def alarm(model, dataset, size, rng):
     return gtpin.diagnose(measured, against=model, seed=int(rng.integers(1000))).verdict != "none"
 
 
+@pytest.mark.slow
 def test_a_model_with_effects_is_checked_with_them_in():
     """A backlash that the model has is no change; that it has grown is one."""
     case = make_case(41, effects=[("backlash", "cart1")], energy=3000.0, poses=140, held_out=10, background=False)
@@ -217,6 +230,7 @@ def test_a_model_with_effects_is_checked_with_them_in():
     assert ("backlash", "cart1") in classes(grown)[0]
 
 
+@pytest.mark.slow
 def test_an_arm_is_checked_too():
     case, model = machine(51, robot="ur5")
     assert gtpin.diagnose(later(case, 1), against=model).verdict == "none"
@@ -224,6 +238,7 @@ def test_an_arm_is_checked_too():
     assert any(site == "elbow_joint" for members in classes(found) for _, site in members)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [

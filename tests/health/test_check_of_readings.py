@@ -18,6 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # 
 KINDS = ("range", "plane")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_shifted_zero_is_found_by_its_readings(tmp_path, kind):
     case, model = machine(21)
@@ -28,6 +29,7 @@ def test_a_shifted_zero_is_found_by_its_readings(tmp_path, kind):
     assert found.gap.after < found.gap.before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_backlash_is_measured_by_readings_to_its_sigma(tmp_path, kind):
     case, model = machine(22)
@@ -37,6 +39,7 @@ def test_a_backlash_is_measured_by_readings_to_its_sigma(tmp_path, kind):
     assert abs(reversal.value + 1e-4) < 4.0 * reversal.sigma
 
 
+@pytest.mark.slow
 def test_unchanged_machines_raise_no_more_alarms_by_readings_than_chance_allows(tmp_path):
     alarms = 0
     for seed in (24, 25, 26):
@@ -46,6 +49,7 @@ def test_unchanged_machines_raise_no_more_alarms_by_readings_than_chance_allows(
     assert alarms <= binom.ppf(0.999, 6, 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_place_of_an_instrument_is_found_and_is_no_change(tmp_path, kind):
     case, model = machine(23)
@@ -60,6 +64,7 @@ def test_the_place_of_an_instrument_is_found_and_is_no_change(tmp_path, kind):
         np.testing.assert_allclose(np.abs(heights), DOWN, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_gross_reading_is_set_aside_and_is_no_change(tmp_path):
     case, model = machine(22)
     dataset = later_read(tmp_path / "day", case, 7, "range")
@@ -77,6 +82,7 @@ def test_readings_whose_noise_is_not_declared_are_refused(tmp_path):
         gtpin.diagnose(later_read(tmp_path / "day", case, 1, "range", sigma=False), against=model)
 
 
+@pytest.mark.slow
 def test_a_check_by_readings_has_no_line_in_a_log_of_position_errors(tmp_path):
     case, model = machine(21)
     found = gtpin.diagnose(later_read(tmp_path / "day", case, 1, "plane"), against=model)

@@ -35,6 +35,7 @@ def test_the_score_of_one_more_pose_is_that_of_the_information_matrix():
         assert found[row] == pytest.approx(score(choice, [3, 7, row]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_ten_planned_poses_show_a_zero_shift_of_30_um_and_a_backlash_of_50_um():
     case, model = machine(21)
     found = gtpin.plan(model, "health", 10, q=case.dataset.q)
@@ -49,6 +50,7 @@ def test_ten_planned_poses_show_a_zero_shift_of_30_um_and_a_backlash_of_50_um():
         assert smallest["backlash", site] < 2.5e-5  # the half width
 
 
+@pytest.mark.slow
 def test_more_poses_show_smaller_changes():
     case, model = machine(21)
     sizes = []
@@ -75,6 +77,7 @@ def test_a_plan_for_a_calibration_tells_more_than_random_poses():
     assert found.information.error < found.information.error_random
 
 
+@pytest.mark.slow
 def test_an_arm_has_plans_too():
     model = gtpin.read_model("ur5")
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (60, 6))

@@ -67,6 +67,7 @@ def diagnosed(cause: str, seed: int) -> tuple[Machine, gtpin.Diagnosis, Commands
     return machine, found, held, machine.readings(there, from_)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_nothing_is_said_of_nothing(seed: int) -> None:
     _, found, _, _ = diagnosed("none", seed)
@@ -74,6 +75,7 @@ def test_nothing_is_said_of_nothing(seed: int) -> None:
     assert not found.causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("cause", SITE)
 def test_a_cause_at_a_drive_is_named(cause: str, seed: int) -> None:
@@ -115,6 +117,7 @@ def test_the_gap_is_that_of_the_readings() -> None:
         assert one.after == pytest.approx(SIGMA, rel=0.2)  # of some 150 left-out readings: 6 % each
 
 
+@pytest.mark.slow
 def test_a_saved_diagnosis_reads_the_same(tmp_path: Path) -> None:
     _, found, held, _ = diagnosed("backlash", 0)
     found.save(tmp_path / "out")

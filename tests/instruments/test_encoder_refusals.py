@@ -29,6 +29,7 @@ def calibrated(folder: Path, q: Floats, read: Floats, kind: str = "revolute", **
     return gtpin.calibrate(gtpin.Dataset.read(written(folder, [one], {"elbow1": table(q, reading=read)}, kind)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "what"),
     [
@@ -92,6 +93,7 @@ WRONG: dict[str, tuple[Callable[[Floats, np.random.Generator], Floats], str]] = 
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_readings_that_can_t_be_say_what_they_look_like(tmp_path: Path, name: str) -> None:
     q, read, rng = readings()
@@ -101,6 +103,7 @@ def test_readings_that_can_t_be_say_what_they_look_like(tmp_path: Path, name: st
     assert caught.value.hint
 
 
+@pytest.mark.slow
 def test_readings_that_wrap_by_full_turns_calibrate_the_same(tmp_path: Path) -> None:
     q, read, rng = readings()
     plain = calibrated(tmp_path / "a", q, read)
@@ -110,6 +113,7 @@ def test_readings_that_wrap_by_full_turns_calibrate_the_same(tmp_path: Path) -> 
         np.testing.assert_allclose(other.model.geometry.values, plain.model.geometry.values, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_readings_that_wrap_within_the_range_calibrate_where_the_zero_may_be_anywhere(tmp_path: Path) -> None:
     q, read, _ = readings()
     wrapped = (read + 2.9 + np.pi) % TURN - np.pi  # the elbow's half turn is in the middle of its range
@@ -119,6 +123,7 @@ def test_readings_that_wrap_within_the_range_calibrate_where_the_zero_may_be_any
     assert found.unknown("elbow1.zero").value - plain.unknown("elbow1.zero").value == pytest.approx(2.9, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [SIGMA, None], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("count", [1, 3, 5])
 def test_fewer_readings_than_a_fit_needs_are_refused(tmp_path: Path, count: int, sigma: float | None) -> None:
@@ -127,12 +132,14 @@ def test_fewer_readings_than_a_fit_needs_are_refused(tmp_path: Path, count: int,
         calibrated(tmp_path, q[:count], read[:count], sigma=sigma)
 
 
+@pytest.mark.slow
 def test_an_encoder_has_no_target(tmp_path: Path) -> None:
     q, read, _ = readings()
     with pytest.raises(DatasetError, match="an encoder has no target"):
         calibrated(tmp_path, q, read, target=[0.0, 0.0, 0.1])
 
 
+@pytest.mark.slow
 def test_gross_errors_are_set_aside_and_nothing_else(tmp_path: Path) -> None:
     q, read, rng = readings()
     bad = rng.choice(len(q), 3, replace=False)

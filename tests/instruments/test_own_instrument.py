@@ -110,6 +110,7 @@ def test_it_calibrates_and_its_unknown_is_found(case):
     assert np.abs((found.model.geometry.values - geometry.values) / found.sigma).max() < 5.0
 
 
+@pytest.mark.slow
 def test_it_diagnoses(case):
     found = gtpin.diagnose(gtpin.Dataset.read(case[0], instruments=[Sum]))
     assert [(cause.effect, cause.site) for cause in found.causes] == [("backlash", "cart2")]
@@ -149,6 +150,7 @@ class Geared(gtpin.Instrument):
         return np.sin(sum(poses.joints[joint] for joint in self.table.measured_joints))[:, None]
 
 
+@pytest.mark.slow
 def test_an_instrument_of_one_s_own_reads_passive_joints(tmp_path):
     rng = np.random.default_rng(8)
     bar, q = FiveBar.off(drawn(rng)), commands(rng, 80, 0.4)

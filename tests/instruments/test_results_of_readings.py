@@ -79,6 +79,7 @@ def test_a_diagnosis_of_readings_names_the_cause_and_the_gap_of_each_instrument(
     assert 0.5 < gap["shrinkage"] <= 1.0
 
 
+@pytest.mark.slow
 def test_results_of_readings_show_themselves(
     calibration: gtpin.Calibration, diagnosis: gtpin.Diagnosis, tmp_path: Path
 ) -> None:

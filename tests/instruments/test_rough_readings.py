@@ -22,6 +22,8 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 from gtpin.plant import simulate_measured
 
+pytestmark = pytest.mark.slow
+
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"

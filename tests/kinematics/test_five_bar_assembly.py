@@ -132,6 +132,7 @@ class FiveBar:
 ASSEMBLIES = [(seed, knees) for seed in (1, 2) for knees in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "knees"), ASSEMBLIES)
 def test_poses_are_in_home_s_assembly_and_all_straight_paths_are_followed(seed: int, knees: tuple[int, int]) -> None:
     made = FiveBar(100 * seed + 10 * knees[0] + knees[1], knees)

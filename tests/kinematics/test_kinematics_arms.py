@@ -75,6 +75,7 @@ def differences(poses: object, x: Floats, step: float = 1e-4) -> Floats:
     return np.stack(columns, axis=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", [0.0, 1.0])
 def test_joint_placements_of_an_arm_have_the_derivative_of_its_poses(
     arm: tuple[gtpin.Robot, Path], away: float
@@ -174,6 +175,7 @@ def test_a_four_bar_linkage_moves_as_two_circles_meet(four_bar: gtpin.Robot) -> 
         assert np.argmin(distances) == branch
 
 
+@pytest.mark.slow
 def test_a_four_bar_linkage_has_the_right_derivatives(four_bar: gtpin.Robot) -> None:
     nominal = gtpin.Geometry.nominal(four_bar)
     here = ChainKinematics(nominal)

@@ -27,6 +27,7 @@ def orientation(machine: Machine, q: Floats, T: Floats, R: Floats) -> Floats:
     return np.sign(np.linalg.det(np.concatenate([d, np.cross(RP, d)], axis=2)))
 
 
+@pytest.mark.slow
 def test_moving_in_one_go_ends_where_a_path_in_strides_of_5_mm_ends(
     gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
 ) -> None:
@@ -37,6 +38,7 @@ def test_moving_in_one_go_ends_where_a_path_in_strides_of_5_mm_ends(
     assert np.abs(log(poses.R @ np.swapaxes(R, 1, 2))).max() <= 1e-12
 
 
+@pytest.mark.slow
 def test_paths_between_random_postures_keep_the_mode(
     gantry: Machine, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
 ) -> None:

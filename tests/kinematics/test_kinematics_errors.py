@@ -96,6 +96,7 @@ def test_no_commands_give_no_poses(arrays: RodKinematics) -> None:
     assert arrays.geometry_jacobian(np.zeros((0, 3)), poses).shape == (0, 6, 48)
 
 
+@pytest.mark.slow
 def test_a_home_that_does_not_close_raises(gantry: Machine) -> None:
     short = gantry.urdf.replace('xyz="0 0 2.04422"', 'xyz="0 0 0.4"')
     assert short != gantry.urdf

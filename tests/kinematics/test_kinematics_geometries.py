@@ -35,6 +35,7 @@ def test_arrays_agree_with_pinocchio_for_random_geometries(robot: gtpin.Robot, s
     agree(drawn(robot, seed), q, 1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     deviation=array_of(float, 48, elements=st.floats(-4.0, 4.0)),

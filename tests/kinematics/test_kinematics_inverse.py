@@ -55,6 +55,7 @@ def test_a_linear_delta_has_its_commands_in_closed_form(machine: Machine, closur
     np.testing.assert_allclose(q, height, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_positions_out_of_reach_raise_or_are_nan_and_the_others_are_right(
     arrays: RodKinematics, at_home: gtpin.ClosedPosture
 ) -> None:

@@ -34,6 +34,7 @@ def test_rods_are_found_by_their_own_ends_whatever_the_frames(machine: Machine, 
     np.testing.assert_allclose([rod.L for rod in loaded.rods], machine.L(zero)[0], rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_arrays_agree_with_pinocchio_to_1e_12(machine: Machine, loaded: gtpin.Robot, closures: RodKinematics) -> None:
     q = machine.commands(200, seed=1)
     poses = closures.forward(q)
@@ -96,6 +97,7 @@ def test_geometry_jacobian_in_arrays_is_pinocchios(machine: Machine, loaded: gtp
         np.testing.assert_allclose(jacobian, by_pinocchio, rtol=0, atol=1e-11 * np.abs(jacobian).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("per", ["actuator", "rod"])
 @pytest.mark.parametrize("away", [0.0, 1.0])
 def test_geometry_jacobian_is_the_derivative_of_the_poses(
@@ -115,6 +117,7 @@ def test_geometry_jacobian_is_the_derivative_of_the_poses(
     np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-8 * np.abs(analytic).max())
 
 
+@pytest.mark.slow
 def test_geometry_jacobian_of_pinocchio_is_the_derivative_of_the_exported_urdf(
     machine: Machine, loaded: gtpin.Robot
 ) -> None:

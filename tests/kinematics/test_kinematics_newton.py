@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from machines import Machine
 
 import gtpin
@@ -10,6 +11,7 @@ from gtpin.kinematics import newton
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 
+@pytest.mark.slow
 def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(
     robot: gtpin.Robot, at_home: gtpin.ClosedPosture
 ) -> None:
@@ -26,6 +28,7 @@ def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(
     assert max(steps) <= 4
 
 
+@pytest.mark.slow
 def test_a_solve_closes_the_loops_to_1e_14_of_their_size(
     gantry: Machine, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
 ) -> None:
@@ -46,6 +49,7 @@ def test_arrays_close_the_rods_to_1e_14_of_their_size(machine: Machine, closures
     assert np.abs(machine.residual(q, poses.T, poses.R)).max() <= 1e-14 * max(1.0, size)
 
 
+@pytest.mark.slow
 def test_rotations_stay_orthogonal_over_long_paths(robot: gtpin.Robot, at_home: gtpin.ClosedPosture) -> None:
     posture = at_home
     for q in np.random.default_rng(4).uniform(robot.lower, robot.upper, (300, 3)):

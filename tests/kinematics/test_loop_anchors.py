@@ -74,6 +74,7 @@ def test_moved_anchors_are_in_the_urdf_and_in_a_pickled_robot(
     np.testing.assert_allclose([home(robot).moved_to(row).T for row in q], poses.T, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1])
 def test_a_far_link_of_another_length_is_calibrated_and_the_model_is_read_again(seed: int, tmp_path: Path) -> None:
     """1 um of noise, 0.3 mm of a length: without the anchors' parameters what is left is far above the noise."""

@@ -96,6 +96,7 @@ def test_derivatives_hold_where_joints_are_off_in_all_directions(robot: gtpin.Ro
     np.testing.assert_allclose(here.command_jacobian(q, poses)[0], np.array(slopes).T, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_it_is_simulated_calibrated_and_its_urdf_read_again(robot: gtpin.Robot, tmp_path: Path) -> None:
     """Chi-square of some 400 freedoms lies within 30 % of 1 but for 1 in 10,000 draws (sd sqrt(2 / 400) = 7 %)."""
     made = simulate(robot, robot.name, poses=70, seed=4)

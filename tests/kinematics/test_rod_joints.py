@@ -67,6 +67,7 @@ def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robo
             assert turned(x[i], np.array(there)) < 1e-9, name
 
 
+@pytest.mark.slow
 def test_derivatives_by_geometry_are_those_of_the_coordinates(robot: gtpin.Robot) -> None:
     drawn, q = off(robot), commands(robot)
     here = kinematics(drawn)

@@ -38,6 +38,7 @@ def study(name: str) -> list[tuple[gtpin.Calibration, np.ndarray, np.ndarray]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_default_set_is_that_of_the_machine_s_parts(name: str) -> None:
     calibration = study(name)[0][0]

@@ -26,6 +26,7 @@ def load(path: str) -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_tolerances_of_a_stewart_platform_spoil_what_its_jacobian_says() -> None:
     """Rms errors of 400 machines are known to 1 / sqrt(2 * 400 * 2) or 2.5 % at a pose; 4 of that."""
     example = load("stewart_tolerances.py")
@@ -88,6 +89,7 @@ def test_another_log_is_refused_in_one_line(tmp_path: Path, spoilt: str) -> None
     assert not (tmp_path / "dataset").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a machine off nominal reaches more than nominal
 @pytest.mark.parametrize("name", ["tau", "stewart"])
 def test_any_machine_can_be_simulated_and_calibrated(name: str) -> None:

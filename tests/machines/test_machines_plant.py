@@ -29,6 +29,7 @@ def plant_of(name: str) -> Plant:
     return Plant(machine, plan(machine, 60, 10, Conditions(sessions=3, push=150.0, warming=1.5), rng), STATION)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_each_effect_that_a_machine_can_have_moves_its_poses_and_leaves_it_closed(name: str) -> None:
     plant, robot = plant_of(name), known_robot(name)
@@ -105,6 +106,7 @@ def test_commands_lie_in_the_ranges_and_move_the_tcp_all_over(name: str) -> None
     assert (np.abs(plant.ideal.places) <= 1.3 * 0.8).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_case_can_be_made_and_its_energy_is_what_was_asked(name: str) -> None:
     case = make_case(4, effects=[("linearity", None)], energy=500.0, poses=60, held_out=10, robot=name)

@@ -11,6 +11,8 @@ from spring_machine import Springs
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.errors import GtpinWarning
 
+pytestmark = pytest.mark.slow
+
 RIGID = [0.0] * 6
 CASES = {
     "rigid": (Springs(RIGID), []),

@@ -61,6 +61,7 @@ write(sys.argv[1], "new")
 """
 
 
+@pytest.mark.slow
 def test_a_kill_at_any_step_of_the_move_loses_nothing_and_the_next_run_mends_it(tmp_path):
     for step in range(100):
         folder = tmp_path / str(step)
@@ -210,6 +211,7 @@ for k in range(20):
 """
 
 
+@pytest.mark.slow
 def test_single_files_can_be_written_into_one_folder_at_once(tmp_path):
     others = [program(MANY, tmp_path, name) for name in "xyz"]
     assert [other.wait(60) for other in others] == [0, 0, 0]

@@ -28,6 +28,7 @@ def table1() -> tuple[Block, ...]:
     return compare_table1(MODEL)
 
 
+@pytest.mark.slow
 def test_the_grid_comes_out_of_table_3() -> None:
     """From the nearest of its starts; the page's script takes all."""
     grid = recover_grid(MODEL, [STARTS[-1]])
@@ -83,6 +84,7 @@ def test_table_1_comes_out_of_table_2s_costs(table1: tuple[Block, ...]) -> None:
     assert (np.diff(mean.ours[0]) < 0.0).all()  # model by model, as printed
 
 
+@pytest.mark.slow
 def test_table_1_does_not_hang_on_the_draws() -> None:
     q = RECOVERED.commands(MODEL)
     maxima = [[error.position.maximum for error in expected_table1(MODEL, q, seed=seed)] for seed in (1, 2)]

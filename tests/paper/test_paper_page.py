@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from paper_grid import RECOVERED
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "dressler2010"
 

@@ -144,6 +144,7 @@ def test_a_pose_outside_the_measured_tracks_is_an_error(dataset: Dataset):
         fit_closures(model_geometry(4, mm.ROBOT, dataset), q, poses_of(dataset))
 
 
+@pytest.mark.slow
 def test_noisy_orientations_bias_the_closure_cost_but_not_the_pose_cost():
     """The machine is nominal, so that the priors pull nothing away from the truth, and what is left in the mean is bias.
 

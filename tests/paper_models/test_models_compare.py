@@ -72,6 +72,7 @@ def test_the_model_that_the_machine_is_of_predicts_within_the_noise_and_the_othe
     assert (rms[[1, 2, 3, 5]] > 2.0 * rms[4]).all()
 
 
+@pytest.mark.slow
 def test_errors_are_of_poses_that_were_not_fitted(dataset: Dataset, compared: Comparison):
     # One pose grossly off: a model that had been fitted to it would miss it by less, and the others by more.
     position = dataset.position.copy()
@@ -84,12 +85,14 @@ def test_errors_are_of_poses_that_were_not_fitted(dataset: Dataset, compared: Co
         assert not fellows[10]
 
 
+@pytest.mark.slow
 def test_without_cart_measurements_there_are_models_1_and_3_on_all_poses(dataset: Dataset):
     table = compare(replace(dataset, carts=None)).table()
     assert table["model"].tolist() == [1, 3]
     assert set(table["poses"]) == {len(dataset)}
 
 
+@pytest.mark.slow
 def test_without_orientations_positions_are_compared(dataset: Dataset):
     found = compare(replace(dataset, orientation=None, carts=None))
     assert found.table()["orientation_rms_mrad"].isna().all()
@@ -103,12 +106,14 @@ def test_closure_residuals_need_orientations(dataset: Dataset, options: dict[str
         compare(replace(dataset, orientation=None), **options)
 
 
+@pytest.mark.slow
 def test_the_papers_own_cost_finds_the_same_model_best(dataset: Dataset):
     table = compare(dataset, cost="closure").table().set_index("model")
     assert table["mean_um"].idxmin() == 4
     assert table["mean_um"].idxmax() in (1, 3)
 
 
+@pytest.mark.slow
 def test_by_validation_model_5_takes_the_measured_tracks_of_all_carts_here(dataset: Dataset, compared: Comparison):
     assert compared.held[4].measured == (False, True, True, False, False, False)
     found = compare(dataset, choice="validation")
@@ -116,6 +121,7 @@ def test_by_validation_model_5_takes_the_measured_tracks_of_all_carts_here(datas
     assert found.held[4].figures() == compared.held[3].figures()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_result_and_another_gives_other_halves(dataset: Dataset, compared: Comparison):
     again, other = compare(dataset), compare(dataset, seed=1)
     assert again.to_json() == compared.to_json()
@@ -123,6 +129,7 @@ def test_the_same_seed_gives_the_same_result_and_another_gives_other_halves(data
     assert other.held[0].pose.tolist() == compared.held[0].pose.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default::gtpin.errors.GtpinWarning")
 def test_a_pose_that_a_fit_sets_aside_is_named_once_with_the_model_and_judged_all_the_same(
     dataset: Dataset, compared: Comparison
@@ -145,6 +152,7 @@ def test_too_few_poses_are_an_error(dataset: Dataset):
         compare(dataset.take(np.arange(len(dataset)) < 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("visits", [1, 4])
 def test_intervals_cover_the_true_mean_error(visits: int, monkeypatch: pytest.MonkeyPatch):
     """Position errors of 40 poses, each visited so many times with nearly the same error."""
@@ -162,6 +170,7 @@ def test_intervals_cover_the_true_mean_error(visits: int, monkeypatch: pytest.Mo
     assert 0.86 <= covered / draws <= 0.995
 
 
+@pytest.mark.slow
 def test_an_interval_holds_its_figure_and_shrinks_with_more_poses():
     lengths = np.linalg.norm(np.random.default_rng(31).standard_normal((800, 3)), axis=1) * 1e-4
     widths = []

@@ -38,6 +38,7 @@ def moved(geometry: Geometry, column: int, step: float) -> RodKinematics:
     return RodKinematics(geometry.with_values(values))
 
 
+@pytest.mark.slow
 def test_pose_derivatives_by_every_parameter_are_those_of_differences(geometry: Geometry):
     rods = RodKinematics(geometry)
     poses = rods.forward(Q)

@@ -85,6 +85,7 @@ def test_position_errors_have_a_bar_for_each_model_and_figure(turned: bool, pane
     assert np.allclose(heights, result.table()["mean_um"])
 
 
+@pytest.mark.slow
 def test_a_comparison_on_disk_is_a_table_a_json_and_figures(tmp_path: Path):
     pytest.importorskip("matplotlib")
     result = comparison()
@@ -101,6 +102,7 @@ def test_a_comparison_on_disk_is_a_table_a_json_and_figures(tmp_path: Path):
     assert {file.stem for file in (tmp_path / "out").glob("*.png")} == names
 
 
+@pytest.mark.slow
 def test_the_same_comparison_gives_the_same_bytes(tmp_path: Path):
     for name in ("one", "two"):
         figures.write_comparison(comparison(), tmp_path / name)
@@ -108,6 +110,7 @@ def test_the_same_comparison_gives_the_same_bytes(tmp_path: Path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_without_matplotlib_the_numbers_are_written_with_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     without_matplotlib(monkeypatch)
     with pytest.raises(GtpinError, match="matplotlib"):

@@ -52,6 +52,7 @@ def test_only_rods_on_measured_tracks_bound_the_range():
     assert model(3).predict(q).reached.all()
 
 
+@pytest.mark.slow
 def test_calibration_sets_poses_outside_the_tracks_aside_by_name():
     q = mm.commands(80, seed=2)
     q[[5, 7]] = [[0.6, 0.0, 0.0], [0.0, -0.6, 0.0]]
@@ -94,6 +95,7 @@ def test_the_turning_of_carts_is_refused_where_no_track_is_measured():
         gtpin.calibrate(dataset(Q), model=3, orientations=True)
 
 
+@pytest.mark.slow
 def test_models_weigh_by_what_they_leave_whatever_was_declared():
     data = dataset(0.9 * Q)
     rough = replace(data, instrument=data.instrument.model_copy(update={"position_sigma": 1e-3}))

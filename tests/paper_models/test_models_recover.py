@@ -14,6 +14,8 @@ from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.calibration.paper_models import model_geometry
 from gtpin.comparison.compare import better_measured
 
+pytestmark = pytest.mark.slow
+
 NOISE, TURN_NOISE = 1e-5, 5e-5
 FIT, HELD = mm.commands(150, seed=6), mm.commands(60, seed=7)
 BENT = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 70 + c)) for c in range(3))

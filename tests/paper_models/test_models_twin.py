@@ -18,6 +18,8 @@ from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import GtpinWarning
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dressler2010"
 SEEDS = (0, 1, 2, 2010)
 

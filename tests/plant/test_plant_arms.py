@@ -146,6 +146,7 @@ def test_payloads_and_pushes_are_those_of_the_robot_s_size() -> None:
     assert max(c.push for c in drawn) <= 250.0 * robot.capacity / 20.0
 
 
+@pytest.mark.slow
 def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_path: Path) -> None:
     file = str(urdf_file(tmp_path))
     asked = {"effects": [("backlash", "elbow")], "energy": 500.0, "poses": 60, "held_out": 10, "robot": file}
@@ -166,6 +167,7 @@ def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_pat
     assert np.abs(log(A)).max() > 0.01
 
 
+@pytest.mark.slow
 def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(tmp_path: Path) -> None:
     file = str(urdf_file(tmp_path))
     one, again, other = (make_case(seed, robot=file, poses=50, held_out=10) for seed in (1, 1, 2))
@@ -186,6 +188,7 @@ def test_a_simulated_arm_without_effects_is_where_its_geometry_says() -> None:
     np.testing.assert_allclose(made.truth.T, gtpin.Model(made.machine.geometry).predict(made.commands.q).T, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_check_draws_arms_with_their_own_effects_and_makes_them(tmp_path: Path) -> None:
     file = str(urdf_file(tmp_path))
     drawn = list(drafts(300, 1, file))

@@ -27,6 +27,8 @@ from gtpin.plant.instruments.case import InstrumentCase
 from gtpin.plant.instruments.gauge import Gauge
 from gtpin.plant.tracker import Noise
 
+pytestmark = pytest.mark.slow
+
 Floats = np.ndarray
 
 JOINT = "elbow_left"

@@ -28,6 +28,7 @@ def test_uneven_curves_are_of_rms_1() -> None:
         assert np.sqrt((uneven_curve(np.random.default_rng(seed), -0.8, 0.8).values ** 2).mean()) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_fields_have_unit_variance_and_correlate_over_their_length() -> None:
     points = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     fields = [Field.draw(np.random.default_rng(seed), [0.4, 0.4]) for seed in range(200)]

@@ -8,6 +8,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).parents[2] / "gtpin"
 JUDGED = (
     "gtpin.kinematics",
@@ -53,12 +55,14 @@ def modules() -> list[str]:
     return [name.removesuffix(".__init__") for name in names]
 
 
+@pytest.mark.slow
 def test_no_module_of_the_plant_imports_what_it_shall_judge() -> None:
     for module in modules():
         assert not [name for name in imports(module) if name.startswith(JUDGED)], module
         assert "gtpin" not in imports(module), f"{module} imports the whole package"
 
 
+@pytest.mark.slow
 def test_nothing_that_the_plant_builds_on_imports_it_either() -> None:
     reached, waiting = set(), modules()
     while waiting:
@@ -70,6 +74,7 @@ def test_nothing_that_the_plant_builds_on_imports_it_either() -> None:
     assert {"gtpin.robot.robot", "gtpin.data.dataset"} < reached  # the search went outside
 
 
+@pytest.mark.slow
 def test_a_machine_is_made_without_anything_of_it_in_memory() -> None:
     code = (
         "import sys; from gtpin.plant import make_case, simulate, simulate_measured; from gtpin import load_robot;"

@@ -116,6 +116,7 @@ def misses(written: Written, kind: str, poses: Poses, up: np.ndarray) -> np.ndar
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "linear_delta", "stewart", "ur5"])
 def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geometry_fulfil(
     robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -132,6 +133,7 @@ def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geomet
         assert len(poses) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "ur5"])
 @pytest.mark.parametrize("effect", ["backlash", "rack_periodic", "joint_clearance", "frame_shift"])
 def test_what_touches_does_so_with_all_errors_of_the_machine(
@@ -149,6 +151,7 @@ def test_what_touches_does_so_with_all_errors_of_the_machine(
         assert np.abs(misses(written, kind, poses, np.array([0.0, 0.0, 1.0]))).max() < EXACT
 
 
+@pytest.mark.slow
 def test_readings_scatter_by_their_sigma() -> None:
     case = build_measured(replace(recipe([]), poses=150), ALL)
     rows = {read.described["name"]: read for read in case.dataset.read}
@@ -165,6 +168,7 @@ def test_readings_scatter_by_their_sigma() -> None:
         assert abs(float(np.std(z)) - 1.0) < 5.0 / np.sqrt(2.0 * z.size), gauge.name
 
 
+@pytest.mark.slow
 def test_energy_is_that_of_the_readings_past_geometry_and_the_instruments_unknowns() -> None:
     exact = recipe([("straightness", "cart3")], repeatability=(0.0, 0.0))
     case = build_measured(exact, ["range", "plane", "tilt"])
@@ -203,6 +207,7 @@ def test_energy_is_that_of_the_readings_past_geometry_and_the_instruments_unknow
     assert truth.energy == pytest.approx(exact.wanted[0].energy, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "ur5"])
 def test_what_is_hidden_has_the_names_and_the_priors_that_a_reader_of_the_dataset_gives_it(
     robot: str, tmp_path: Path
@@ -218,6 +223,7 @@ def test_what_is_hidden_has_the_names_and_the_priors_that_a_reader_of_the_datase
             assert abs(one.value - unknowns[one.name].nominal) < 5.0 * one.prior
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_other_instruments_leave_what_is_hidden_as_it_is(tmp_path: Path) -> None:
     made = [build_measured(recipe([("linearity", None)]), kinds) for kinds in (["range", "plane"], ["range", "plane"])]
     for i, case in enumerate(made):
@@ -232,6 +238,7 @@ def test_same_seed_same_bytes_and_other_instruments_leave_what_is_hidden_as_it_i
     }
 
 
+@pytest.mark.slow
 def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None:
     case = build_measured(replace(recipe([], declared=False, gross=0.1), poses=100), ALL)
     for gauge in case.gauges:
@@ -242,6 +249,7 @@ def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None
     assert 0.05 < off.mean() < 0.15
 
 
+@pytest.mark.slow
 def test_an_encoder_reads_a_passive_joint_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plain, "errors", none)
     robot = spatial_loop()
@@ -257,6 +265,7 @@ def test_an_encoder_reads_a_passive_joint_of_a_loop(monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(read.columns["reading"] - zero, here, atol=EXACT)
 
 
+@pytest.mark.slow
 def test_held_out_readings_are_without_noise_and_have_their_ids_in_turn() -> None:
     case = simulate_measured(gtpin.load_robot("ur5"), "ur5", ALL, poses=8, seed=2, held_out=9)
     assert set(case.held) == {"tracker", "camera", "wire", "level", "ballbar"}
@@ -271,6 +280,7 @@ def test_held_out_readings_are_without_noise_and_have_their_ids_in_turn() -> Non
         assert abs(case.held["wire"][0][i, 0] - away) < EXACT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "linear_delta", "ur5"])
 def test_a_ball_bar_goes_round_circles_both_ways_and_approach_and_speed_follow(robot: str) -> None:
     case = build_measured(replace(recipe([], robot), poses=96), ["ballbar"])
@@ -298,6 +308,7 @@ def test_a_ball_bar_goes_round_circles_both_ways_and_approach_and_speed_follow(r
     assert np.abs(np.einsum("ni,ni->n", ways, arms)).max() < 1e-3 * np.linalg.norm(ways[0]) * np.linalg.norm(arms[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("instruments", "robot", "what"),
     [

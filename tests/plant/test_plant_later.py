@@ -24,6 +24,7 @@ def test_at_held_out_commands_it_is_where_the_truth_says_but_for_the_noise(noise
         assert stats.kstest(errors.ravel(), "norm").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_it_comes_from_where_the_commands_say_and_shows_it() -> None:
     case = make_case(3, effects=[("backlash", "cart1")], energy=4000.0, noise=EXACT, background=False)
     q = np.repeat(case.commands.q[:1], 80, axis=0)
@@ -35,6 +36,7 @@ def test_it_comes_from_where_the_commands_say_and_shows_it() -> None:
     assert np.linalg.norm(mean[0] - mean[1]) > 8.0 * EXACT.position_sigma / np.sqrt(40.0)
 
 
+@pytest.mark.slow
 def test_its_covariates_are_those_of_the_case_and_what_the_commands_say() -> None:
     case = make_case(4, conditions=Conditions(without=("payload",)))
     asked = Commands(
@@ -46,6 +48,7 @@ def test_its_covariates_are_those_of_the_case_and_what_the_commands_say() -> Non
     assert again.covariates["time"].min() > case.dataset.covariates["time"].max()
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_other_seeds_other_noise() -> None:
     case = make_case(5)
     first, same, other = (measure_at(case, Commands(case.commands.pose, case.commands.q), seed) for seed in (0, 0, 1))
@@ -53,6 +56,7 @@ def test_same_seed_same_bytes_and_other_seeds_other_noise() -> None:
     assert np.abs(first.position - other.position).max() > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "said",
     [

@@ -56,6 +56,7 @@ def test_the_contract_s_effects_are_at_commanded_joints_and_links_that_reach_to_
     assert set(kind("worn_pin", arm).sites(arm)) == followers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_poses_of_a_drawn_machine_are_pinocchio_s_and_so_are_their_derivatives(name: str) -> None:
     plant = a_plant(name)

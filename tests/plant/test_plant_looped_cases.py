@@ -128,6 +128,7 @@ def one_command(tmp_path: Path) -> str:
     return str(file)
 
 
+@pytest.mark.slow
 def test_a_case_is_the_same_for_the_same_seed_and_has_the_energy_asked_for() -> None:
     asked = {
         "effects": [("servo_lag", "drive_right")],
@@ -143,6 +144,7 @@ def test_a_case_is_the_same_for_the_same_seed_and_has_the_energy_asked_for() -> 
     assert Path(one.dataset.robot).is_absolute()
 
 
+@pytest.mark.slow
 def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(one_command: str) -> None:
     for order in ("random", "layers"):
         case = make_case(1, poses=30, held_out=5, conditions=Conditions(order=order), robot=one_command)
@@ -150,6 +152,7 @@ def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(one_comman
         assert np.isfinite(case.truth.T).all()
 
 
+@pytest.mark.slow
 def test_a_check_draws_machines_with_loops_with_their_own_effects_and_makes_them() -> None:
     drawn = list(drafts(400, 1, str(FIVE_BAR)))
     arm = known_robot(str(FIVE_BAR))
@@ -162,6 +165,7 @@ def test_a_check_draws_machines_with_loops_with_their_own_effects_and_makes_them
             assert effect.site in {*arm.sites, *arm.link_sites, *arm.pin_sites, "arm", "platform", "frame"}
 
 
+@pytest.mark.slow
 def test_a_machine_with_loops_is_measured_again_after_its_day() -> None:
     case = build(
         drawn_recipe(2, effects=[("joint_compliance", "drive_right")], poses=40, held_out=10, robot=str(FIVE_BAR))
@@ -171,6 +175,7 @@ def test_a_machine_with_loops_is_measured_again_after_its_day() -> None:
     assert np.abs(again.position - case.truth.T).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_effects() -> None:
     recipe = drawn_recipe(2, effects=[("backlash", "drive_right")], poses=30, held_out=5, robot=str(FIVE_BAR))
     case = build_measured(recipe, ("range", "tilt"))
@@ -178,6 +183,7 @@ def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_
     assert "placement[elbow_right].x" in case.geometry
 
 
+@pytest.mark.slow
 def test_a_scenario_hides_an_effect_in_a_five_bar(tmp_path: Path) -> None:
     scenario = tmp_path / "pin.toml"
     scenario.write_text(

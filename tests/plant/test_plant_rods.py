@@ -43,6 +43,7 @@ def test_so_they_are_for_a_geometry_drawn_from_its_tolerances(name: str) -> None
     assert np.abs(off).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_derivatives_are_differences_of_the_poses(name: str) -> None:
     geometry = gtpin.Geometry.nominal(gtpin.load_robot(name))

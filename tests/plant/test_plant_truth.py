@@ -37,6 +37,7 @@ def whole_energy(case: Case, displacement: np.ndarray) -> float:
     return float(d @ np.linalg.solve(np.eye(len(d)) + B @ B.T, d))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [("straightness", "cart3"), ("link_compliance", "arm"), ("hose_drag", "platform")])
 def test_energy_is_what_was_asked_and_what_the_whole_matrix_gives(effect: tuple[str, str]) -> None:
     case = make_case(5, effects=[effect], energy=700.0, poses=60)
@@ -45,6 +46,7 @@ def test_energy_is_what_was_asked_and_what_the_whole_matrix_gives(effect: tuple[
     assert whole_energy(case, truth.displacement) == pytest.approx(truth.energy, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_energies_are_drawn_between_30_and_4000_uniformly_in_the_logarithm() -> None:
     small = {"poses": 40, "held_out": 1, "background": False}  # neither has a part in the energy
     energies = [make_case(seed, effects=[("linearity", None)], **small).effects[0].energy for seed in range(60)]
@@ -60,6 +62,7 @@ def test_an_effect_that_geometry_absorbs_stays_at_a_size_that_machines_have() ->
     assert np.abs(truth.displacement[:, :3]).max() < 3e-3
 
 
+@pytest.mark.slow
 def test_weak_others_are_weak_and_weaker_where_nothing_else_is() -> None:
     for seed in range(8):
         assert 0.0 < make_case(seed).background < 15.0
@@ -68,6 +71,7 @@ def test_weak_others_are_weak_and_weaker_where_nothing_else_is() -> None:
         assert 0.0 < null.background < 5.0
 
 
+@pytest.mark.slow
 def test_all_that_a_null_adds_to_the_geometry_is_weak_and_some_micrometres_of_repeatability() -> None:
     case = make_case(3, n_effects=0)
     off = case.true.minus(case.machine.kinematics.forward(case.visits.q))
@@ -96,6 +100,7 @@ def test_visits_to_one_pose_differ_by_noise_and_repeatability_where_nothing_else
     assert 1e-6 < spread < 12e-6
 
 
+@pytest.mark.slow
 def test_heavy_tails_keep_their_sigma_and_gross_errors_are_as_many_as_asked() -> None:
     heavy = make_case(6, n_effects=0, poses=3000, held_out=1, noise=Noise(tails=6.0), background=False)
     off = (heavy.dataset.position - heavy.true.T) / POSITION
@@ -106,6 +111,7 @@ def test_heavy_tails_keep_their_sigma_and_gross_errors_are_as_many_as_asked() ->
     assert 0.02 < far.mean() < 0.06
 
 
+@pytest.mark.slow
 def test_noise_by_range_is_larger_far_from_the_instrument() -> None:
     case = make_case(7, n_effects=0, poses=3000, held_out=1, noise=Noise(by_range=1.0), background=False)
     distance = np.linalg.norm(case.true.T - np.array(Noise().station), axis=1)
@@ -124,6 +130,7 @@ def test_what_is_not_declared_or_not_measured_is_not_in_the_dataset() -> None:
     assert not {"time", "temp_frame", "temp_link"} & set(case.commands.covariates)
 
 
+@pytest.mark.slow
 def test_an_instrument_with_a_frame_of_its_own_sees_the_same_machine_from_elsewhere() -> None:
     robot, free = (make_case(9, noise=Noise(free=value)) for value in (False, True))
     assert free.dataset.instrument.frame == "free"
@@ -132,6 +139,7 @@ def test_an_instrument_with_a_frame_of_its_own_sees_the_same_machine_from_elsewh
     assert np.linalg.norm(robot.truth.T - free.truth.T, axis=1).min() > 0.01
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_other_seeds_other_machines(tmp_path: Path) -> None:
     for name in "ab":
         draw_case(11).write(tmp_path / name)
@@ -184,6 +192,7 @@ def test_rough_bulk_draws_small_datasets_with_columns_missing_and_undeclared_noi
     assert any("approach" in recipe.conditions.without for recipe in recipes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rough", [False, True])
 def test_a_case_drawn_in_bulk_is_made_as_its_recipe_says(rough: bool) -> None:
     for seed in range(0, 30, 3):

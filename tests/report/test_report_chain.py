@@ -165,6 +165,7 @@ def test_corrected_commands_bring_the_arm_where_its_program_meant_it(found: Diag
     assert np.abs(corrected - q).max() < 0.02  # the posture is the program's own
 
 
+@pytest.mark.slow
 def test_a_periodic_deviation_of_a_joint_becomes_a_table_of_corrections(tmp_path: Path) -> None:
     d = gtpin.diagnose(gtpin.Dataset.read(measured(tmp_path / "given", amplitude=AMPLITUDE, count=150)))
     assert [(c.effect, c.site) for c in d.causes] == [("rack_periodic", PERIODIC)]

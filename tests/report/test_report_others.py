@@ -48,6 +48,7 @@ def measured_carts() -> CartMeasurements:
     return CartMeasurements(np.repeat([1, 2, 3], 9), q, position)
 
 
+@pytest.mark.slow
 def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best():
     told = text(comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}), dataset(), ROBOT))
     assert "Model 4 (full arm, measured tracks) predicts best" in told
@@ -55,11 +56,13 @@ def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best():
     assert "don't settle" not in told
 
 
+@pytest.mark.slow
 def test_models_whose_intervals_overlap_are_not_told_apart():
     told = text(comparison_page(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9), dataset(), ROBOT))
     assert "their intervals overlap" in told.lower()
 
 
+@pytest.mark.slow
 def test_a_comparison_of_a_dataset_with_carts_shows_their_tracks():
     with_carts = comparison_page(comparison({3: 1e-4, 4: 2e-5}), dataset(measured_carts()), ROBOT)
     without = comparison_page(comparison({3: 1e-4, 4: 2e-5}), dataset(), ROBOT)

@@ -37,6 +37,7 @@ def text(whole: str) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", seen)).replace("\u00a0", " ").split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
     found = findings[kind]
@@ -56,6 +57,7 @@ def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
         assert name in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_is_below_six_megabytes_and_fetches_nothing(findings, kind):
     whole = of(findings[kind])
@@ -66,6 +68,7 @@ def test_a_page_is_below_six_megabytes_and_fetches_nothing(findings, kind):
     assert "url(" not in tags
 
 
+@pytest.mark.slow
 def test_text_of_others_is_escaped_everywhere(findings):
     whole = of(findings["explained"])
     assert "<script>alert(1)" not in whole
@@ -76,6 +79,7 @@ def test_text_of_others_is_escaped_everywhere(findings):
         json.loads(block)
 
 
+@pytest.mark.slow
 def test_the_same_diagnosis_makes_the_same_page(findings):
     assert of(findings["explained"]) == of(findings["explained"])
 
@@ -96,6 +100,7 @@ def test_a_robots_name_is_text(findings, monkeypatch):
     assert "<img" not in of(found)
 
 
+@pytest.mark.slow
 def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     single.dataset.write(tmp_path / "data")
     read = Dataset.read(tmp_path / "data")
@@ -106,6 +111,7 @@ def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     assert str(tmp_path) not in told
 
 
+@pytest.mark.slow
 def test_a_next_experiment_is_told_with_its_commands(findings):
     found = findings["ambiguous"]
     step = Experiment(
@@ -128,6 +134,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
     assert "About 2 such measurements are needed" in seen
 
 
+@pytest.mark.slow
 def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
     dataset = single.dataset.take(np.arange(90))
     position = dataset.position.copy()
@@ -139,6 +146,7 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
     assert re.search(rf"{re.escape(str(dataset.pose[10]))} {dataset.row[10]} (2\.9|3\.0)\d? mm", told)
 
 
+@pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
     assert len(diagnosis_page(single.diagnosis, many).encode()) < 6e6
@@ -206,11 +214,13 @@ def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
         render("diagnosis.html", title="nothing")
 
 
+@pytest.mark.slow
 def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(findings):
     assert "A controller can correct rack_periodic at cart2" in text(of(findings["explained"]))
     assert "A controller can correct" not in text(of(findings["ambiguous"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_drawing_of_a_page_is_a_figure_that_plotly_accepts(findings, kind, monkeypatch):
     plots, embed = [], Shared.embed

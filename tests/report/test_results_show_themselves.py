@@ -80,6 +80,7 @@ def test_tables_hold_what_the_results_hold(results):
     assert estimate.interval == (estimate.value - 1.96 * estimate.sigma, estimate.value + 1.96 * estimate.sigma)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["calibration", "diagnosis", "comparison"])
 def test_save_writes_what_the_command_writes(results, folder, tmp_path, name):
     command = {"calibration": "calibrate", "diagnosis": "diagnose", "comparison": "compare"}[name]
@@ -105,6 +106,7 @@ def test_save_does_not_overwrite_what_others_wrote(results, tmp_path):
     assert (tmp_path / "report.html").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_poses_and_accuracy_are_saved_as_their_commands_write_them(results, tmp_path):
     results["poses"].save(tmp_path / "poses.csv")
     table = pd.read_csv(tmp_path / "poses.csv", dtype=str)  # numbers exactly as written, by any pandas

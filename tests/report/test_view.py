@@ -161,6 +161,7 @@ def test_colours_grow_redder_with_the_share_and_the_error():
     assert colors[-1, 0] - colors[-1, 2] > colors[0, 0] - colors[0, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
 def test_a_still_image_is_written_in_the_format_of_its_ending(tmp_path, ending):
     gap = gap_of(NOMINAL, dataset_of(lengthened("2a", 2e-4)))

@@ -170,6 +170,7 @@ def test_without_a_gap_wires_end_at_the_drawn_platform(
     assert np.linalg.norm(end - machine.tcp) == pytest.approx(np.linalg.norm(TARGET), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_picture_of_readings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "data").mkdir()
     write(tmp_path / "data")

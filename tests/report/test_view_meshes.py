@@ -10,6 +10,8 @@ from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.view.shapes import shapes
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("name", "tcp"), [("ur5", None), ("panda", "panda_hand")])
 @pytest.mark.filterwarnings("error", "ignore:.*does not move with panda_finger")

@@ -63,6 +63,7 @@ def test_a_name_that_can_not_be_loaded_says_why() -> None:
         load_robot("ur55")
 
 
+@pytest.mark.slow
 def test_the_list_of_robots_says_joints_and_sources() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "gtpin", "robots", "--json"], capture_output=True, text=True, check=True

@@ -53,6 +53,7 @@ def test_it_is_simulated_and_calibrated(kind: str) -> None:
     assert np.sqrt((off**2).mean()) < 1.5e-5  # less than one measurement's noise, by 80 of them
 
 
+@pytest.mark.slow
 def test_a_planar_loop_with_joints_off_by_tolerances_is_simulated_and_calibrated(four_bar_urdf: str) -> None:
     """Across its plane no such loop closes: play in its bearings takes that up."""
     robot = gtpin.Robot(Description.parse(four_bar_urdf))

@@ -91,6 +91,7 @@ def test_a_body_on_the_world_that_is_driven_is_of_the_robot(tmp_path: Path) -> N
     assert gtpin.load_robot(in_folder(tmp_path, driven)).n_actuators == 7
 
 
+@pytest.mark.slow
 def test_an_offset_and_a_backlash_are_found_in_poses_beside_a_scene(tmp_path: Path) -> None:
     in_folder(tmp_path)
     dataset = gtpin.Dataset.read(measurements(tmp_path))

@@ -37,6 +37,7 @@ def read(text: str, folder: Path) -> gtpin.Robot:
     return gtpin.load_robot(file)
 
 
+@pytest.mark.slow
 def test_a_free_motion_that_moves_the_tcp_is_refused_with_its_joints(tmp_path: Path) -> None:
     with pytest.raises(RobotError, match="1 passive motion of under can't be determined, and the TCP moves") as caught:
         read(four_bar("0.1 0 0"), tmp_path)
@@ -46,6 +47,7 @@ def test_a_free_motion_that_moves_the_tcp_is_refused_with_its_joints(tmp_path: P
     assert np.linalg.norm(list(weights.values())) == pytest.approx(1.0, abs=0.02)  # a unit vector of three angles
 
 
+@pytest.mark.slow
 def test_a_spin_that_moves_nothing_is_named_and_left_as_it_is(tmp_path: Path) -> None:
     with pytest.warns(GtpinWarning, match=r"1 passive motion of under can't be determined, of d \(1.00\)"):
         robot = read(four_bar("0 0 0"), tmp_path)

@@ -26,6 +26,7 @@ SAID = 0.05
 """Largest difference of the explained fraction in MuJoCo from the stated one: the goal of the blind check for its mean."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "cause"),
     [

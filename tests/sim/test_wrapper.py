@@ -45,6 +45,7 @@ def test_play_follows_the_direction_of_the_last_change() -> None:
     np.testing.assert_allclose(seen, [NOMINAL.predict([[0.0, q2, 0.0]]).T[0] for q2 in went], rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_each_episode_has_a_machine_of_its_own() -> None:
     machines = NOMINAL.sample(8, np.random.default_rng(0))
     environment = Diagnosed(Still(), machines, np.random.default_rng(0))

@@ -8,8 +8,12 @@ from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
 
+import pytest
+
 import gtpin
 from gtpin.output.shown import PRESENTATIONS
+
+pytestmark = pytest.mark.slow
 
 PACKAGE = Path(gtpin.__file__).parent
 LAYERS = (

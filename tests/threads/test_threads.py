@@ -38,6 +38,7 @@ def test_what_was_allowed_comes_back_after_an_error():
     assert threads() == {2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("work", [gtpin.calibrate, gtpin.diagnose])
 def test_a_fit_is_limited(work):
     model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
