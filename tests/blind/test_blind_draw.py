@@ -47,6 +47,7 @@ def test_effects_are_of_the_sort_that_is_asked_for() -> None:
         assert len(set(draft.effects)) == len(draft.effects)
 
 
+@pytest.mark.slow
 def test_a_case_and_what_is_sealed_of_it_come_from_the_seed_alone() -> None:
     draft = Draft("x", "power", 7, ("backlash",), 60)
     case, again = made(draft), made(draft)

@@ -106,6 +106,7 @@ def test_a_strong_pair_far_apart_is_named_and_nothing_else(pair: Limit, odds: st
     assert said.verdict == "explained"
 
 
+@pytest.mark.slow
 def test_a_true_form_has_one_coefficient_and_no_other_of_its_place_beside_it(pair: Limit) -> None:
     groups, paid = pair._prepared
     assert [groups.width(term) for term in pair.forms] == [1, 1]

@@ -126,6 +126,7 @@ with workers():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes can't be listed")
 def test_processes_end_when_the_one_that_started_them_is_killed(tmp_path: Path) -> None:
     paths = os.pathsep.join((str(PACKAGE.parent), str(Path(__file__).parent)))

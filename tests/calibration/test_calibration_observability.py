@@ -104,6 +104,7 @@ def test_o1_and_o5_follow_from_the_singular_values_where_all_are_seen():
     assert found.observability.indices == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_direction_that_the_data_can_t_see_changes_no_prediction(case):
     kind, q, found = case
     assert found.unobservable

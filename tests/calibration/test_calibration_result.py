@@ -210,6 +210,7 @@ def test_a_model_json_with_other_values_is_read_or_refused(model_json, data):
     read_or_refuse(folder, json.dumps(told))
 
 
+@pytest.mark.slow
 @given(cut=st.integers(0, 3000), junk=st.binary(max_size=6))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_damaged_model_json_is_read_or_refused(model_json, cut, junk):

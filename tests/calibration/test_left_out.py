@@ -74,6 +74,7 @@ def test_visits_that_agree_do_not_make_a_model_right(visits):
     assert not unexplained(clean, clean / 1e-6, variance, places, turns, 0.0, known=False).none
 
 
+@pytest.mark.slow
 def test_the_file_of_a_model_has_what_it_left_unexplained_and_older_files_do_without(tmp_path):
     model = gtpin.calibrate(Machine(12).measured(0, 3, True)).model
     true = Machine(12).waves[2].std() * np.sqrt(len(Machine(12).waves[2]) / 2.0)

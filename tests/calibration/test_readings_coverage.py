@@ -21,6 +21,8 @@ import gtpin
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.noise.weights import Tails
 
+pytestmark = pytest.mark.slow
+
 Floats = np.ndarray
 Reads = Callable[[Gantry, np.random.Generator], list[Seen]]
 
@@ -84,7 +86,6 @@ def of_kind(kind: str) -> ReadingsStudy:
     return studied(KINDS[kind], MACHINES, list(KINDS).index(kind))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_intervals_of_95_percent_cover_93_to_97_percent(kind):
     # The pooled share has a spread of 0.005 or less over 50 machines, so that 0.02 is 4 of it.
@@ -136,7 +137,6 @@ UNDECLARED: dict[str, tuple[Reads, list[float]]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kinds", UNDECLARED)
 def test_an_undeclared_sigma_is_estimated_without_bias(kinds):
     reads, sigmas = UNDECLARED[kinds]
@@ -154,7 +154,6 @@ def test_an_undeclared_sigma_is_estimated_without_bias(kinds):
     found.assert_covers()
 
 
-@pytest.mark.slow
 def test_tails_that_come_and_go_with_their_own_weights_are_heavy(tmp_path, monkeypatch):
     # Weights of heavy tails may take away the tails that were seen without them, for ever.
     tails = itertools.cycle([(Tails(15.0, 1.0),), (Tails(),)])
@@ -173,7 +172,6 @@ SPOILT = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("kind", SPOILT)
 def test_gross_errors_of_a_millimetre_are_set_aside_and_nothing_else(tmp_path, kind, declared):
@@ -189,7 +187,6 @@ def test_gross_errors_of_a_millimetre_are_set_aside_and_nothing_else(tmp_path, k
         assert_set_aside(tmp_path, spoilt if declared else spoilt.saying(sigma=None, position_sigma=None), bad, machine)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 def test_seats_missed_by_a_millimetre_are_set_aside_and_nothing_else(tmp_path, declared):
     rng = np.random.default_rng(300)

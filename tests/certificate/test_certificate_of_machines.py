@@ -154,6 +154,7 @@ def test_undeclared_noise_without_repeated_visits_counts_as_error_of_the_machine
     assert {row.source: row.missing for row in found.budget.rows}["repeatability"] == "not_declared"
 
 
+@pytest.mark.slow
 def test_what_can_t_be_certified_is_one_error():
     case, model = machine(20)
     with pytest.raises(gtpin.GtpinError, match="nominal"):

@@ -228,6 +228,7 @@ def test_a_disk_that_is_full_leaves_nothing(run, again, strong, tmp_path, tree, 
     assert tree(tmp_path) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SAMPLES.is_dir(), reason="no samples here")
 @pytest.mark.parametrize("name", ["b", "e"])
 def test_the_samples_are_diagnosed_and_predicted(run, tmp_path, name):

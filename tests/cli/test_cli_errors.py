@@ -215,6 +215,7 @@ def test_a_command_a_little_outside_the_range_is_warned_of(run, dataset, tmp_pat
     assert len(pd.read_csv(tmp_path / "p.csv")) == 2
 
 
+@pytest.mark.slow
 def test_a_pose_that_can_t_be_reached_is_set_aside_by_name(run, dataset, tmp_path):
     assert not gtpin.read_model("gantry_tau").predict([FAR_APART]).reached.any(), "choose another pose"
     frame = pd.read_csv(dataset / "poses.csv", dtype={"pose": str})

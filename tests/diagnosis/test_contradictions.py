@@ -97,6 +97,7 @@ def test_a_session_of_its_own_in_every_row_is_left_out_as_a_time() -> None:
         assert "session" not in without_contradictions(stamped).covariates
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [31, 75, 100])
 def test_too_many_or_too_short_sessions_are_left_out(count: int) -> None:
     with pytest.warns(GtpinWarning, match=rf"{count} sessions in \d+ rows: up to 30 sessions of 2 rows or more"):

@@ -81,6 +81,7 @@ def test_a_fit_about_its_own_result_is_the_linear_posterior():
         )
 
 
+@pytest.mark.slow
 def test_a_fit_without_causes_is_the_calibration():
     observed, baseline = calibrated()
     found = fit_together(observed, nominal(), (), (), observed.situation(baseline.model).references)
@@ -99,6 +100,7 @@ def fitted() -> list[tuple[Model, Model]]:
     return found
 
 
+@pytest.mark.slow
 def test_errors_of_causes_and_geometry_follow_the_covariances_told():
     coefficients, geometry = [], []
     for true, found in fitted():

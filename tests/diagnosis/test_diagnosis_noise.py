@@ -66,6 +66,7 @@ def test_what_a_model_leaves_is_what_least_squares_leaves():
     assert_allclose(taken, np.trace(J @ np.linalg.pinv(rows)[:, : len(J)]), rtol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("factor", [0.4, 2.5])
 def test_sigmas_that_are_not_declared_are_found(seed, factor):

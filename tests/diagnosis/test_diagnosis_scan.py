@@ -73,6 +73,7 @@ def beside_linearity(design: Design, groups: Groups[object]) -> Posterior[object
 EFFECTS = [(FewPeriods(), 0.021), (RackStep(), 0.4), (FrameWave(), 0.13)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [True, False])
 @pytest.mark.parametrize("with_model", [False, True])
 @pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))

@@ -10,6 +10,8 @@ from numpy.testing import assert_allclose
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
 
+pytestmark = pytest.mark.slow
+
 Floats = np.ndarray
 SIGMA = 2e-5
 
@@ -49,7 +51,6 @@ def test_a_block_left_out_is_what_a_fit_without_it_predicts(c, free):
     assert_allclose(found.columns, moved, rtol=1e-9, atol=1e-9 * SIGMA)
 
 
-@pytest.mark.slow
 def test_the_noise_that_a_fit_shows_is_without_bias():
     rng = np.random.default_rng(2)
     n, c, p, draws = 40, 6, 12, 300
@@ -114,7 +115,6 @@ def compared(strength: float) -> list[tuple[Gap, float]]:
     return found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.3, 1.0])
 def test_intervals_cover_the_shrinkage_on_other_poses(strength):
     inside = [said.interval[0] <= true <= said.interval[1] for said, true in compared(strength)]
@@ -141,7 +141,6 @@ def test_without_causes_nothing_shrinks_and_the_floor_is_no_higher_than_the_gap(
         assert found.interval is None
 
 
-@pytest.mark.slow
 def test_a_perfect_model_shows_the_noise_floor():
     ratios = []
     for seed in range(20):

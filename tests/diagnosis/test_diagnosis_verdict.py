@@ -10,6 +10,8 @@ from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
+pytestmark = pytest.mark.slow
+
 FAULTS = [
     (1, "rack_periodic"),
     (2, "backlash"),
@@ -20,7 +22,6 @@ FAULTS = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_a_machine_without_a_fault_is_said_to_have_none(seed):
     found = said(seed)
@@ -32,7 +33,6 @@ def test_a_machine_without_a_fault_is_said_to_have_none(seed):
     assert found.gap.before == found.gap.after >= found.gap.floor
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "effect"), FAULTS)
 def test_a_large_fault_is_named_with_its_place(seed, effect):
     (truth,) = machine(seed, effect).effects
@@ -59,7 +59,6 @@ def test_the_model_of_the_causes_predicts_other_poses_better_as_it_was_said_to(s
     assert found.gap.interval[0] <= found.gap.shrinkage <= found.gap.interval[1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "effect"), FAULTS[:2])
 def test_nothing_else_is_named_for_sure_once_the_true_effect_is_excluded(seed, effect):
     found = said(seed, effect, exclude=(effect,))
@@ -68,7 +67,6 @@ def test_nothing_else_is_named_for_sure_once_the_true_effect_is_excluded(seed, e
     assert effect not in {c.effect for c in found.candidates}
 
 
-@pytest.mark.slow
 def test_only_the_place_that_is_excluded_is_left_out():
     (truth,) = machine(2, "backlash").effects
     found = said(2, "backlash", exclude=(f"backlash@{truth.site}",))
@@ -78,7 +76,6 @@ def test_only_the_place_that_is_excluded_is_left_out():
     assert found.verdict != "explained"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "kind"),
     [
@@ -96,7 +93,6 @@ def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
     assert found.unexplained.p_value < 0.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_stretches_the_whole_machine_is_not_three_drives_fault_once_its_name_is_excluded(seed):
     found = said(seed, "tracker_scale", exclude=("tracker_scale",))
@@ -113,7 +109,6 @@ def test_a_cause_stands_in_its_class_whose_probabilities_sum_to_one_at_most(seed
         assert all(probability >= 0.05 * max(members.values()) for probability in others)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "effect"), [(1, None), *FAULTS])
 def test_shares_of_where_the_gap_lies_sum_to_one(seed, effect):
     where = said(seed, effect).where

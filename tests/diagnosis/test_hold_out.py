@@ -17,7 +17,7 @@ from gtpin.diagnosis.linear.hold_out import STRETCHES, blocks_of
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.catalogue import effects_by_id
 
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 SEED, EFFECT = 5, "zero_shift"
 SIGMA = 2e-5
@@ -112,7 +112,6 @@ def by_session() -> gtpin.Diagnosis:
     return gtpin.diagnose(machine(SEED, EFFECT, energy=LARGE).dataset, hold_out="session")
 
 
-@pytest.mark.slow
 def test_shifts_between_sessions_are_named_and_predict_no_other_session():
     known, unseen = said(SEED, EFFECT), by_session()
     assert known.verdict == unseen.verdict == "explained"
@@ -130,7 +129,6 @@ def test_the_method_says_what_was_left_out():
     assert "four neighbouring poses" in said(SEED, EFFECT).to_json()["gap"]["method"]
 
 
-@pytest.mark.slow
 def test_only_where_there_is_one_session_the_interval_is_said_to_ignore_another_day():
     method = said(SEED, EFFECT).to_json()["gap"]["method"]
     assert "another day" not in method
@@ -171,7 +169,6 @@ def of_days(seed: int, days: int = 4) -> tuple[Gap, float]:
     return found, float(1.0 - (after**2).sum() / (before**2).sum())
 
 
-@pytest.mark.slow
 def test_intervals_over_sessions_cover_what_another_session_shows():
     found = [of_days(seed) for seed in range(100)]
     inside = [told.interval[0] <= true <= told.interval[1] for told, true in found]

@@ -176,6 +176,7 @@ def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_tha
     assert np.mean(planned) > max(3.0, np.mean(random))
 
 
+@pytest.mark.slow
 def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     case, known = known_of("linearity@cart2", 0)
     names = tuple(f"joint_clearance@{site}" for site in known.robot.rod_sites)

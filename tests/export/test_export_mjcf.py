@@ -73,6 +73,7 @@ def test_soft_links_stretch_as_the_model_says(gantry: Drawn, tmp_path: Path) -> 
     assert apart(T, R, predicted)[0] < 0.02 * shift.max()
 
 
+@pytest.mark.slow
 def test_a_soft_cart_gives_way_and_tips_as_the_model_says(gantry: Drawn, tmp_path: Path) -> None:
     """But for what MuJoCo hangs on the cart besides: half of its rods' own weight, 60 of some 900 N."""
     given = {"along": 3e-7, "across_a": 1e-7, "across_b": 2e-7, "roll": 2e-6, "tip_a": 3e-6, "tip_b": 4e-6}

@@ -78,6 +78,7 @@ def test_sound_files_end_in_a_result(sound: Path, tmp_path: Path, line: str) -> 
     assert faults(ran, before, contents(work)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "file", ["set/poses.csv", "parquet/poses.parquet", "own/machine.urdf", "bent/model.json", "scenario.toml"]
 )

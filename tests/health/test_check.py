@@ -65,6 +65,7 @@ def test_machines_without_a_change_raise_no_more_alarms_than_chance_allows():
     assert alarms <= binom.ppf(0.999, checks, 0.01)
 
 
+@pytest.mark.slow
 def test_draws_of_an_unchanged_machine_exceed_the_threshold_as_often_as_asked():
     """Fresh draws, with the earlier model's error drawn from its covariance by other code."""
     case, model = machine(21)

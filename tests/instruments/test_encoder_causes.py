@@ -23,6 +23,7 @@ BACKLASH, SCALE = 1e-4, 1e-3
 """Half the backlash, rad, and how far a scale is off: five times the readings' noise, and more."""
 JOINTS = ("elbow1", "elbow2")
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:the links of five_bar have no masses"),
     pytest.mark.filterwarnings("ignore:set aside as gross errors"),  # which a large cause makes of good rows
 ]
@@ -67,7 +68,6 @@ def diagnosed(cause: str, seed: int) -> tuple[Machine, gtpin.Diagnosis, Commands
     return machine, found, held, machine.readings(there, from_)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_nothing_is_said_of_nothing(seed: int) -> None:
     _, found, _, _ = diagnosed("none", seed)
@@ -75,7 +75,6 @@ def test_nothing_is_said_of_nothing(seed: int) -> None:
     assert not found.causes
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("cause", SITE)
 def test_a_cause_at_a_drive_is_named(cause: str, seed: int) -> None:
@@ -87,6 +86,7 @@ def test_a_cause_at_a_drive_is_named(cause: str, seed: int) -> None:
     assert found.gap.shrinkage > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", SITE)
 def test_its_model_predicts_readings_that_were_left_out(cause: str) -> None:
     _, found, held, true = diagnosed(cause, 0)
@@ -97,6 +97,7 @@ def test_its_model_predicts_readings_that_were_left_out(cause: str) -> None:
         assert rms > 2.0 * SIGMA if most is None else rms < most, rms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ["none", "backlash"])
 def test_no_experiment_is_offered_for_effects_that_no_encoder_sees(cause: str) -> None:
     _, found, _, _ = diagnosed(cause, 0)
@@ -117,7 +118,6 @@ def test_the_gap_is_that_of_the_readings() -> None:
         assert one.after == pytest.approx(SIGMA, rel=0.2)  # of some 150 left-out readings: 6 % each
 
 
-@pytest.mark.slow
 def test_a_saved_diagnosis_reads_the_same(tmp_path: Path) -> None:
     _, found, held, _ = diagnosed("backlash", 0)
     found.save(tmp_path / "out")

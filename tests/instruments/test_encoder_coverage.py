@@ -26,6 +26,8 @@ from virtual_five_bar import (
 
 import gtpin
 
+pytestmark = pytest.mark.slow
+
 Floats = np.ndarray
 
 MACHINES = 40
@@ -65,7 +67,6 @@ def studied() -> list[Studied]:
     return found
 
 
-@pytest.mark.slow
 def test_intervals_of_95_percent_cover_93_to_97_percent() -> None:
     inside = np.abs(np.array([one.z for one in studied()])) < INSIDE
     # Most of the 24 placements keep their priors and are independent draws: of 40 machines the share has a spread near
@@ -104,7 +105,6 @@ def test_chi_square_per_degree_of_freedom_is_one() -> None:
     assert chi2.ppf(ONCE / 2, freedoms) < total < chi2.isf(ONCE / 2, freedoms), total / freedoms
 
 
-@pytest.mark.slow
 def test_encoders_beside_a_tracker_s_positions_are_fitted_with_them(tmp_path: Path) -> None:
     """A row is a number then: three of a position, one of an angle."""
     squares, total, freedoms, count, n, laser = 0.0, 0.0, 0.0, 0, 8, 1.5e-5
@@ -134,7 +134,6 @@ def test_no_reading_is_set_aside_where_none_is_wrong() -> None:
     assert sum(bool(one.found.rejected) for one in studied()) <= binom.isf(ONCE, MACHINES, 2e-3)
 
 
-@pytest.mark.slow
 def test_an_undeclared_sigma_is_estimated_without_bias(tmp_path: Path) -> None:
     n, shares = 10, []
     for number in range(n):

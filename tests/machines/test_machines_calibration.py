@@ -12,6 +12,8 @@ from scipy.stats import binom, chi2
 
 import gtpin
 
+pytestmark = pytest.mark.slow
+
 MACHINES, POSES = 10, 60
 ONCE = 1e-4
 """Chance that a bound fails where everything is right."""
@@ -38,7 +40,6 @@ def study(name: str) -> list[tuple[gtpin.Calibration, np.ndarray, np.ndarray]]:
     return found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_default_set_is_that_of_the_machine_s_parts(name: str) -> None:
     calibration = study(name)[0][0]

@@ -33,6 +33,7 @@ def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
 # -------------------------------------------------------------------------------------------------- there and back
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({name for name, _ in PLACES}))
 @given(data=st.data())
 @settings(ODD, max_examples=2)

@@ -41,6 +41,7 @@ def drawn(model: gtpin.Model, n: int = 4000) -> np.ndarray:
     return values - [model.geometry.values[0], model.effects[0].coefficients[0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [None, 0.9, -1.0])
 def test_draws_have_the_joint_covariance(rho: float | None) -> None:
     values = drawn(known_model(rho))

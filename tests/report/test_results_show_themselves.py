@@ -136,6 +136,7 @@ FIGURES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method", "options"), FIGURES)
 def test_a_plot_is_a_figure_with_data_and_a_title(results, name, method, options):
     from plotly.graph_objects import Figure

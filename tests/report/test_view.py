@@ -345,6 +345,7 @@ def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch):
         scene.Scene(NOMINAL, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [(["gantry_tau", "-o", "a.png"], 0), (["gantry_tau", "-o", "a.gif"], 2), (["nobody", "-o", "a.png"], 2)],
