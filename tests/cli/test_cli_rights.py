@@ -13,11 +13,9 @@ from pathlib import Path
 import pytest
 from ran import Ran, everything
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[2]
 NOBODY = 65534
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's users and mounts")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's users and mounts")]
 User = Callable[..., Ran]
 
 

@@ -12,9 +12,7 @@ from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.plant import simulate
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 LINES = {
     "shoulder_pan_joint": {12.0: 2.0e-4, 23.0: 1.5e-4, 5.0: 1.2e-4, 31.0: 1.0e-4},

@@ -21,9 +21,7 @@ from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.plant import make_case
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]  # poses set aside
 
 SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 MACHINES = 20

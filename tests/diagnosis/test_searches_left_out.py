@@ -11,9 +11,7 @@ from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.model.measured_robot import robot_of
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 
 class SearchedError(Exception):

@@ -10,10 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 
-pytestmark = pytest.mark.slow
-
 SIGMA, TURN = 3e-5, 1e-4
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 
 def measured(seed, *, scatter=0.0, visits=1, sigmas=(SIGMA, TURN), poses=90):

@@ -21,9 +21,7 @@ sys.path[:0] = [str(EXAMPLES / "health"), str(EXAMPLES / "certificate")]
 
 from unlisted import OneJoint, measured  # noqa: E402
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 
 @cache

@@ -22,9 +22,7 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 from gtpin.plant import simulate_measured
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 ROBOT, SCOPE = gtpin.load_robot("gantry_tau"), Scope(catalogue(), frozenset(), 0.01)

@@ -15,11 +15,9 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.data.split import random
 
-pytestmark = pytest.mark.slow
-
 FOLDER = Path(__file__).parents[2] / "examples/jugglebot/sample"
 
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the examples are not here")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not FOLDER.is_dir(), reason="the examples are not here")]
 
 
 @cache
