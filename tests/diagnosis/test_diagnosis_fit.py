@@ -114,6 +114,7 @@ def test_errors_of_causes_and_geometry_follow_the_covariances_told():
         assert chi2.ppf(5e-5, freedoms) < total < chi2.isf(5e-5, freedoms), total / freedoms
 
 
+@pytest.mark.slow
 def test_intervals_of_the_leading_coefficients_cover_the_truth():
     inside = []
     for true, found in fitted():

@@ -79,6 +79,7 @@ def test_sigmas_that_are_not_declared_are_found(seed, factor):
     assert matters
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("declared", [True, False])
 @pytest.mark.parametrize("true", [1.3e-5, 2.5e-5])

@@ -272,6 +272,7 @@ def test_both_states_of_a_machine_are_asked_for_where_its_warmth_is_in_question(
     assert 3 <= cold.sum() <= len(cold) - 3
 
 
+@pytest.mark.slow
 def test_what_geometry_absorbs_is_not_promised_to_any_poses() -> None:
     _, known = known_of("linearity@cart2", 0)
     (experiment,) = proposed(known, untestable=("target_offset@platform",))

@@ -83,6 +83,7 @@ def of(name: str) -> Hypothesis:
     return Hypothesis(effects_by_id()[effect], site)
 
 
+@pytest.mark.slow
 def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() -> None:
     observed, baseline = calibrated()
     known = Known(observed, baseline.model, observed.situation(baseline.model).references)

@@ -80,6 +80,7 @@ def test_draws_of_an_unchanged_machine_exceed_the_threshold_as_often_as_asked():
     assert 0.035 < share < 0.066  # four sigma of both counts
 
 
+@pytest.mark.slow
 def test_gains_of_draws_are_those_of_single_residuals():
     case, model = machine(21)
     bench, design, _ = problem(model, later(case, 4))

@@ -76,6 +76,7 @@ def test_a_gross_reading_is_set_aside_and_is_no_change(tmp_path):
     assert found.verdict == "none"
 
 
+@pytest.mark.slow
 def test_readings_whose_noise_is_not_declared_are_refused(tmp_path):
     case, model = machine(21)
     with pytest.raises(gtpin.GtpinError, match="noise of ranges is not declared"):

@@ -129,6 +129,7 @@ def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
             assert np.abs(one - other).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_derivatives_by_geometry_are_those_of_the_coordinates(robot: gtpin.Robot) -> None:
     drawn, q = off(robot), commands(robot)
     here = kinematics(drawn)

@@ -51,6 +51,7 @@ def test_the_linearity_figure_shows_each_carts_residuals_in_micrometres():
         assert np.allclose(line.get_ydata(), residual, rtol=0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_along_and_across_have_a_column_for_each_cart_lines_for_one_set_and_stars_for_the_other():
     pytest.importorskip("matplotlib")
     axes = figures.along_and_across(mm.carts_of(BENT), mm.carts_of(BENT)).axes

@@ -121,6 +121,7 @@ def test_where_has_no_rods(found: Diagnosis) -> None:
     assert sum(where["site"].values()) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_it(found: Diagnosis) -> None:
     assert SITE in found._repr_html_()
     assert len(found.plot_effect(0).data) > 0

@@ -177,6 +177,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method", "options", "hint"), WRONG)
 def test_a_plot_of_what_is_not_there_names_what_is(results, name, method, options, hint):
     with pytest.raises(gtpin.GtpinError, match=hint):
