@@ -5,7 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from html import escape
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,7 +18,21 @@ ROWS = 12
 
 
 class Presentation(ABC):
-    """The display of a result; ``gtpin/report/show`` has one for each kind of result."""
+    """The display of a result; ``gtpin/report/show`` has one for each kind of result.
+
+    ``files``: names of what :meth:`write` writes into a folder, for results that can be saved.
+    """
+
+    files: ClassVar[tuple[str, ...]] = ()
+
+    def write(self, folder: Path) -> None:
+        """Write the result into a new folder."""
+        raise NotImplementedError
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of the result's command into a folder: see :func:`~gtpin.output.results.results_folder`."""
+        with results_folder(folder, self.files, force=force) as new:
+            self.write(new)
 
     @abstractmethod
     def short(self) -> str:

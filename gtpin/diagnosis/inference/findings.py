@@ -154,10 +154,10 @@ Reason = Literal[
 ``impossible``
     A cause would need a parameter that physics does not allow (``questions.py``).
 ``held_out``
-    Residuals or errors on left-out poses are larger than the noise that repeated visits show (``held_out.py``), or the
+    Residuals or errors on left-out poses are larger than the noise that repeated visits show (``fit.py``), or the
     errors are no smaller with the causes than without (``predictive.py``).
 ``excess``
-    They are larger than the declared noise, and no visits tell whether the difference repeats (``held_out.py``).
+    They are larger than the declared noise, and no visits tell whether the difference repeats (``fit.py``).
 ``visits``
     Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
 ``two_groups``

@@ -10,7 +10,6 @@ import pandas as pd
 
 from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.files import FILES, write_accuracy
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.accuracy_text import accuracy_text
 from gtpin.report.sensitivity_page import sensitivity_page, step_table
@@ -26,6 +25,7 @@ class AccuracyPresentation(Presentation):
     """An accuracy analysis; its table is that of the sensitivity."""
 
     accuracy: Accuracy
+    files = (*FILES, "report.html")
 
     def short(self) -> str:
         """The expected errors."""
@@ -39,11 +39,10 @@ class AccuracyPresentation(Presentation):
         """The columns of sensitivity.csv."""
         return self.accuracy.sensitivity.to_table()
 
-    def save(self, folder: Path, *, force: bool) -> None:
-        """Write the files that ``gtpin sensitivity`` writes."""
-        with results_folder(folder, (*FILES, "report.html"), force=force) as new:
-            write_accuracy(self.accuracy, new)
-            (new / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
+    def write(self, folder: Path) -> None:
+        """Write the files of ``gtpin sensitivity``."""
+        write_accuracy(self.accuracy, folder)
+        (folder / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
 
     def parameters(self) -> Figure:
         """The report's table of steps."""

@@ -12,7 +12,6 @@ from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import calibration_text
@@ -34,6 +33,7 @@ class CalibrationPresentation(Presentation):
     """A calibration; its table is that of its parameters."""
 
     calibration: Calibration
+    files = CALIBRATION
 
     def short(self) -> str:
         """Numbers of parameters and poses, the errors, and chi-square."""
@@ -96,10 +96,9 @@ class CalibrationPresentation(Presentation):
         _, every = geometry_tables(self.calibration)
         return table_figure(every, "Parameters of the geometry")
 
-    def save(self, folder: Path, *, force: bool) -> None:
+    def write(self, folder: Path) -> None:
         """Write the files of ``gtpin calibrate``."""
-        with results_folder(folder, CALIBRATION, force=force) as new:
-            write_calibration(self.calibration, new)
+        write_calibration(self.calibration, folder)
 
     def unseen(self) -> tuple[str, ...]:
         """A sentence for each direction that readings do not show."""

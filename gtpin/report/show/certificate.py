@@ -11,7 +11,6 @@ import pandas as pd
 from gtpin.certificate.result import Certificate
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.certificate_json import certificate_json, row_of
 from gtpin.report.certificate_page import certificate_page, name_of, value_of
@@ -26,6 +25,7 @@ class CertificatePresentation(Presentation):
     """A certificate; its table is that of its numbers."""
 
     certificate: Certificate
+    files = CERTIFICATE
 
     def short(self) -> str:
         """The certified uncertainty."""
@@ -43,10 +43,9 @@ class CertificatePresentation(Presentation):
         rows = [row_of(q) for q in self.certificate.quantities]
         return pd.DataFrame(rows).set_index(["symbol", "site"])
 
-    def save(self, folder: Path, *, force: bool) -> None:
+    def write(self, folder: Path) -> None:
         """Write the files of ``gtpin certify``."""
-        with results_folder(folder, CERTIFICATE, force=force) as new:
-            write_certificate(self.certificate, new)
+        write_certificate(self.certificate, folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``certificate.json``."""

@@ -12,7 +12,6 @@ from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.comparison.result import Comparison
 from gtpin.errors import GtpinError
 from gtpin.model.measured_robot import robot_of
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.comparison_page import comparison_page
 from gtpin.report.comparison_plots import angles_drawing, errors_drawing
@@ -28,6 +27,7 @@ class ComparisonPresentation(Presentation):
     """A comparison; its table has a row for each model."""
 
     comparison: Comparison
+    files = (*FILES, "report.html")
 
     def short(self) -> str:
         """The models with their mean errors, and the number of poses."""
@@ -43,15 +43,14 @@ class ComparisonPresentation(Presentation):
         """The columns of compare.csv."""
         return self.comparison.table()
 
-    def save(self, folder: Path, *, force: bool) -> None:
-        """Write the files of the paper's ``compare`` command."""
+    def write(self, folder: Path) -> None:
+        """Write the files of ``gtpin compare``."""
         data = self.comparison.dataset
         if data is None:
             raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
-        with results_folder(folder, (*FILES, "report.html"), force=force) as new:
-            write_comparison(self.comparison, new, carts=data.carts)
-            page = comparison_page(self.comparison, data, robot_of(data))
-            (new / "report.html").write_text(page, encoding="utf-8")
+        write_comparison(self.comparison, folder, carts=data.carts)
+        page = comparison_page(self.comparison, data, robot_of(data))
+        (folder / "report.html").write_text(page, encoding="utf-8")
 
     def errors(self) -> Figure:
         """Position errors of each model."""

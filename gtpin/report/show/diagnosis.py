@@ -11,7 +11,6 @@ from rich.console import Console
 
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.curve_plots import curve_drawing, drawn_curves
@@ -43,6 +42,7 @@ class DiagnosisPresentation(Presentation):
     """A diagnosis; its table is that of its causes' parameters."""
 
     diagnosis: Diagnosis
+    files = DIAGNOSIS
 
     def short(self) -> str:
         """Verdict, causes and the gap."""
@@ -122,10 +122,9 @@ class DiagnosisPresentation(Presentation):
         head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
         return table_figure(Table(head, rows), "Parameters of the causes")
 
-    def save(self, folder: Path, *, force: bool) -> None:
+    def write(self, folder: Path) -> None:
         """Write the files of ``gtpin diagnose``."""
-        with results_folder(folder, DIAGNOSIS, force=force) as new:
-            write_diagnosis(self.diagnosis, new)
+        write_diagnosis(self.diagnosis, folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""

@@ -9,7 +9,6 @@ from typing import Any
 import pandas as pd
 
 from gtpin.health.result import HealthCheck
-from gtpin.output.results import results_folder
 from gtpin.output.shown import Presentation
 from gtpin.report.health_files import CHECK, write_check
 from gtpin.report.health_json import health_json
@@ -21,6 +20,7 @@ class HealthPresentation(Presentation):
     """A check; its table is that of the smallest changes that its poses show."""
 
     check: HealthCheck
+    files = CHECK
 
     def short(self) -> str:
         """Verdict, changes and power."""
@@ -52,10 +52,9 @@ class HealthPresentation(Presentation):
             )
         return pd.DataFrame(rows).set_index(["effect", "site"])
 
-    def save(self, folder: Path, *, force: bool) -> None:
+    def write(self, folder: Path) -> None:
         """Write the files of ``gtpin diagnose --against``."""
-        with results_folder(folder, CHECK, force=force) as new:
-            write_check(self.check, new)
+        write_check(self.check, folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
