@@ -33,9 +33,9 @@ from gtpin.output.results import results_folder
 from gtpin.report.corrected import sure_corrections
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.files import DIAGNOSIS, write_diagnosis
-from gtpin.report.health_files import CHECK, write_check
+from gtpin.report.health_page import CHECK, write_check
 from gtpin.report.health_text import health_summary
-from gtpin.report.history_files import history as history_of
+from gtpin.report.history_page import history as history_of
 
 
 def diagnose(

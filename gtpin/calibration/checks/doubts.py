@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.bumped import check_bumped
 from gtpin.calibration.checks.coarse_commands import coarse_commands
+from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
-from gtpin.calibration.checks.suspected import BEYOND, Size, refuse, suspect
+from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import reach_of
-from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.calibration.problem import Measured, Problem
 from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset, Instrument
 from gtpin.data.names import ORIENTATION
-from gtpin.data.orientation_convention import misread
-from gtpin.data.readings import RotationReading, orientation_readings, position_readings
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise import weights
 from gtpin.noise.noise import SMALLEST
-from gtpin.typing import Floats
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts
@@ -43,17 +37,6 @@ MISFIT = 10.0
 """Size of the residuals, in units of the noise, from which there is a warning. Assumed."""
 STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of its tolerance, from which there is a warning. Assumed."""
-ROWS = 150
-"""Number of poses that are enough for the decision. Assumed."""
-LEFT, GAIN = 0.8, 60.0
-"""Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
-factor of exp(30) in likelihood, over some 150 readings. A convention has no free parameter: with residuals of effects, no
-other convention left less than 0.96 (80 fits of 40 machines of the plant)."""
-AS_GOOD = 1.5
-"""Ratio of its squared residuals to the smallest up to which a convention counts as equally good. Assumed."""
-NONE: Size = (0.0, 0.0)
-LEAST = 20
-"""Number of poses below which nothing is reported. Assumed."""
 
 
 def settled_in_doubt(
@@ -206,60 +189,3 @@ def check_fit(kept: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
     strayed = [f"{model.geometry.names[i]} ({x[i]:+.0f})" for i in far[np.argsort(-np.abs(x[far]))]]
     if strayed:
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {', '.join(strayed[:5])}")
-
-
-def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationReading], Size, Size]:
-    """Other conventions of rotations by which the measured orientations fit the geometry better, the most usual one first.
-
-    Also the standard deviations of position and orientation residuals as they are, and by the best convention, m and rad;
-    ``sigmas`` (2,): the noise of the fit, m and rad. The list is empty where the orientations fit as they are.
-
-    For small angles two conventions give nearly the same rotation: the difference grows with the square of the angle, and a fit
-    absorbs a part of it. Therefore the residuals of a convention are those after a linearised fit to the orientations read by
-    it: r - J dx, with dx from the normal equations with the tolerances as priors.
-    """
-    measured = fit.problem.measured
-    if measured.R is None or len(measured.T) < LEAST:
-        return [], NONE, NONE
-    if measured.q.shape[1] == 1:  # about one axis conventions differ only in how they scale noise about other axes
-        return [], NONE, NONE
-    rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
-    some = measured.take(rows)
-    assert some.R is not None
-    point = fit.point
-    predicted = point.model.seen(point.poses[rows])
-    problem = replace(fit.problem, measured=some, whitening=fit.problem.whitening[rows])
-    J = problem.jacobian(Point(point.x, point.model, point.poses[rows]), slice(None))
-    weight = np.repeat(np.sqrt(fit.weight[rows]), 6)
-    A = J.reshape(-1, J.shape[2]) * weight[:, None]
-    solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
-
-    def left(rotations: list[Floats]) -> Floats:
-        """(k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit."""
-        count = len(rotations)
-        read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
-        all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))
-        difference = read.minus(all_predicted).reshape(count, -1, 6)
-        r = np.einsum("nij,knj->kni", problem.whitening, difference).reshape(count, -1) * weight
-        remaining = (r - (r @ solve.T) @ A.T).reshape(count, -1, 6)
-        return np.asarray((remaining.reshape(count, -1, 2, 3) ** 2).sum(axis=(1, 3)))
-
-    rotation = Rotation.from_matrix(some.R)
-    readings = _readings()
-    sums = left([some.R, *(reading.read(rotation) for reading in readings)])
-    now, *others = sums[:, 1]
-    least = min(others)
-    if not (least < LEFT * now and least < now - GAIN):
-        return [], NONE, NONE
-    found = [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
-    of_each = sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))
-    before, after = ((float(size[0]), float(size[1])) for size in (of_each[0], of_each[1 + others.index(least)]))
-    return found, before, after
-
-
-@cache
-def _readings() -> tuple[RotationReading, ...]:
-    """All ways to read rotations otherwise than they are written."""
-    as_written = next(position_readings(turned=True))
-    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
-    return tuple(reading for reading in known if reading.looks)

@@ -10,8 +10,8 @@ import pandas as pd
 
 from gtpin.health.result import HealthCheck
 from gtpin.output.shown import Presentation
-from gtpin.report.health_files import CHECK, write_check
 from gtpin.report.health_json import health_json
+from gtpin.report.health_page import CHECK, write_check
 from gtpin.report.health_words import advice, headline, power_words, unseen
 
 

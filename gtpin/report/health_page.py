@@ -1,4 +1,4 @@
-"""The files that ``gtpin diagnose --against`` and the result's ``save`` write."""
+"""The page of a check against an earlier model, and the files that ``gtpin diagnose --against`` writes."""
 
 from __future__ import annotations
 
