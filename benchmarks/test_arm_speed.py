@@ -16,9 +16,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator.case import make_case
 from gtpin.data import Dataset
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.plant.case import make_case
 
 Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="arm", timer=time.process_time)

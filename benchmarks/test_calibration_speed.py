@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator.simulate import Simulation, simulate
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.plant.simulate import Simulation, simulate
 
 Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="calibration", min_rounds=3)

@@ -8,7 +8,7 @@ import warnings
 import pytest
 
 import gtpin
-from gtpin.plant.case import make_case
+from gtpin.bench.simulator.case import make_case
 
 FACTOR = 60.0
 """Times the calibration of the same poses that a diagnosis may take."""

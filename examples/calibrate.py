@@ -3,7 +3,9 @@
 import numpy as np
 
 import gtpin
-from gtpin.plant import simulate  # a machine drawn from its tolerances, and a noisy tracker: stands in for yours
+from gtpin.bench.simulator import (
+    simulate,  # a machine drawn from its tolerances, and a noisy tracker: stands in for yours
+)
 
 machine = simulate(gtpin.load_robot("gantry_tau"), "gantry_tau", poses=120, seed=4)
 machine.dataset.write("measured")  # dataset.toml and poses.csv, as your measurements would be

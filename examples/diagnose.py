@@ -3,7 +3,7 @@
 import numpy as np
 
 import gtpin
-from gtpin.plant import make_case  # virtual machines with hidden effects: stand in for your measurements
+from gtpin.bench.simulator import make_case  # virtual machines with hidden effects: stand in for your measurements
 
 MACHINES = {
     "a machine with play in drive 1, and noise": make_case(

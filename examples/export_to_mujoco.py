@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.export import export
-from gtpin.plant import simulate
 
 robot = gtpin.load_robot("gantry_tau")
 calibrated = gtpin.calibrate(simulate(robot, "gantry_tau", poses=80, seed=2).dataset).model

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.compensation import machine_of
 from gtpin.export import export
-from gtpin.plant import make_case
 from gtpin.sim import commands_for_simulator
 
 case = make_case(4, effects=[("backlash", "cart1")], energy=2000.0, poses=80)  # in the place of your measurements

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.export import export
-from gtpin.plant import make_case
 from gtpin.sim import Diagnosed
 
 

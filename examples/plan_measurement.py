@@ -5,8 +5,8 @@ import numpy as np
 import gtpin
 from gtpin.accuracy.planning import plan_poses
 from gtpin.accuracy.workspace import default_commands
+from gtpin.bench.simulator import make_case
 from gtpin.noise.noise import Noise
-from gtpin.plant import make_case
 
 # Before the first measurement: 25 of 180 poses, for a tracker of 15 um and 50 urad.
 model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))

@@ -14,7 +14,7 @@ LONG = (
     "calibration/test_readings_coverage.py",
     "calibration/test_recognise.py",
     "calibration/test_calibration_memory.py",
-    "blind/test_blind_readings.py",
+    "bench/blind/test_blind_readings.py",
     "sim/test_closed_circle.py",
     "fuzz/test_damaged_files.py",
     "calibration/test_calibration_coverage.py",

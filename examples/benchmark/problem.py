@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.blind.benchmark.answer import Answer, AnsweredCause, Member
+from gtpin.bench.benchmark.answer import Answer, AnsweredCause, Member
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import read_table
 from gtpin.data.names import ORIENTATION

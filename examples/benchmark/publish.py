@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.blind.benchmark.make import CASES, Made, make, rounded_energy
-from gtpin.blind.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
-from gtpin.blind.judge import difficulty_of, gradable
+from gtpin.bench.benchmark.make import CASES, Made, make, rounded_energy
+from gtpin.bench.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
+from gtpin.bench.blind.judge import difficulty_of, gradable
+from gtpin.bench.simulator.digest import digest
 from gtpin.calibration.calibrate import calibrate
 from gtpin.data import Dataset
-from gtpin.plant.digest import digest
 
 SEED = 1795458999
 """Seconds of the clock when the set was drawn."""

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gtpin.blind.benchmark.public_set import PublicSet
-from gtpin.blind.benchmark.score import Scored, figures, geometric_mean, score_answers
+from gtpin.bench.benchmark.public_set import PublicSet
+from gtpin.bench.benchmark.score import Scored, figures, geometric_mean, score_answers
 
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "benchmark.json"
 RIVALS = (

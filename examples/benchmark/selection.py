@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from problem import Problem, answered, cause, without_geometry
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 
 Floats = npt.NDArray[np.float64]

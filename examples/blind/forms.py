@@ -18,16 +18,16 @@ import pandas as pd
 from scipy.special import erf
 
 import gtpin
-from gtpin.blind.judged import Judged
-from gtpin.blind.statement import Named, Statement
-from gtpin.blind.truth import TrueEffect
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.truth import TrueEffect
+from gtpin.bench.simulator.build import amplitude_for, as_dataset, assemble, ids
+from gtpin.bench.simulator.case import drawn_recipe
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.energy import PastGeometry
+from gtpin.bench.simulator.situation import Situation
 from gtpin.data import Dataset
-from gtpin.plant.build import amplitude_for, as_dataset, assemble, ids
-from gtpin.plant.case import drawn_recipe
-from gtpin.plant.conditions import Conditions
-from gtpin.plant.deviation import Deviation
-from gtpin.plant.energy import PastGeometry
-from gtpin.plant.situation import Situation
 
 Floats = npt.NDArray[np.float64]
 Cause = Callable[[Situation], Deviation]

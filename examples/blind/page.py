@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gtpin.blind.judged import Judged
-from gtpin.blind.page import (
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.page import (
     baseline_table,
     effect_table,
     failure_table,

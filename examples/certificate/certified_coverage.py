@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 import gtpin
-from gtpin.plant import Case, make_case
-from gtpin.plant.build import assemble
-from gtpin.plant.tracker import Noise
+from gtpin.bench.simulator import Case, make_case
+from gtpin.bench.simulator.build import assemble
+from gtpin.bench.simulator.tracker import Noise
 
 
 def true_errors(case: Case, model: gtpin.Model, seed: int) -> npt.NDArray[np.float64]:

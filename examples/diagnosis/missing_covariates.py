@@ -11,7 +11,7 @@ import warnings
 import pandas as pd
 
 import gtpin
-from gtpin.plant import make_case
+from gtpin.bench.simulator import make_case
 
 KINDS = (
     ("backlash", ("approach",)),

@@ -12,7 +12,7 @@ import warnings
 import pandas as pd
 
 import gtpin
-from gtpin.plant import make_case
+from gtpin.bench.simulator import make_case
 
 SEEDS = 7_000
 """From here on each kind draws its machines."""

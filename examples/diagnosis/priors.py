@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 import gtpin
-from gtpin.blind.draw import drafts, made
+from gtpin.bench.blind.draw import drafts, made
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.infer import infer

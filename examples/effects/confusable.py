@@ -12,11 +12,11 @@ import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.conditions import Conditions
 from gtpin.diagnosis.linear.evidence import best_scales
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
-from gtpin.plant import make_case
-from gtpin.plant.conditions import Conditions
 
 SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 """The tracker's, m and rad."""

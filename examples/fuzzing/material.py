@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data import CartMeasurements, Dataset, Instrument
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.model.model_folder import write_model
-from gtpin.plant import simulate
 from gtpin.robot.library import urdf_path
 
 

@@ -19,6 +19,8 @@ import pandas as pd
 from scipy.stats import beta
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case, measure_at
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
@@ -28,8 +30,6 @@ from gtpin.health.check import DRAWS, FALSE_ALARM
 from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import expectation, share_unexplained
 from gtpin.health.measured import usable
-from gtpin.plant import Case, make_case, measure_at
-from gtpin.plant.tracker import Noise
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from gtpin.plant import build_measured
-from gtpin.plant.case import drawn_recipe
+from gtpin.bench.simulator import build_measured
+from gtpin.bench.simulator.case import drawn_recipe
 
 ENERGY = 63.0
 POSES = 200

@@ -29,8 +29,8 @@ from joblib import Parallel, delayed
 from mistakes import MISTAKES, Mistake
 
 import gtpin
-from gtpin.plant import make_case
-from gtpin.plant.conditions import Conditions
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.conditions import Conditions
 
 ANSWERS = ("named", "noticed", "harmless", "confidently wrong")
 FIRST = 7_300_000

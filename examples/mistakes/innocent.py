@@ -28,10 +28,10 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 import gtpin
-from gtpin.plant.build import build
-from gtpin.plant.case import drawn_recipe
-from gtpin.plant.instruments.build import build_measured
-from gtpin.plant.tracker import Noise
+from gtpin.bench.simulator.build import build
+from gtpin.bench.simulator.case import drawn_recipe
+from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.tracker import Noise
 
 ANSWERS = ("accepted", "warned", "refused")
 FIRST = 8_100_000

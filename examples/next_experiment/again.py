@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.bench.simulator import Case, measure_at
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
 from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
-from gtpin.plant import Case, measure_at
 
 Floats = npt.NDArray[np.float64]
 

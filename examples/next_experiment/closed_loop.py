@@ -19,7 +19,8 @@ from again import again
 from compare import known_from
 
 import gtpin
-from gtpin.blind.rates import rate
+from gtpin.bench.blind.rates import rate
+from gtpin.bench.simulator import Case, make_case
 from gtpin.data import Commands
 from gtpin.data.table import Column
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -30,7 +31,6 @@ from gtpin.diagnosis.planning.settling import PROMISED
 from gtpin.diagnosis.planning.trials import possible
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.plant import Case, make_case
 
 EFFECTS = {
     "gantry_tau": (

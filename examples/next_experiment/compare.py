@@ -13,6 +13,7 @@ import pandas as pd
 from again import again
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -22,7 +23,6 @@ from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.plant import make_case
 
 PAIRS = (
     ("linearity@cart2", "straightness@cart2"),

@@ -22,12 +22,12 @@ import numpy.typing as npt
 import pandas as pd
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.compensation import machine_of
 from gtpin.effects.situation import Column
 from gtpin.errors import ConvergenceError, GtpinWarning
 from gtpin.export import export
-from gtpin.plant import Case, make_case
-from gtpin.plant.tracker import Noise
 from gtpin.sim import commands_for_simulator
 
 Floats = npt.NDArray[np.float64]

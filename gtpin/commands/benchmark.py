@@ -26,9 +26,9 @@ benchmark_app = typer.Typer(
 @benchmark_app.command(epilog="Example: gtpin benchmark make -o set")
 def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJson = False) -> None:
     """Make the 100 cases of the public set: OUTPUT/cases for solvers, OUTPUT/truths for the scorer."""
-    from gtpin.blind.benchmark.make import CASES, TRUTHS, changed
-    from gtpin.blind.benchmark.make import make as make_case
-    from gtpin.blind.benchmark.public_set import PublicSet
+    from gtpin.bench.benchmark.make import CASES, TRUTHS, changed
+    from gtpin.bench.benchmark.make import make as make_case
+    from gtpin.bench.benchmark.public_set import PublicSet
 
     public = PublicSet.read()
     names, drafts = public.chosen(case), public.drafts()
@@ -52,9 +52,9 @@ def score(
     as_json: AsJson = False,
 ) -> None:
     """Compare a solver's answers with the truths."""
-    from gtpin.blind.benchmark.make import changed_truths
-    from gtpin.blind.benchmark.public_set import PublicSet
-    from gtpin.blind.benchmark.score import figures, score_answers, to_json
+    from gtpin.bench.benchmark.make import changed_truths
+    from gtpin.bench.benchmark.public_set import PublicSet
+    from gtpin.bench.benchmark.score import figures, score_answers, to_json
 
     if not answers.is_dir():
         raise GtpinError("there is no such folder", file=answers, hint="name the folder of the answers")

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from gtpin.bench.simulator.digest import digest
+from gtpin.bench.simulator.instruments.choice import KINDS
 from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder
-from gtpin.plant.digest import digest
-from gtpin.plant.instruments.choice import KINDS
 
 CASES = 100
 
@@ -49,11 +49,11 @@ def blind(
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
     # Imported here, because the other commands need not wait for these modules.
-    from gtpin.blind.claim import SCORE_FILES
-    from gtpin.blind.draw import ROBOT
-    from gtpin.blind.page import score_page
-    from gtpin.blind.run import check, check_given
-    from gtpin.blind.score import score
+    from gtpin.bench.blind.claim import SCORE_FILES
+    from gtpin.bench.blind.draw import ROBOT
+    from gtpin.bench.blind.page import score_page
+    from gtpin.bench.blind.run import check, check_given
+    from gtpin.bench.blind.score import score
 
     if source is not None and (cases is not None or robot is not None or instrument):
         one = "--cases" if cases is not None else "--robot" if robot is not None else "--instrument"

@@ -10,6 +10,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from gtpin.bench.simulator.scenario import simulate_scenario
+from gtpin.bench.simulator.truth import Case, truth_names
 from gtpin.commands.diagnose import corrections_hint
 from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
@@ -18,8 +20,6 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
-from gtpin.plant.scenario import simulate_scenario
-from gtpin.plant.truth import Case, truth_names
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.files import DIAGNOSIS, write_calibration, write_diagnosis
 from gtpin.report.words import length

@@ -71,7 +71,7 @@ def test_repeatability_is_that_of_scattered_commands() -> None:
 
 @pytest.mark.slow
 def test_a_calibrations_covariance_foretells_the_error_of_recalibrated_models() -> None:
-    from gtpin.plant.simulate import simulate
+    from gtpin.bench.simulator.simulate import simulate
 
     at = commands(30, seed=5)
     foretold, found = [], []

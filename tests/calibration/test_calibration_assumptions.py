@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.plant import make_case
 
 SIGMAS = (1.5e-5, 5e-5)
 

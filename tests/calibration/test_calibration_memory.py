@@ -11,14 +11,14 @@ import pytest
 
 import gtpin
 from gtpin import memory
+from gtpin.bench.simulator.case import make_case
+from gtpin.bench.simulator.simulate import simulate
 from gtpin.calibration import robust_fit
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
 from gtpin.kinematics import chunks
 from gtpin.noise.repeats import contrasts
-from gtpin.plant.case import make_case
-from gtpin.plant.simulate import simulate
 
 linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of addresses are Linux's")
 

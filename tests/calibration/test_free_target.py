@@ -11,13 +11,13 @@ import pinocchio as pin
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset, Instrument
 from gtpin.effects import Situation
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
-from gtpin.plant import make_case
 from gtpin.robot.description import Description
 from gtpin.robot.moving_links import moving_links
 

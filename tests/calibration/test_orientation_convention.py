@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.data.orientation_convention import misread
 from gtpin.errors import DatasetError
-from gtpin.plant import make_case
 
 
 def converted(data, wrongly):

@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.model.model import Model
-from gtpin.plant import simulate
 from gtpin.robot.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings("ignore:commands a little outside", "ignore:parameters more than")

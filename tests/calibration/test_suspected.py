@@ -10,10 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.calibration.checks.suspected import NO_FIT, suspect
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.plant import make_case
 
 MISTAKE = DatasetError("q1 looks reversed", column="q1", hint="change the sign of q1")
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case, measure_at
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.certificate.certify import between
 from gtpin.certificate.response import At, Posterior
-from gtpin.plant import Case, make_case, measure_at
-from gtpin.plant.tracker import Noise
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
 if not EXAMPLES.is_dir():

@@ -13,7 +13,7 @@ from ran import Ran, everything
 
 import gtpin
 import gtpin.cli
-from gtpin.plant.simulate import simulate
+from gtpin.bench.simulator.simulate import simulate
 
 Run = Callable[..., Ran]
 

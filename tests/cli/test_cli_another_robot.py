@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import gtpin
-from gtpin.plant.simulate import simulate
+from gtpin.bench.simulator.simulate import simulate
 
 ROBOTS = ("ur5", "ur10")  # the joints have the same names and ranges
 

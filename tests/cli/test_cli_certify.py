@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.plant import make_case
-from gtpin.plant.tracker import Noise
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.report.certificate_definitions import DEFINITIONS
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")

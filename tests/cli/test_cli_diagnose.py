@@ -15,8 +15,8 @@ import pytest
 
 import gtpin
 import gtpin.cli
+from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
-from gtpin.plant import make_case
 from gtpin.report.files import write_diagnosis
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import gtpin
+from gtpin.bench.simulator.case import make_case
 from gtpin.errors import GtpinError
-from gtpin.plant.case import make_case
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "backlash.toml"
 FOLDERS = {
@@ -36,7 +36,7 @@ WORK = (
     "gtpin.commands.export.compensate",
     "gtpin.commands.view.gap_with_instruments",
     "gtpin.view.still.still",
-    "gtpin.blind.run.spread",
+    "gtpin.bench.blind.run.spread",
 )
 """What takes time."""
 

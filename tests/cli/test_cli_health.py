@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case, measure_at
 from gtpin.data import Commands
-from gtpin.plant import make_case, measure_at
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

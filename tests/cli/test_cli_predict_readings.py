@@ -3,8 +3,8 @@
 import pytest
 
 import gtpin
+from gtpin.bench.simulator.instruments.plain import simulate_measured
 from gtpin.data import Dataset
-from gtpin.plant.instruments.plain import simulate_measured
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gtpin.plant import make_case
+from gtpin.bench.simulator import make_case
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data.duplicates import copies
-from gtpin.plant import simulate
 
 POSES, VISITS, SETS = 96, 3, 200
 UM = 1e-6

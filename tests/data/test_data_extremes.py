@@ -9,10 +9,10 @@ import pytest
 
 import gtpin
 from gtpin import errors
+from gtpin.bench.simulator import simulate
 from gtpin.data import Dataset
 from gtpin.noise.sight import line_of_sight
 from gtpin.output.json_text import json_text
-from gtpin.plant import simulate
 
 
 @pytest.fixture(scope="module")

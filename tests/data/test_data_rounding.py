@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data.rounding import rounded_to, with_rounding
 from gtpin.errors import GtpinWarning
-from gtpin.plant import simulate
 
 
 @pytest.fixture(scope="module")

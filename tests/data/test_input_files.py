@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 import gtpin
+from gtpin.bench.simulator.scenario import read_scenario
 from gtpin.data.files import LARGEST_TEXT
 from gtpin.errors import GtpinError
 from gtpin.health.history import HistoryFiles, read_history
 from gtpin.importers.lines import text_lines
-from gtpin.plant.scenario import read_scenario
 
 if sys.platform == "win32":
     pytest.skip("needs pipes with names", allow_module_level=True)

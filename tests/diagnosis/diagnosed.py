@@ -6,8 +6,8 @@ import warnings
 from functools import cache
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.plant import Case, make_case
 
 LARGE = 1500.0
 """Energy, twice the log likelihood at stake, at which a fault is hard to overlook."""

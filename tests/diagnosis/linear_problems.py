@@ -12,13 +12,13 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.plant import make_case
 
 Floats = np.ndarray
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.diagnosis.inference.infer import FittedLines, _taken
-from gtpin.plant import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

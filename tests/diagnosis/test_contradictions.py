@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.conditions import Conditions
 from gtpin.diagnosis.preparation.prepare import without_contradictions
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
-from gtpin.plant import make_case
-from gtpin.plant.conditions import Conditions
 
 CONDITIONS = Conditions(rest=0.4, sessions=3)
 

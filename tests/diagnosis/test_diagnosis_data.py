@@ -8,13 +8,13 @@ import pytest
 from diagnosed import LARGE, POSES, classes, machine, said
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.data import Dataset, Instrument
 from gtpin.diagnosis import diagnose as room
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinError, GtpinWarning
-from gtpin.plant import make_case
-from gtpin.plant.tracker import Noise
 
 TOOTH = ("rack_periodic", "cart2")
 

@@ -9,6 +9,7 @@ from diagnosed import LARGE, machine, said
 from every_effect import every_effect
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.propose import propose
@@ -19,7 +20,6 @@ from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
-from gtpin.plant import make_case
 from gtpin.report.diagnosis_text import diagnosis_summary
 from gtpin.report.verdict import verdict
 

@@ -8,12 +8,12 @@ import pinocchio as pin
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Driver
 from gtpin.effects import Situation
 from gtpin.effects.driver import Column, DriverEffect
 from gtpin.errors import DatasetError, ModelError
 from gtpin.kinematics.rotations import exp
-from gtpin.plant import make_case, simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -12,8 +12,8 @@ from pairwise import all_pairs, held, pairs
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator.simulate import Simulation, simulate
 from gtpin.data import CartMeasurements, Conditions, Dataset
-from gtpin.plant.simulate import Simulation, simulate
 from gtpin.robot.library import urdf_path
 
 Row = Mapping[str, str]

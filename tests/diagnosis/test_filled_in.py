@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.preparation.prepare import without_filled_in
 from gtpin.errors import GtpinWarning
-from gtpin.plant import make_case
 
 
 def constant(data, **columns):

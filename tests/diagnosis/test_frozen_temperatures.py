@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.preparation.prepare import without_frozen
 from gtpin.errors import GtpinWarning
-from gtpin.plant import make_case
 
 
 def measured(seed: int) -> gtpin.Dataset:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.inference import joint_fit
-from gtpin.plant import make_case
 
 pytestmark = pytest.mark.slow
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.diagnosis.inference import settle
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.plant import simulate
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 

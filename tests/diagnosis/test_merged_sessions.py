@@ -12,6 +12,8 @@ from linear_problems import calibrated
 from scipy.stats import multivariate_normal
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.conditions import Conditions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
 from gtpin.diagnosis.linear.design import Design
@@ -19,8 +21,6 @@ from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.frame_shift import FrameShift
 from gtpin.effects.zero_shift import ZeroShift
-from gtpin.plant import make_case
-from gtpin.plant.conditions import Conditions
 
 HYPOTHESES = (Hypothesis(FrameShift(), "frame"), Hypothesis(ZeroShift(), "cart1"), Hypothesis(ZeroShift(), "cart2"))
 LABELS = 6

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -26,7 +27,6 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.plant import Case, make_case, measure_at
 
 PAIRS = [
     ("linearity@cart2", "straightness@cart2"),

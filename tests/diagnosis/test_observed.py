@@ -8,11 +8,11 @@ import pytest
 from every_effect import every_effect
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
-from gtpin.plant import make_case
-from gtpin.plant.tracker import Noise
 
 pytestmark = pytest.mark.slow
 

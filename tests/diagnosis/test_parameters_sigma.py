@@ -10,8 +10,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtpin.blind.difficulty import Best, Difficulty
-from gtpin.blind.true_parameters import true_parameters
+from gtpin.bench.blind.difficulty import Best, Difficulty
+from gtpin.bench.blind.true_parameters import true_parameters
+from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.causes import cause
@@ -19,7 +20,6 @@ from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.plant import make_case
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]  # poses set aside
 

@@ -8,12 +8,12 @@ import pytest
 from diagnosed import LARGE, POSES
 
 import gtpin
+from gtpin.bench.simulator import Case, make_case
+from gtpin.bench.simulator.conditions import Conditions
 from gtpin.effects.basis import along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.sites import carts
 from gtpin.effects.untestable import Untestable
-from gtpin.plant import Case, make_case
-from gtpin.plant.conditions import Conditions
 
 pytestmark = pytest.mark.slow
 

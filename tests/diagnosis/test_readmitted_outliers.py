@@ -9,9 +9,9 @@ from diagnosed import classes
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference import readmit_outliers, settle
-from gtpin.plant import make_case
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.plant import simulate
 
 
 @pytest.fixture(scope="module")

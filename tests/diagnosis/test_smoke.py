@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import gtpin
-from gtpin.plant import build_measured, make_case
-from gtpin.plant.case import drawn_recipe
+from gtpin.bench.simulator import build_measured, make_case
+from gtpin.bench.simulator.case import drawn_recipe
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -9,12 +9,12 @@ from every_effect import every_effect
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference import settle as settling
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.settle import Settled, settle
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
-from gtpin.plant import make_case
 
 pytestmark = pytest.mark.slow
 

@@ -10,14 +10,14 @@ import pytest
 from every_effect import every_effect
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.tracker import Noise
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.two_groups import two_groups
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.errors import GtpinWarning
-from gtpin.plant import make_case
-from gtpin.plant.tracker import Noise
 
 pytestmark = pytest.mark.slow
 

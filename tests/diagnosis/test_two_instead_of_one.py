@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 
 import gtpin
-from gtpin.blind.draw import Draft, drafts, made
-from gtpin.plant import make_case
+from gtpin.bench.blind.draw import Draft, drafts, made
+from gtpin.bench.simulator import make_case
 
 pytestmark = pytest.mark.slow
 

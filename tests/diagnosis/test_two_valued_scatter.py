@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.conditions import Conditions
 from gtpin.diagnosis.inference.two_valued import two_values
-from gtpin.plant import make_case
-from gtpin.plant.conditions import Conditions
 from gtpin.report.verdict import verdict
 
 STILL = Conditions(rest=1.0)

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from gtpin.blind.benchmark.answer import SCHEMA, Answer
-from gtpin.blind.benchmark.make import CASES, make
-from gtpin.blind.benchmark.public_set import PublicSet
-from gtpin.blind.benchmark.score import figures, score_answers
-from gtpin.blind.truth import Truth
+from gtpin.bench.benchmark.answer import SCHEMA, Answer
+from gtpin.bench.benchmark.make import CASES, make
+from gtpin.bench.benchmark.public_set import PublicSet
+from gtpin.bench.benchmark.score import figures, score_answers
+from gtpin.bench.blind.truth import Truth
 
 pytestmark = pytest.mark.slow
 

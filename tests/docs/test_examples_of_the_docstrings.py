@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gtpin
-from gtpin.plant import make_case
+from gtpin.bench.simulator import make_case
 
 pytestmark = pytest.mark.slow
 

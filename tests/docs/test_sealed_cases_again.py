@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import gtpin
-from gtpin.blind.draw import Draft, drafts, made, truth_of
-from gtpin.blind.judged import Judged
-from gtpin.blind.statement import Statement
+from gtpin.bench.blind.draw import Draft, drafts, made, truth_of
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.statement import Statement
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.inference.findings import Cause, Member
-from gtpin.plant import make_case
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "next_experiment"))
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import gtpin
-from gtpin.plant.simulate import draw_commands, draw_machine
-from gtpin.plant.true_robot import true_robot
+from gtpin.bench.simulator.simulate import draw_commands, draw_machine
+from gtpin.bench.simulator.true_robot import true_robot
 
 
 @dataclass(frozen=True)

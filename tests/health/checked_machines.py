@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 import gtpin
-from gtpin.plant import Case, make_case, measure_at
-from gtpin.plant.tracker import Noise
+from gtpin.bench.simulator import Case, make_case, measure_at
+from gtpin.bench.simulator.tracker import Noise
 
 POSES = 10
 

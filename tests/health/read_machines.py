@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.plant import Case, measure_at
+from gtpin.bench.simulator import Case, measure_at
 
 SIGMA = 1e-5
 """m: noise of every reading."""

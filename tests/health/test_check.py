@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
@@ -20,7 +21,6 @@ from gtpin.health.changes import Since, changes
 from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import expectation
 from gtpin.health.measured import usable
-from gtpin.plant import make_case
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}

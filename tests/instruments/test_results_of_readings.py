@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import build_measured
+from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.data.files import read_table
 from gtpin.errors import DatasetError, ModelError
 from gtpin.instruments.predicted import predicted_readings
-from gtpin.plant import build_measured
-from gtpin.plant.case import drawn_recipe
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 import gtpin
-from gtpin.blind.draw import drafts, measured
+from gtpin.bench.blind.draw import drafts, measured
+from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.scope import Scope
@@ -20,7 +21,6 @@ from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
-from gtpin.plant import simulate_measured
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 

@@ -11,9 +11,9 @@ import pytest
 from scipy.ndimage import label
 
 import gtpin
+from gtpin.bench.simulator.true_robot import true_robot
 from gtpin.errors import GtpinWarning
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.plant.true_robot import true_robot
 from gtpin.robot.description import Description
 
 Floats = np.ndarray

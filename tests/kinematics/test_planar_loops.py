@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.plant import simulate
 from gtpin.robot.description import Description
 
 

@@ -12,7 +12,7 @@ import pytest
 from family import nominal
 
 import gtpin
-from gtpin.plant import simulate
+from gtpin.bench.simulator import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.build import known_robot
+from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind, possible
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.visits import plan
 from gtpin.kinematics.statics import rod_forces
-from gtpin.plant import make_case
-from gtpin.plant.build import known_robot
-from gtpin.plant.causes.kinds import CATALOGUE, UNLISTED, kind, possible
-from gtpin.plant.conditions import Conditions
-from gtpin.plant.machine import Machine
-from gtpin.plant.response import Plant
-from gtpin.plant.visits import plan
 
 NAMES = sorted(set(gtpin.robot_names()) - {"gantry_tau"})
 STATION = np.array([1.5, -7.0, 0.3])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import make_case
 from gtpin.errors import ModelError
-from gtpin.plant import make_case
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data import Driver
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
-from gtpin.plant import simulate
 from gtpin.robot.description import Description, parse_xml
 from gtpin.robot.library import load_robot
 

@@ -9,15 +9,15 @@ import numpy as np
 from spring_machine import SpringMachine, Springs
 
 import gtpin
+from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.situation import Situation
+from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.visits import Visits, plan
 from gtpin.data import Dataset
-from gtpin.plant.causes.cause import Cause
-from gtpin.plant.conditions import Conditions
-from gtpin.plant.deviation import Deviation
-from gtpin.plant.machine import Machine
-from gtpin.plant.response import Plant
-from gtpin.plant.situation import Situation
-from gtpin.plant.tracker import Noise
-from gtpin.plant.visits import Visits, plan
 
 CONDITIONS = Conditions(push=150.0)
 

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.bench.simulator.machine import Machine
 from gtpin.kinematics.poses import Poses
-from gtpin.plant.machine import Machine
 
 Array = np.ndarray
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from report_findings import Found, ambiguous, unknown
 
+from gtpin.bench.simulator.case import make_case
 from gtpin.diagnosis.diagnose import diagnose
-from gtpin.plant.case import make_case
 
 
 def _found(effects: list[tuple[str, str]], **options: object) -> Found:

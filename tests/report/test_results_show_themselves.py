@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 import gtpin
 from gtpin.accuracy.analysis import analyse
+from gtpin.bench.simulator import make_case
 from gtpin.cli import app
 from gtpin.comparison.compare import compare
-from gtpin.plant import make_case
 from gtpin.report import figure as figures
 
 RESULTS = ("dataset", "poses", "calibration", "diagnosis", "accuracy", "comparison")

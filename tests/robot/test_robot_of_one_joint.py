@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin import errors
-from gtpin.plant import simulate
+from gtpin.bench.simulator import simulate
 from gtpin.robot.description import Description
 
 Floats = np.ndarray

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.errors import GtpinWarning, RobotError
-from gtpin.plant import simulate
 from gtpin.robot.description import Description
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"

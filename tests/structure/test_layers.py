@@ -23,15 +23,15 @@ LAYERS = (
     ("calibration",),
     ("diagnosis", "accuracy", "comparison", "compensation"),
     ("health", "certificate", "importers", "sim"),
-    ("export", "plant"),
+    ("export",),
     ("report",),
-    ("view", "blind"),
+    ("view", "bench"),
     ("commands",),
     ("cli",),
-    ("__main__",),
+    ("__main__", "plant"),
 )
-"""Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``plant`` and
-``blind`` make machines and judge answers."""
+"""Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
+makes machines and judges answers; no layer but the commands knows it."""
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 
 
@@ -75,6 +75,14 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
         if HEIGHT[place(other)] >= HEIGHT[place(module)]
     ]
     assert wrong == []
+
+
+def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:
+    """Below the kinematics stand files, tables and the description of a robot; those import nothing higher."""
+    others = {other for module, names in IMPORTED.items() if ".bench.simulator" in module for other in names}
+    outside = {place(other) for other in others if not other.startswith("gtpin.bench.simulator")}
+    assert "robot" in outside  # the search went outside
+    assert all(HEIGHT[name] < HEIGHT["kinematics"] for name in outside), outside
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from problem import Problem, answered, cause
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 
 SHARE = 0.05

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from problem import Problem, answered, cause
 from scipy.optimize import minimize
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 
 Floats = npt.NDArray[np.float64]

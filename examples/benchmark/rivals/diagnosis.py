@@ -7,7 +7,7 @@ from pathlib import Path
 from problem import predictions
 
 import gtpin
-from gtpin.blind.benchmark.answer import Answer, AnsweredCause
+from gtpin.bench.benchmark.answer import Answer, AnsweredCause
 from gtpin.data import Dataset
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from problem import Problem, predictions
 
-from gtpin.blind.benchmark.answer import Answer
-from gtpin.blind.smooth import gaussian_process_positions
+from gtpin.bench.benchmark.answer import Answer
+from gtpin.bench.blind.smooth import gaussian_process_positions
 from gtpin.data import Commands
 
 

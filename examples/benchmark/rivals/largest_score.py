@@ -6,7 +6,7 @@ from pathlib import Path
 
 from problem import Problem, answered, cause
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 
 
 def answer(folder: Path) -> Answer:

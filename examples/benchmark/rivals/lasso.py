@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from selection import MOST, regressed
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 
 Floats = npt.NDArray[np.float64]
 STEPS, SMALLEST = 40, 0.03

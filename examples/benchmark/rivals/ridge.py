@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from problem import Problem, answered, cause, without_geometry
 
-from gtpin.blind.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 
 SCALES = np.exp(np.linspace(np.log(1e-3), np.log(30.0), 32))

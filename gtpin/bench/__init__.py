@@ -1,0 +1,1 @@
+"""What judges the package: virtual machines, sealed cases with their scores, and the public benchmark."""

@@ -1,0 +1,152 @@
+"""What a solver writes for a case: one small JSON file."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gtpin.bench.blind.statement import Named, Statement
+from gtpin.data.files import read_bytes
+from gtpin.errors import GtpinError
+
+SCHEMA = "gtpin-answer/1"
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Word = Annotated[str, Field(min_length=1)]
+
+
+class Member(BaseModel):
+    """Another effect that a cause could be: its id and its site."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    effect: Word
+    site: Word
+
+    @property
+    def name(self) -> str:
+        """``effect@site``."""
+        return f"{self.effect}@{self.site}"
+
+
+class AnsweredCause(Member):
+    """A named cause.
+
+    Parameters
+    ----------
+    probability
+        Probability that it is a cause.
+    class_
+        What else the cause could be. The cause itself need not be listed.
+    """
+
+    probability: Share
+    class_: Annotated[tuple[Member, ...], Field(alias="class")] = ()
+
+
+class Answer(BaseModel):
+    """The answer to one case.
+
+    Parameters
+    ----------
+    causes
+        The named causes, the most important first; empty where none is named.
+    unknown
+        Whether there is an effect that is in no catalogue.
+    positions
+        (H, 3) predicted positions of the TCP at ``commands.csv``, m, in its order; empty: not predicted.
+    readings
+        The same for each instrument of a dataset of schema 2, by its name: (H, c) readings at ``commands-NAME.csv``.
+    explained_fraction
+        Expected 1 - (a / b)^2, with a the RMS error of the predictions with the causes, and b that of the geometry alone;
+        None: not predicted.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    schema_: Annotated[str, Field(alias="schema", pattern=f"^{SCHEMA}$")] = SCHEMA
+    causes: tuple[AnsweredCause, ...] = ()
+    unknown: bool = False
+    positions: tuple[tuple[Finite, Finite, Finite], ...] = ()
+    readings: dict[str, tuple[tuple[Finite, ...], ...]] = {}
+    explained_fraction: Finite | None = None
+
+    @staticmethod
+    def read(file: Path) -> Answer:
+        """The answer in a file.
+
+        Raises
+        ------
+        GtpinError
+            If the file can't be read, or is no answer.
+        """
+        try:
+            found = Answer.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key = ".".join(str(part) for part in first["loc"])
+            raise GtpinError(str(first["msg"]), file=file, column=key, hint="docs/benchmark.md has the keys") from None
+        except (ValueError, RecursionError) as error:
+            raise GtpinError(f"no JSON ({str(error)[:80]})", file=file, hint="correct the file") from None
+        _check_once([cause.name for cause in found.causes], file, "causes")
+        for number, cause in enumerate(found.causes):
+            _check_once([member.name for member in cause.class_], file, f"causes.{number}.class")
+        return found
+
+    def check(self, file: Path, sites: Mapping[str, Sequence[str] | None]) -> None:
+        """Check that the answer names effects of the catalogue at sites that the machine has.
+
+        ``sites``: of each effect; None where they are not known. A misspelt effect would count as a wrong one.
+
+        Raises
+        ------
+        GtpinError
+            If an effect or a site does not exist, with its key.
+        """
+        for number, cause in enumerate(self.causes):
+            keys = [f"causes.{number}", *(f"causes.{number}.class.{i}" for i in range(len(cause.class_)))]
+            for key, one in zip(keys, (cause, *cause.class_), strict=True):
+                if one.effect not in sites:
+                    near = difflib.get_close_matches(one.effect[:100], list(sites), n=1)
+                    hint = f"did you mean {near[0]}?" if near else f"effects are {', '.join(sites)}"
+                    what = f"no effect is called {one.effect[:100]!r}"
+                    raise GtpinError(what, file=file, column=f"{key}.effect", hint=hint)
+                places = sites[one.effect]
+                if places is not None and one.site not in places:
+                    what = f"{one.effect} can't be at {one.site[:100]!r}"
+                    raise GtpinError(what, file=file, column=f"{key}.site", hint=f"use {', '.join(places) or 'none'}")
+
+    def write(self, file: Path) -> None:
+        """Write the answer as JSON."""
+        file.write_text(self.model_dump_json(by_alias=True, exclude_none=True) + "\n", encoding="utf-8")
+
+    @property
+    def statement(self) -> Statement:
+        """The part of the answer that is scored as the causes and the verdict of a diagnosis."""
+        causes = tuple(
+            Named(
+                name=cause.name,
+                probability=cause.probability,
+                members=dict.fromkeys((cause.name, *(member.name for member in cause.class_)), 0.0),
+            )
+            for cause in self.causes
+        )
+        if self.unknown:
+            return Statement(verdict="unknown", causes=causes)
+        return Statement(verdict="explained" if causes else "none", causes=causes)
+
+
+def _check_once(names: Sequence[str], file: Path, key: str) -> None:
+    """Raise an error for a name that is in a list twice."""
+    seen: set[str] = set()
+    for number, name in enumerate(names):
+        if name in seen:
+            raise GtpinError(
+                f"{name[:100]} is named twice", file=file, column=f"{key}.{number}", hint="keep one of them"
+            )
+        seen.add(name)

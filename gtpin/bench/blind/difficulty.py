@@ -1,0 +1,239 @@
+"""How difficult an effect is to name: the energy of its displacement that geometry and each other effect leave unexplained.
+
+Of a whitened displacement d, an effect with whitened displacements X for coefficients of typical size leaves d' (I + B B' +
+s^2 X X')^-1 d, where B is the whitened derivative by the geometry in units of the tolerances and by the unknowns of
+instruments in units of their prior sigmas. s is that scale, of those a diagnosis tries, at which the effect has the largest
+evidence. E is the energy that the geometry alone leaves, d' (I + B B')^-1 d. D is the smallest energy that an effect other
+than the true one leaves. Nonlinear parameters (a period, a place) are scanned. Displacements are whitened as they are
+measured: by poses, or by readings of any instruments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+
+from gtpin.bench.blind.seen import NumberedRows, Seen, SeenPoses
+from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.data import Dataset
+from gtpin.effects.basis import Basis
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.effect import Effect
+from gtpin.effects.situation import Situation
+from gtpin.model.model import Model
+from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats, Indices
+
+SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
+"""Scales that are tried."""
+STRIDE = 3
+"""Step of a coarse scan of the nonlinear parameter; its values near the best one are tried afterwards."""
+LINE = 4.0
+"""Log prior odds against a further value, nats, in addition to ln(number of tried values): as in a diagnosis. The energy that a
+further value must explain is twice the sum."""
+BATCH = 128
+"""Values of the nonlinear parameter whose displacements are held in memory at the same time."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """Energy of a displacement that an effect at a site leaves, at its best scale and nonlinear parameter.
+
+    ``further`` are more values of the nonlinear parameter, where an effect may have several.
+    """
+
+    left: float
+    scale: float
+    nonlinear: float | None
+    effect: Effect
+    site: str
+    further: tuple[float, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values of the nonlinear parameter."""
+        return () if self.nonlinear is None else (self.nonlinear, *self.further)
+
+
+@dataclass(frozen=True)
+class Difficulty:
+    """Computes E and D of displacements at a dataset's rows.
+
+    Parameters
+    ----------
+    situation
+        The poses at which something was measured.
+    seen
+        How displacements of these poses change what was measured.
+    row
+        (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset.
+    """
+
+    situation: Situation
+    seen: Seen
+    row: Indices | None = None
+
+    @staticmethod
+    def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
+        """For a tracker's dataset and a geometry, which should be close to the machine's own.
+
+        Parameters
+        ----------
+        sigma
+            (6,) or (N, 6) the instrument's noise, m and rad.
+        """
+        measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
+        return Difficulty(_situation(dataset, Model(geometry)), SeenPoses(measured))
+
+    @staticmethod
+    def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration) -> Difficulty:
+        """For a dataset of schema 2 and its calibration; no encoder may be among the instruments.
+
+        Parameters
+        ----------
+        noise
+            By the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
+        """
+        rows = NumberedRows.of(dataset, baseline, noise)
+        return Difficulty(_situation(rows.dataset, baseline.model), rows.seen(baseline), rows.row)
+
+    @cached_property
+    def _geometry(self) -> tuple[Floats, Floats]:
+        """(c N, p) whitened derivative by the geometry and the unknowns of instruments, and the Cholesky factor of I + B'B."""
+        at = self.situation
+        geometry = at.kinematics.geometry
+        B = self.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
+        if (unknowns := self.seen.unknowns) is not None:
+            B = np.hstack([B, unknowns.reshape(len(B), -1)])
+        return B, cholesky(np.eye(B.shape[1]) + B.T @ B, lower=True)
+
+    def whitened(self, columns: Floats) -> Floats:
+        """(c N, m) whitened displacements (N, 6, m)."""
+        return self.seen.whitened(columns).reshape(-1, columns.shape[2])
+
+    def true(self, displacement: Floats) -> Floats:
+        """(c N,) whitened displacement from a displacement (rows, 6) at the dataset's rows."""
+        here = displacement if self.row is None else displacement[self.row]
+        return self.whitened(here[:, :, None])[:, 0]
+
+    def energy(self, displacement: Floats) -> float:
+        """E of a displacement (rows, 6) at the dataset's rows."""
+        d = self.true(displacement)
+        return float(d @ self.orthogonal(d))
+
+    def orthogonal(self, d: Floats) -> Floats:
+        """(I + B B')^-1 d for whitened displacements, (c N,) or (c N, m)."""
+        B, lower = self._geometry
+        return np.asarray(d - B @ cho_solve((lower, True), B.T @ d))
+
+    def left(self, displacement: Floats) -> dict[str, Best]:
+        """Energy of a displacement (rows, 6) that every effect at every site leaves, by ``effect@site``."""
+        at = self.situation
+        d = self.true(displacement)
+        past = self.orthogonal(d)
+        found = {}
+        for effect in effects_by_id().values():
+            for site in effect.sites(at.robot):
+                if not effect.untestable(at, site):
+                    taken, scale, values = self._by(effect, site, past)
+                    one = values[0] if values else None
+                    left = float(d @ past) - taken
+                    found[f"{effect.id}@{site}"] = Best(left, scale, one, effect, site, tuple(values[1:]))
+        return found
+
+    def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, list[float]]:
+        """The energy that an effect explains, its scale, and the values of its nonlinear parameter."""
+        at = self.situation
+        tried = list(effect.nonlinear_values(at, site))
+        first = self._value(effect, site, tried, [], past) if tried else None
+        if first is None:
+            return *self._together(effect, site, [], past), []
+        found = [first]
+        taken, scale = self._together(effect, site, found, past)
+        while not at.robot.rods and len(found) < effect.most_values:
+            rest = self._less(effect, site, found, scale, past)
+            value = self._value(effect, site, tried, found, rest)
+            if value is None:
+                break
+            more = [*found, value]
+            wider, its_scale = self._together(effect, site, more, past)
+            if wider < taken + 2.0 * (LINE + np.log(len(tried))):
+                break
+            found, taken, scale = more, wider, its_scale
+        return taken, scale, found
+
+    def _value(self, effect: Effect, site: str, values: list[float], others: list[float], past: Floats) -> float | None:
+        """The value that explains most, of those that the poses can distinguish from ``others``; None where there is no such
+        value."""
+        at = self.situation
+        allowed = effect.resolved(at, site, np.array(values), others)
+        kept = [value for value, can in zip(values, allowed, strict=True) if can]
+        if not kept:
+            return None
+        tried: dict[int, float] = {}
+        for places in (range(0, len(kept), STRIDE), range(len(kept))):
+            near = max(tried, key=lambda i: tried[i]) if tried else None
+            waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
+            for start in range(0, len(waiting), BATCH):
+                batch = waiting[start : start + BATCH]
+                taken, _, _ = self.by_basis([effect.basis(at, site, kept[i]) for i in batch], past)
+                tried |= {i: float(t) for i, t in zip(batch, taken, strict=True)}
+        return kept[max(tried, key=lambda i: tried[i])]
+
+    def _together(self, effect: Effect, site: str, values: list[float], past: Floats) -> tuple[float, float]:
+        """The energy that an effect with some values explains, and its scale."""
+        (taken,), (scale,), _ = self.by_basis([effect.basis_of(self.situation, site, values)], past)
+        return float(taken), float(scale)
+
+    def _less(self, effect: Effect, site: str, values: list[float], scale: float, past: Floats) -> Floats:
+        """(I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements of an effect with some values."""
+        basis = effect.basis_of(self.situation, site, values)
+        X = scale * self.whitened(basis.displacement(self.situation) * basis.sigma)
+        B, lower = self._geometry
+        own = X - B @ cho_solve((lower, True), B.T @ X)
+        return np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
+
+    def by_basis(self, bases: Sequence[Basis], past: Floats) -> tuple[Floats, Floats, Floats]:
+        """(S,) energy that each basis explains at its scale of largest evidence, the scale, and the log evidence, nats.
+
+        ``past`` is :meth:`orthogonal` of the displacement.
+        """
+        B, lower = self._geometry
+        width = len(bases[0])
+        if bases[0].command is None:
+            X = np.hstack([self.whitened(b.displacement(self.situation) * b.sigma) for b in bases])
+            BtX, moments = B.T @ X, X.T @ past
+            whole = X.reshape(len(X), len(bases), width).transpose(1, 2, 0)
+        else:
+            # Each displacement is the motion by one actuator times one number a pose: sums over N numbers instead of c N.
+            actuator = bases[0].command[0]
+            a = self.seen.whitened(self.situation.command_jacobian[:, :, actuator, None])[:, :, 0]
+            f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)
+            flat = f.reshape(len(f), -1)
+            BtX = np.einsum("nci,nc->ni", B.reshape(*a.shape, -1), a, optimize=True).T @ flat
+            moments = flat.T @ (a * past.reshape(a.shape)).sum(axis=1)
+            whole = (f * np.sqrt((a**2).sum(axis=1))[:, None, None]).transpose(1, 2, 0)
+        half = solve_triangular(lower, BtX, lower=True).reshape(len(lower), len(bases), width).transpose(1, 2, 0)
+        grams = whole @ whole.transpose(0, 2, 1) - half @ half.transpose(0, 2, 1)
+        values, vectors = np.linalg.eigh(grams)
+        squares = np.einsum("sij,si->sj", vectors, moments.reshape(len(bases), width)) ** 2
+        return _likeliest(np.maximum(values, 0.0), squares)
+
+
+def _situation(dataset: Dataset, model: Model) -> Situation:
+    kinematics, temperature = model.kinematics, dataset.conditions.reference_temperature
+    return Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
+
+
+def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats, Floats]:
+    """(S,) energy explained at the scale of largest evidence, the scale, and the log evidence, from (S, m) eigenvalues and
+    squared moments."""
+    s2 = (SCALES**2)[:, None, None]
+    taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
+    evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)
+    best = np.argmax(evidence, axis=0)
+    return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best], evidence.max(axis=0)

@@ -1,0 +1,182 @@
+"""The figures of a check, with their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gtpin.bench.blind.by_instrument import visible_f1, with_instruments
+from gtpin.bench.blind.calibration import tenths
+from gtpin.bench.blind.explained_fraction import absolute_error, coverage, explained_fractions
+from gtpin.bench.blind.judged import LEFT, VISIBLE, Judged
+from gtpin.bench.blind.rates import Rate, mean, rate
+from gtpin.bench.blind.truth import Kind
+
+MOST_AFTER = 1.3
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: its name, its value with bounds, and its target, the smallest or largest accepted value."""
+
+    name: str
+    rate: Rate
+    least: float | None = None
+    most: float | None = None
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the value reaches its target; None without cases or target."""
+        if self.rate.value is None or (self.least is None and self.most is None):
+            return None
+        return (self.least is None or self.rate.value >= self.least) and (
+            self.most is None or self.rate.value <= self.most
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``score.json``."""
+        target = {"least": self.least, "most": self.most, "reached": self.reached}
+        return {"figure": self.name, **self.rate.to_json(), **target}
+
+
+def figures(cases: Sequence[Judged]) -> list[Figure]:
+    """All figures, each over the cases that it is defined for; a failed case counts as incorrect."""
+    one, none = of_kind(cases, "one"), of_kind(cases, "none")
+    seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
+    weak = [c for c in one if c.leaves <= VISIBLE]
+    rough = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.energy > VISIBLE and c.testable and c.listed]
+    two, three = of_kind(cases, "two"), of_kind(cases, "three")
+    plain = [c for c in two if all((effect.energy or 0.0) > VISIBLE for effect in c.truth)]
+    both = of_kind(cases, "known_and_unlisted")
+    return [
+        Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
+        Figure("class holds the truth, E > 63", rate(c.in_class for c in seen), least=0.97),
+        Figure(
+            "members of the class, E > 63",
+            mean(len(c.said.members) for c in seen if c.said and c.said.members),
+            most=2.5,
+        ),
+        Figure(
+            "class with a member that leaves more than 63, E > 63", rate(_has_wrong_member(c) for c in seen), most=0.0
+        ),
+        Figure("cause and site right, nothing else named, D > 63", rate(c.strict for c in clear), least=0.90),
+        Figure("site that leads where right, D > 63", rate(_where(c) for c in clear), least=0.90),
+        Figure(
+            "no false name with confidence, D <= 63",
+            rate(not c.error and not c.false_confident for c in weak),
+            least=0.95,
+        ),
+        Figure("no effect: silent", rate(c.said is not None and not c.detected for c in none), least=0.99),
+        *_sets(cases),
+        Figure("two effects, E > 63 of each: F1 of the set", mean(c.f1 for c in plain), least=0.95),
+        Figure("two effects, E > 63 of each: F1 of the classes", mean(c.class_f1 for c in plain)),
+        Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
+        *_outside(cases),
+        Figure("known and unlisted together: unknown", rate(_unknown(c) for c in both)),
+        Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
+        _calibrated(cases),
+        Figure(
+            "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
+        ),
+        *_shrinkage(cases, seen),
+        Figure("95 % intervals of parameters cover", rate(covered(cases))),
+    ]
+
+
+def _sets(cases: Sequence[Judged]) -> list[Figure]:
+    """F1 of two effects. It has no target where the instruments can't show all effects: F1 of the visible ones has it then."""
+    two = of_kind(cases, "two")
+    whole = mean(c.f1 for c in two)
+    if not with_instruments(cases):
+        return [Figure("two effects: F1 of the set", whole, least=0.95)]
+    return [
+        Figure("two effects: F1 of the set", whole),
+        Figure("two effects: F1 of those with E > 63", visible_f1(two), least=0.95),
+    ]
+
+
+def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
+    """The cases of some kinds."""
+    return [case for case in cases if case.kind in kinds]
+
+
+def taken_out(cases: Iterable[Judged]) -> list[Judged]:
+    """Cases with one effect as cases with an unlisted effect: diagnosed with the effect removed from the catalogue."""
+    found = []
+    for case in of_kind(cases, "one"):
+        if case.without is not None or case.without_error is not None:
+            nameless = case.single.model_copy(update={"site": "", "leaves": case.without_left})
+            found.append(
+                case.model_copy(update={"said": case.without, "error": case.without_error, "truth": (nameless,)})
+            )
+    return found
+
+
+def covered(cases: Iterable[Judged]) -> Iterable[bool]:
+    """Whether parameters of correctly named causes lie within 1.96 sigma of the true values."""
+    return (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
+
+
+def _outside(cases: Sequence[Judged]) -> list[Figure]:
+    """Figures of effects that are not in the catalogue, and of those that were removed from it."""
+    rows = []
+    for word, some in (
+        ("outside the catalogue", of_kind(cases, "unlisted")),
+        ("taken out of the catalogue", taken_out(cases)),
+    ):
+        plain = [c for c in some if c.leaves > LEFT]
+        rows_of: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
+            ("unknown, where others leave more than 250", _unknown, plain, {"least": 0.90}),
+            ("unknown, all", _unknown, some, {}),
+            ("a cause named with confidence, where others leave more than 250", _confident, plain, {"most": 0.15}),
+            ("a cause named with confidence, all", _confident, some, {"most": 0.15}),
+            ("any cause named, all", _named, some, {}),
+        ]
+        rows += [Figure(f"{word}: {text}", rate(map(test, those)), **bound) for text, test, those, bound in rows_of]
+    return rows
+
+
+def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
+    fractions = explained_fractions(cases)
+    ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
+    return [
+        Figure("shrinkage said less realised, absolute", absolute_error(fractions), most=0.05),
+        Figure("shrinkage said less realised", mean(f.predicted - f.realised for f in fractions)),
+        Figure("95 % interval of shrinkage covers", coverage(fractions), least=0.90),
+        Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
+        Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
+    ]
+
+
+def _calibrated(cases: Sequence[Judged]) -> Figure:
+    """The largest calibration error of the probabilities, over the tenths."""
+    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    return Figure(
+        "probabilities: farthest off of the tenths that have 30 causes",
+        Rate(max(off, default=None), None, None, len(off)),
+        most=0.05,
+    )
+
+
+def _has_wrong_member(case: Judged) -> bool:
+    """Whether the class has a member that does not fit the true effect: it leaves more than `VISIBLE` of its energy."""
+    return case.said is not None and any(
+        case.left.get(n, 0.0) > VISIBLE for n in case.said.members if n not in case.names
+    )
+
+
+def _where(case: Judged) -> bool:
+    return case.said is not None and case.said.site == case.single.site
+
+
+def _unknown(case: Judged) -> bool:
+    return case.said is not None and case.said.verdict == "unknown"
+
+
+def _confident(case: Judged) -> bool:
+    return bool(case.false_confident)
+
+
+def _named(case: Judged) -> bool:
+    return bool(case.false_names)

@@ -1,0 +1,172 @@
+"""The files of a check: datasets, sealed truths in a separate folder, diagnoses, and the check's settings."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+import gtpin
+from gtpin.bench.blind.record import digest_of_files
+from gtpin.bench.blind.seal import DIGEST, digest_of
+from gtpin.bench.blind.truth import TruePoses, Truth
+from gtpin.bench.blind.worker import Outcome
+from gtpin.data.files import placed_file, write_table
+from gtpin.data.names import ORIENTATION, POSITION
+from gtpin.data.table import Column
+from gtpin.output.ownership import MARKER
+from gtpin.output.results import writing
+
+JUDGES = ("bench", "report", "commands")
+"""Parts of gtpin that a diagnosis does not depend on."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The settings of a check and the digests of its sources. Results are valid for these settings only.
+
+    Parameters
+    ----------
+    cases, seed
+        Number of cases and the seed from which they are drawn; the seed is None for cases that somebody else made.
+    source
+        Digest of the cases that somebody else made, or None.
+    robot
+        Robot of the cases, or None for cases that somebody else made.
+    plant, diagnosis
+        Digests of the source files that make the cases, and of those that diagnose them.
+    instruments
+        Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made.
+    """
+
+    cases: int
+    seed: int | None
+    source: str | None
+    robot: str | None
+    plant: str | None
+    diagnosis: str
+    instruments: str | None = None
+
+
+def diagnosis_digest() -> str:
+    """SHA-256 of all source files that a diagnosis may depend on, with their names."""
+    root = Path(gtpin.__file__).parent
+    found = hashlib.sha256()
+    for file in sorted(root.rglob("*.py")):
+        name = file.relative_to(root)
+        if name.parts[0] not in JUDGES:
+            found.update(name.as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    return found.hexdigest()
+
+
+@dataclass(frozen=True)
+class CheckFolder:
+    """The folder of one check."""
+
+    root: Path
+
+    @property
+    def cases(self) -> Path:
+        """Datasets by name, the manifest and, at the end, the opened truths."""
+        return self.root / "cases"
+
+    @property
+    def manifest(self) -> Path:
+        """The digests of all truths."""
+        return self.cases / "manifest.json"
+
+    def case(self, name: str) -> Path:
+        """A dataset's folder."""
+        return self.cases / name
+
+    def sealed(self, name: str) -> Path:
+        """A case's sealed truth."""
+        return self.root / "sealed" / f"{name}.json"
+
+    def digests(self, names: Iterable[str]) -> dict[str, str]:
+        """The digests that were published in the cases' folders."""
+        return {name: (self.case(name) / DIGEST).read_text(encoding="utf-8").strip() for name in names}
+
+    @property
+    def parts(self) -> tuple[Path, ...]:
+        """The folders of the cases, of the sealed truths, and of the diagnoses."""
+        return self.cases, self.root / "sealed", self.root / "diagnoses"
+
+    @property
+    def published(self) -> bool:
+        """Whether the digests of all truths are published. An empty manifest is left by a crash and does not count."""
+        return self.manifest.is_file() and self.manifest.stat().st_size > 0
+
+    def is_sealed(self, name: str) -> bool:
+        """Whether a case was made: its truth is sealed, and its digest is in the case's folder."""
+        try:
+            return digest_of(self.sealed(name).read_bytes()) == self.digests([name])[name]
+        except OSError:
+            return False
+
+    def files_of(self, name: str) -> dict[str, bytes]:
+        """The only input of a diagnosis: the files of the dataset's folder."""
+        files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
+        return {file.name: file.read_bytes() for file in files}
+
+    def dataset_digest(self, name: str) -> str:
+        """SHA-256 of a dataset's files; empty where they are missing."""
+        try:
+            files = self.files_of(name)
+        except OSError:
+            return ""
+        return digest_of_files({file: content for file, content in files.items() if file != DIGEST})
+
+    def outcome_digest(self, name: str, without: bool = False) -> str:
+        """SHA-256 of the outcome for a case; empty where it is missing."""
+        file = self._outcome_file(name, without)
+        return digest_of(file.read_bytes()) if file.is_file() else ""
+
+    def outcome(self, name: str, without: bool = False) -> Outcome | None:
+        """The outcome for a case (``without``: with its effect removed from the catalogue); None if there is none yet.
+
+        A file that a crash has left empty or incomplete is ignored: the case is diagnosed again.
+        """
+        try:
+            return Outcome.model_validate_json(self._outcome_file(name, without).read_bytes())
+        except (FileNotFoundError, ValidationError):
+            return None
+
+    def keep(self, name: str, outcome: Outcome, seconds: float, without: bool = False) -> None:
+        """Write the outcome, and to another file the time that it took."""
+        file = self._outcome_file(name, without)
+        with placed_file(file) as unfinished:
+            unfinished.write_text(outcome.model_dump_json() + "\n", encoding="utf-8")
+        with writing(self.root), (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
+            log.write(f"{file.stem} {seconds:.2f}\n")
+
+    def seconds(self) -> list[float]:
+        """Time of each diagnosis, s."""
+        file = self.root / "seconds.txt"
+        text = file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
+        return [float(number) for number in re.findall(r"^\S+ (\d+\.\d\d)$", text, re.MULTILINE)]
+
+    def _outcome_file(self, name: str, without: bool) -> Path:
+        return self.root / "diagnoses" / (f"{name}.without.json" if without else f"{name}.json")
+
+    def publish(self, name: str, truth: Truth) -> None:
+        """Write an opened truth next to the datasets, so that others can read it and score the cases again."""
+        text = truth.model_dump_json(exclude={"poses"}, exclude_none=True) + "\n"
+        with placed_file(self.cases / f"{name}.truth.json") as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
+        if truth.poses is not None:
+            with placed_file(self.cases / f"{name}.truth.csv") as unfinished:
+                write_table(unfinished, _columns(truth.poses))
+
+
+def _columns(poses: TruePoses) -> dict[str, Column]:
+    columns: dict[str, Column] = {"pose": np.array(poses.pose, dtype=object)}
+    columns |= dict(zip(POSITION, poses.T.T, strict=True))
+    if poses.orientation is not None:
+        columns |= dict(zip(ORIENTATION, np.array(poses.orientation).T, strict=True))
+    return columns

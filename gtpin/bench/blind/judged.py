@@ -1,0 +1,171 @@
+"""A case after its seal was opened: the truth and the diagnosis."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+from gtpin.bench.blind.statement import Statement
+from gtpin.bench.blind.truth import Kind, TrueEffect
+
+VISIBLE = 63.0
+"""Energy above which an effect must be detected (E) and named (D): four times the 15.8 that a matched filter needs for 95 %
+detections at 1 % false alarms."""
+LEFT = 250.0
+"""Energy of an unlisted effect that known effects must leave unexplained, so that the verdict must be `unknown`."""
+
+
+class Shrunk(BaseModel):
+    """Position errors at held-out commands, against the true poses.
+
+    Parameters
+    ----------
+    before, after
+        RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
+        instruments than a tracker alone measured, RMS error of their readings in units of the noise.
+    knowing
+        The same error, of a fit to which the true causes are given; None if there is no such fit, as where an encoder reads.
+    smoothed
+        The same error, of a Gaussian process that names no cause; None if it was not fitted.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    before: float
+    after: float
+    knowing: float | None = None
+    smoothed: float | None = None
+
+    @property
+    def share(self) -> float:
+        """Explained fraction of the gap: 1 - (after / before)^2."""
+        return 1.0 - (self.after / self.before) ** 2 if self.before > 0.0 else 0.0
+
+
+class Judged(BaseModel):
+    """A case, its truth and its diagnosis.
+
+    Parameters
+    ----------
+    kind
+        Kind of case; None if its seal was broken.
+    poses, planned
+        Rows of the dataset, and different commands among them.
+    truth
+        Its true effects with E and D, without displacements.
+    rival
+        The wrong effect (``effect@site``) that leaves the least energy of a single true effect; empty where not known.
+    listed
+        Whether all its effects are in the catalogue.
+    instruments
+        Kinds of the instruments that measured it; None for a tracker alone.
+    testable
+        Whether the dataset has the covariates that its known effects need.
+    error
+        Message of the error if the case failed.
+    said
+        The scored part of the diagnosis; None if the case failed.
+    left
+        Energy of a single true effect that remains when another effect is fitted to it, by that effect: each member of the
+        named class, and the true effect in its textbook form.
+    without, without_error, without_left
+        The diagnosis with the true effect removed from the catalogue; the error if that failed; and the energy that the best
+        of the other effects leaves.
+    shrunk
+        None without true poses, or if the case failed.
+    parameters
+        Name, value, sigma and true value of the parameters of causes that are named correctly.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    kind: Kind | None = None
+    poses: int = 0
+    planned: int = 0
+    truth: tuple[TrueEffect, ...] = ()
+    rival: str = ""
+    listed: bool = True
+    instruments: tuple[str, ...] | None = None
+    testable: bool = True
+    error: str | None = None
+    said: Statement | None = None
+    left: dict[str, float] = {}
+    without: Statement | None = None
+    without_error: str | None = None
+    without_left: float | None = None
+    shrunk: Shrunk | None = None
+    parameters: tuple[tuple[str, float, float, float], ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The true effects, ``effect@site``."""
+        return frozenset(effect.name for effect in self.truth)
+
+    @property
+    def single(self) -> TrueEffect:
+        """The effect of a case that has one."""
+        (effect,) = self.truth
+        return effect
+
+    @property
+    def energy(self) -> float:
+        """E of a single effect, its whitened energy; NaN if not known."""
+        return float("nan") if self.single.energy is None else self.single.energy
+
+    @property
+    def leaves(self) -> float:
+        """D of a single effect, the energy that the best wrong effect leaves; NaN if not known."""
+        return float("nan") if self.single.leaves is None else self.single.leaves
+
+    @property
+    def detected(self) -> bool:
+        """Whether the verdict is not `none`."""
+        return self.said is not None and self.said.verdict != "none"
+
+    @property
+    def strict(self) -> bool:
+        """Whether exactly the true effects are named, and the verdict is not `unknown`."""
+        return self.said is not None and self.said.verdict != "unknown" and frozenset(self.said.names) == self.names
+
+    @property
+    def in_class(self) -> bool:
+        """Whether the classes contain all true effects."""
+        return self.said is not None and bool(self.names) and self.names <= self.said.members
+
+    @property
+    def false_names(self) -> tuple[str, ...]:
+        """Named causes that are not true."""
+        return tuple(n for n in self.said.names if n not in self.names) if self.said else ()
+
+    @property
+    def false_confident(self) -> tuple[str, ...]:
+        """Causes named with a probability of 0.95 or more that are not true."""
+        return tuple(n for n in self.said.confident() if n not in self.names) if self.said else ()
+
+    @property
+    def f1(self) -> float:
+        """F1 of the set of causes: 2 right / (named + true)."""
+        named = frozenset(self.said.names) if self.said else frozenset()
+        return 2.0 * len(named & self.names) / max(len(named) + len(self.names), 1)
+
+    @property
+    def not_visible(self) -> frozenset[str]:
+        """True effects that need not be found: their E is known, and not more than `VISIBLE`."""
+        return frozenset(e.name for e in self.truth if e.energy is not None and e.energy <= VISIBLE)
+
+    @property
+    def visible_f1(self) -> float:
+        """F1 of the set of causes without the effects that are not visible, whether they are named or not."""
+        named = frozenset(self.said.names if self.said else ()) - self.not_visible
+        true = self.names - self.not_visible
+        return 2.0 * len(named & true) / max(len(named) + len(true), 1)
+
+    @property
+    def class_f1(self) -> float:
+        """F1 of the classes: a cause is correct if its class has a true effect, a true effect is found if a class has it."""
+        if self.said is None:
+            return 0.0
+        right = sum(bool(self.names & cause.members.keys()) for cause in self.said.causes)
+        found = len(self.names & self.said.members)
+        precision, recall = right / max(len(self.said.causes), 1), found / max(len(self.names), 1)
+        return 2.0 * precision * recall / (precision + recall) if right else 0.0

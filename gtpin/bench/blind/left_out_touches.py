@@ -1,0 +1,112 @@
+"""Touches that are left out of a case's dataset, to compare predictions of models with the truth.
+
+Held-out commands all over the workspace can't be used: no instrument touches there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.bench.blind.repeatability import jitter, stops
+from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.instruments.gauge import Gauge
+from gtpin.bench.simulator.instruments.past import PastReadings
+from gtpin.bench.simulator.instruments.tables import Read
+from gtpin.bench.simulator.recipe import Recipe
+from gtpin.bench.simulator.truth import Truth
+from gtpin.data.files import write_table
+from gtpin.data.ids import Ids
+from gtpin.data.table import Column
+from gtpin.typing import Floats
+
+Rows = npt.NDArray[np.bool_]
+
+ONE_IN = 6
+"""One in this many of an instrument's touches is left out, at random."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Touches of an instrument that are not in its table.
+
+    Parameters
+    ----------
+    name
+        Name of the instrument.
+    pose, q, columns
+        (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
+    values, sigma
+        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values`` are
+        those of a machine that returns exactly to its commands: no model predicts the scatter of its repeatability.
+    """
+
+    name: str
+    pose: Ids
+    q: Floats
+    columns: dict[str, Column]
+    values: Floats
+    sigma: Floats
+
+    def write(self, folder: Path) -> None:
+        """Write ``commands-NAME.csv`` into a dataset's folder."""
+        commands: dict[str, Column] = {f"q{i + 1}": values for i, values in enumerate(self.q.T)}
+        write_table(folder / f"commands-{self.name}.csv", {"pose": self.pose, **commands, **self.columns})
+
+
+def without_some_touches(case: InstrumentCase, recipe: Recipe) -> tuple[InstrumentCase, tuple[LeftOut, ...]]:
+    """A case without some touches, and these touches. E is computed again for the remaining rows.
+
+    No touch is left out where an encoder measures too: the displacements of its joint are not known here, so E can't be
+    computed again.
+    """
+    if case.true.joints or not any(gauge.touches for gauge in case.gauges):
+        return case, ()
+    kept = [_kept(gauge, recipe.seed) for gauge in case.gauges]
+    found = tuple(
+        _left_out(case, gauge, read, ~rows)
+        for gauge, read, rows in zip(case.gauges, case.dataset.read, kept, strict=True)
+        if gauge.touches
+    )
+    gauges = tuple(gauge.kept(rows) for gauge, rows in zip(case.gauges, kept, strict=True))
+    tables = tuple(
+        Read(read.described, read.stop[rows], {name: values[rows] for name, values in read.columns.items()})
+        for read, rows in zip(case.dataset.read, kept, strict=True)
+    )
+    effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(kept)]) for effect in case.effects)
+    fewer = replace(case, gauges=gauges, dataset=replace(case.dataset, read=tables), effects=effects)
+    return replace(fewer, effects=_measured_again(fewer, recipe)), found
+
+
+def _kept(gauge: Gauge, seed: int) -> Rows:
+    kept = np.ones(len(gauge.stop), dtype=bool)
+    if gauge.touches:
+        rng = np.random.default_rng(np.random.SeedSequence([seed, 9, *gauge.name.encode()]))
+        kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
+    return kept
+
+
+def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> LeftOut:
+    own, data = gauge.kept(rows), case.dataset
+    columns = {name: values[rows] for name, values in read.columns.items()}
+    columns |= {name: values[own.stop] for name, values in data.covariates.items()}
+    values = own.readings(case.steady[own.stop], own.truth)
+    return LeftOut(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
+
+
+def _measured_again(case: InstrumentCase, recipe: Recipe) -> tuple[Truth, ...]:
+    """The effects of a case with E computed as by the plant, for the rows that the case has; the largest E first."""
+    used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
+    gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
+    poses = case.true[used]
+    by_tolerance = case.machine.by_tolerance(case.dataset.q[used], poses)
+    past = PastReadings.of(gauges, poses, by_tolerance, jitter(case, recipe)[used])
+    found = []
+    for effect in case.effects:
+        at_stops = np.zeros((len(case.dataset.q), 6))
+        at_stops[rows] = effect.displacement
+        found.append(replace(effect, energy=past.energy(at_stops[used])))
+    return tuple(sorted(found, key=lambda effect: -effect.energy))

@@ -1,0 +1,214 @@
+"""Cases that somebody else made: datasets and their truth files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from gtpin.bench.blind.truth import Kind, Six, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
+from gtpin.data import columns
+from gtpin.data.description import describe, read_toml, write_description
+from gtpin.data.files import find_table, read_bytes, read_table
+from gtpin.data.names import POSITION
+from gtpin.data.read_instruments import is_second
+from gtpin.data.second_schema import SecondDescription, describe_second, write_second
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.errors import DatasetError, GtpinError
+from gtpin.output.ownership import MARKER
+from gtpin.output.results import writing
+from gtpin.references import is_path
+from gtpin.robot.closures import SUFFIX
+from gtpin.robot.description import Description
+from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
+
+TRUTH, POSES = ".truth.json", ".truth.csv"
+ROBOT = "robot.urdf"
+"""Name of a dataset's own URDF once it is in the dataset's folder."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A case that somebody else made: the folder of its dataset, and its truth."""
+
+    folder: Path
+    truth: Truth
+
+    @property
+    def name(self) -> str:
+        """The case's name."""
+        return self.folder.name
+
+
+class _TruthFile(BaseModel):
+    """The content of ``NAME.truth.json``; all keys but ``effects`` are there only if gtpin wrote it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    effects: tuple[TrueEffect, ...]
+    kind: Kind | None = None
+    sigma: Six | None = None
+    readings: tuple[TrueReadings, ...] = ()
+    noise: tuple[TrueNoise, ...] = ()
+
+
+def given(folder: Path) -> list[Given]:
+    """Find all cases in a folder, ``NAME/`` and ``NAME.truth.json``, in the order of their names.
+
+    Raises
+    ------
+    GtpinError
+        If there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
+    """
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise GtpinError(f"can't be read ({reason})", file=folder, hint="name a folder of cases") from None
+    truths = {entry.name.removesuffix(TRUTH) for entry in entries if entry.name.endswith(TRUTH)}
+    datasets = {entry.name for entry in entries if entry.is_dir() and not entry.name.startswith(".")}
+    if not truths and not datasets:
+        raise GtpinError(
+            "there are no cases here", file=folder, hint="it needs NAME/ and NAME.truth.json for each case"
+        )
+    for name in sorted(datasets ^ truths):
+        file = folder / (f"{name}{TRUTH}" if name in datasets else name)
+        raise GtpinError(
+            "is missing", file=file, hint="each case is a folder NAME/ and a file NAME.truth.json next to it"
+        )
+    return [Given(folder / name, _truth(folder, name)) for name in sorted(truths)]
+
+
+def _truth(folder: Path, name: str) -> Truth:
+    file = folder / f"{name}{TRUTH}"
+    try:
+        content = _TruthFile.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        hint = 'write {"effects": [{"effect": ID, "site": SITE}, ...]}'
+        raise GtpinError(str(first["msg"]), file=file, column=key, hint=hint) from None
+    except json.JSONDecodeError as error:
+        raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
+    except (UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
+    _check(file, content, _robot_of(folder / name))
+    return Truth(
+        kind=content.kind or kind_of([effect.effect for effect in content.effects]),
+        effects=content.effects,
+        poses=_poses(folder, name),
+        sigma=content.sigma,
+        readings=content.readings,
+        noise=content.noise,
+    )
+
+
+def _check(file: Path, content: _TruthFile, robot: Robot | None) -> None:
+    """Raise an error for known effects at sites that the robot does not have, and for an effect that is listed twice."""
+    for number, effect in enumerate(content.effects):
+        where = f"effects.{number}.site"
+        sites = effects_by_id()[effect.effect].sites(robot) if robot and effect.effect in effects_by_id() else None
+        if sites is not None and effect.site not in sites:
+            raise GtpinError(
+                f"{effect.effect} can't be at {effect.site!r}", file=file, column=where, hint=f"use {', '.join(sites)}"
+            )
+        if effect.name in {other.name for other in content.effects[:number]}:
+            raise GtpinError(f"{effect.name} is there twice", file=file, column=where, hint="keep one of them")
+
+
+def kind_of(effects: list[str]) -> Kind:
+    """The kind of case, from its effects."""
+    known = sum(effect in effects_by_id() for effect in effects)
+    kinds: Mapping[tuple[int, int], Kind] = {
+        (0, 0): "none",
+        (1, 0): "one",
+        (2, 0): "two",
+        (3, 0): "three",
+        (0, 1): "unlisted",
+        (1, 1): "known_and_unlisted",
+    }
+    return kinds.get((known, len(effects) - known), "many")
+
+
+def _robot_of(folder: Path) -> Robot | None:
+    """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
+    try:
+        said = _described(folder / "dataset.toml").common
+        return load_robot(_path_of(folder, said.robot) or said.robot, said.tcp, said.actuators)
+    except GtpinError:
+        return None
+
+
+def _described(file: Path) -> SecondDescription:
+    """The content of a dataset.toml; without instruments where it is of schema 1."""
+    values = read_toml(file)
+    return describe_second(values, file, {}) if is_second(values) else SecondDescription(describe(values, file), ())
+
+
+def _path_of(folder: Path, robot: str) -> Path | None:
+    return Path(os.path.abspath(folder / robot)) if is_path(robot) else None
+
+
+def _poses(folder: Path, name: str) -> TruePoses | None:
+    """The true poses, which must be those of the commands."""
+    file = folder / f"{name}{POSES}"
+    if not file.exists():
+        return None
+    table = read_table(file)
+    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), columns.orientation(table)
+    if len(set(pose)) < len(pose):
+        raise DatasetError("a pose is there twice", file=file, column="pose", hint="give each command one true pose")
+    commands = find_table(folder / name, "commands")
+    if commands is None:
+        hint = "the true poses are those at its commands"
+        raise DatasetError("the file is missing", file=folder / name / "commands.csv", hint=hint)
+    other = set(pose) ^ set(read_table(commands).column("pose").tolist())
+    if other:
+        what = f"pose {sorted(other)[0]} is not in both this file and {commands.name}"
+        raise DatasetError(what, file=file, column="pose", hint="give each command its true pose")
+    return TruePoses(
+        pose=tuple(pose),
+        position=tuple(map(tuple, T.tolist())),
+        orientation=None if turns is None else tuple(map(tuple, turns.tolist())),
+    )
+
+
+def source_digest(cases: list[Given]) -> str:
+    """SHA-256 of all datasets and truths, by name."""
+    found = hashlib.sha256()
+    for case in cases:
+        for name, content in {**_files(case.folder), "truth": case.truth.model_dump_json().encode()}.items():
+            found.update(f"{case.name}/{name}".encode() + b"\0" + hashlib.sha256(content).digest())
+    return found.hexdigest()
+
+
+def take_in(case: Given, place: Path) -> None:
+    """Copy a dataset, with the URDF that it names."""
+    with writing(place):
+        place.mkdir(parents=True, exist_ok=True)
+        for name, content in _files(case.folder).items():
+            (place / name).write_bytes(content)
+        try:
+            said = _described(case.folder / "dataset.toml")
+            urdf = _path_of(case.folder, said.common.robot)
+            if urdf is not None:
+                of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
+                (place / ROBOT).write_bytes(Description.read(urdf).xml.encode() if of_two else read_bytes(urdf))
+                moved = said.common.model_copy(update={"robot": ROBOT})
+                if said.instruments:
+                    write_second(place / "dataset.toml", moved, said.instruments)
+                else:
+                    write_description(place / "dataset.toml", moved)
+        except GtpinError:
+            return  # its diagnosis reports the error
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    files = (file for file in sorted(folder.iterdir()) if file.is_file() and file.name != MARKER)
+    return {file.name: read_bytes(file) for file in files}

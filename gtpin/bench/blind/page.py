@@ -1,0 +1,203 @@
+"""The page of a score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.plots import plots
+from gtpin.bench.blind.reasons import failure, statement_words, truth_words
+from gtpin.report.page import Table, render
+from gtpin.report.provenance import versions
+
+CONTENTS = (
+    ("figures", "Figures"),
+    ("effects", "By effect"),
+    ("instruments", "By instrument"),
+    ("probabilities", "Probabilities and explained fraction of the gap"),
+    ("baselines", "Baselines"),
+    ("failures", "Failures"),
+    ("provenance", "Provenance"),
+)
+
+
+def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
+    """The score as one self-contained HTML file.
+
+    Parameters
+    ----------
+    result
+        The content of ``score.json``.
+    cases
+        The judged cases.
+    """
+    return render(
+        "score.html",
+        title="Blind check",
+        contents=[entry for entry in CONTENTS if entry[0] != "instruments" or "by_instrument" in result],
+        plots=plots(result, cases),
+        provenance=_provenance(result),
+        result=result,
+        headline=headline(result),
+        numbers=_numbers(result),
+        figures=figure_table(result),
+        effects=effect_table(result),
+        instruments=instrument_table(result),
+        reliability=reliability_table(result),
+        baselines=baseline_table(result),
+        failures=failure_table(cases),
+    )
+
+
+def headline(result: Mapping[str, Any]) -> str:
+    """Text with the numbers of reached targets and of failed cases."""
+    reached = [row["reached"] for row in result["figures"] if row["reached"] is not None]
+    failed = len(result["failures"])
+    end = f"; {failed} cases failed" if failed else ""
+    return f"{sum(reached)} of {len(reached)} targets reached{end}" if reached else f"{result['cases']} cases{end}"
+
+
+def figure_table(result: Mapping[str, Any]) -> Table:
+    """Figures with their targets."""
+    rows = []
+    for row in result["figures"]:
+        target = "".join(
+            f"{sign} {row[key]:g}" for sign, key in (("≥", "least"), ("≤", "most")) if row[key] is not None
+        )
+        mark = {True: "reached", False: "missed", None: ""}[row["reached"]]
+        rows.append((row["figure"], number(row["value"]), bounds(row), str(row["of"]), target, mark))
+    return Table(("figure", "value", "95 %", "of", "target", ""), rows)
+
+
+def effect_table(result: Mapping[str, Any]) -> Table:
+    """Accuracy by effect."""
+    head = (
+        "effect",
+        "cases",
+        "strict",
+        "95 %",
+        "in class",
+        "class size",
+        "detected",
+        "where",
+        "taken out",
+        "then unknown",
+        "then misnamed",
+    )
+    rows = []
+    for effect, row in result["by_effect"].items():
+        low, high = row["strict_bounds"]
+        rows.append(
+            (
+                effect,
+                str(row["cases"]),
+                number(row["strict"]),
+                f"{low:.2f} .. {high:.2f}",
+                number(row["in_class"]),
+                number(row["class_size"]),
+                number(row["detected"]),
+                number(row["where"]),
+                str(row["taken_out"]),
+                number(row["taken_out_unknown"]),
+                number(row["taken_out_misnamed"]),
+            )
+        )
+    return Table(head, rows)
+
+
+def instrument_table(result: Mapping[str, Any]) -> Table:
+    """Rates by instrument; no rows where a tracker alone measured."""
+    columns = {
+        "detected": "detected, E > 63",
+        "in_class": "class right, E > 63",
+        "strict": "strict, D > 63",
+        "silent": "silent",
+        "false_with_confidence": "false with confidence",
+        "set_f1_visible": "F1 of several, E > 63",
+        "shrinkage_error": "shrinkage error",
+    }
+    rows = [
+        (
+            name,
+            str(row["cases"]),
+            *(_cell(row[key]) for key in columns),
+            f"{row['not_visible']} of {row['effects']}",
+        )
+        for name, row in result.get("by_instrument", {}).items()
+    ]
+    return Table(("instrument", "cases", *columns.values(), "not visible"), rows)
+
+
+def _cell(row: Mapping[str, Any]) -> str:
+    """A rate with its bounds and the number of its cases."""
+    within = f" ({bounds(row)})" if row["low"] is not None else ""
+    return f"{number(row['value'])}{within} of {row['of']}" if row["of"] else number(None)
+
+
+def reliability_table(result: Mapping[str, Any]) -> Table:
+    """Reliability of the probabilities, by tenths."""
+    rows = [
+        (
+            f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}",
+            number(t["said"]),
+            number(t["right"]["value"]),
+            bounds(t["right"]),
+            str(t["right"]["of"]),
+        )
+        for t in result["reliability"]["causes"]
+    ]
+    return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows)
+
+
+def baseline_table(result: Mapping[str, Any]) -> Table:
+    """Figures of the diagnosis and of each baseline, one row for each."""
+    columns = {
+        "strict": "correct, D > 63",
+        "set_f1": "F1 of two",
+        "false_alarm": "false alarms",
+        "misnamed": "unlisted misnamed",
+        "shrinkage": "explained fraction",
+    }
+    rows = [(name, *(number(row[key]["value"]) for key in columns)) for name, row in result["baselines"].items()]
+    return Table(("", *columns.values()), rows)
+
+
+def failure_table(cases: Sequence[Judged]) -> Table:
+    """Cases with an incorrect diagnosis: truth, diagnosis and reason."""
+    rows = [
+        (c.name, c.kind or "", truth_words(c), statement_words(c), why)
+        for c in cases
+        if (why := failure(c)) is not None
+    ]
+    return Table(("case", "kind", "truth", "diagnosis", "reason"), rows)
+
+
+def number(value: float | None) -> str:
+    """A fraction or mean with three digits; a dash where there is none."""
+    return "–" if value is None else f"{value:.3f}"
+
+
+def bounds(row: Mapping[str, Any]) -> str:
+    """The 95 % bounds of a rate."""
+    return "" if row["low"] is None else f"{row['low']:.3f} .. {row['high']:.3f}"
+
+
+def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    words = {
+        "strict": "single effects named correctly, nothing else named",
+        "in_class": "class contains the truth",
+        "false_alarm": "false alarms",
+        "unknown_recognised": "unlisted recognised as unknown",
+        "set_f1": "F1 of several effects",
+        "shrinkage_error": "error of the explained fraction",
+    }
+    if "set_f1_visible" in result:
+        words = {k: w for k, w in words.items() if k != "set_f1"} | {"set_f1_visible": "F1 of several visible effects"}
+    return [(number(result[key]), words[key]) for key in words]
+
+
+def _provenance(result: Mapping[str, Any]) -> Table:
+    rows = versions()
+    rows += [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
+    return Table(("what", "which"), rows)

@@ -1,0 +1,239 @@
+"""A complete check: cases are made and sealed, diagnosed, opened and judged."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any, Protocol
+
+from gtpin.bench.blind.claim import CLAIM, claimed
+from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, measured, recipe, truth_of
+from gtpin.bench.blind.folder import CheckFolder, Settings, diagnosis_digest
+from gtpin.bench.blind.judge import judge
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
+from gtpin.bench.blind.others import given, source_digest, take_in
+from gtpin.bench.blind.record import compared
+from gtpin.bench.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
+from gtpin.bench.blind.spread import check_cluster, spread, workers
+from gtpin.bench.blind.truth import Truth
+from gtpin.bench.blind.worker import Outcome, diagnose_alone
+from gtpin.bench.simulator.digest import digest as plant_digest
+from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.instruments.choice import checked
+from gtpin.bench.simulator.truth import Case
+from gtpin.errors import GtpinError, warn
+from gtpin.threads import in_one_thread
+
+TAKEN_OUT = 2
+"""One in this many of the cases with one effect is diagnosed again with the effect removed from the catalogue."""
+
+SHOWN = 10
+"""Number of changed files that a warning names; score.json has all."""
+
+SUSPECTS = 16
+"""If a process died, this many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The judged cases of a check, its settings with the digest of its manifest, and the median time of a diagnosis, s."""
+
+    cases: list[Judged]
+    about: dict[str, Any]
+    seconds: float | None
+
+
+class Watch(Protocol):
+    """Receives the progress of a check."""
+
+    def published(self, digest: str) -> None:
+        """All truths are sealed; this is the digest of their manifest."""
+
+    def begin(self, what: str, total: int, done: int) -> None:
+        """A step of ``total`` pieces of work begins; ``done`` of them are already finished."""
+
+    def one_more(self) -> None:
+        """One piece of work is finished."""
+
+
+def check(
+    output: Path,
+    cases: int,
+    seed: int,
+    watch: Watch,
+    address: str | None = None,
+    robot: str = ROBOT,
+    instruments: Sequence[str] = (),
+    *,
+    force: bool = False,
+) -> Checked:
+    """Make cases, diagnose them, open the seals, and judge; resumes the same check if it was stopped.
+
+    ``instruments`` measure the machines in place of a tracker: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`.
+
+    Raises
+    ------
+    GtpinError
+        If an instrument is not known, cases of the robot can't be made by it, or the folder belongs to another check and
+        ``force`` is not set.
+    """
+    kinds = checked(instruments)
+    wanted = list(drafts(cases, seed, robot, kinds))
+    check_cluster(address)
+    folder = CheckFolder(output)
+    settings = Settings(cases, seed, None, robot, plant_digest(), diagnosis_digest(), ",".join(kinds) or None)
+    with claimed(folder, settings, force):
+        if not folder.published:
+            waiting = {draft.name: draft for draft in wanted if not folder.is_sealed(draft.name)}
+            watch.begin("making cases", len(wanted), len(wanted) - len(waiting))
+            with workers():  # other processes than those that diagnose
+                lost = spread(
+                    _make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more()
+                )
+            if lost:
+                raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
+            write_manifest(folder.manifest, folder.digests(draft.name for draft in wanted), plant_digest())
+        return _diagnosed_and_judged(folder, settings, watch, address)
+
+
+def check_given(
+    output: Path, source: Path, watch: Watch, address: str | None = None, *, force: bool = False
+) -> Checked:
+    """Diagnose cases that somebody else made, and judge; resumes the same check if it was stopped.
+
+    Raises
+    ------
+    GtpinError
+        If a truth is missing or malformed, or the folder belongs to another check and ``force`` is not set.
+    """
+    cases = given(source)
+    check_cluster(address)
+    folder = CheckFolder(output)
+    settings = Settings(len(cases), None, source_digest(cases), None, None, diagnosis_digest())
+    with claimed(folder, settings, force):
+        if not folder.published:
+            watch.begin("sealing", len(cases), 0)
+            for case in cases:
+                take_in(case, folder.case(case.name))
+                seal(case.truth, folder.case(case.name), folder.sealed(case.name))
+                watch.one_more()
+            write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
+        return _diagnosed_and_judged(folder, settings, watch, address)
+
+
+@in_one_thread
+def _make(root: Path, draft: Draft) -> None:
+    """Make a case: its dataset, the digest of its truth, and its truth, last."""
+    folder = CheckFolder(root)
+    left_out: tuple[LeftOut, ...] = ()
+    case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
+    if isinstance(case, InstrumentCase):
+        case, left_out = without_some_touches(case, recipe(draft))
+    place = folder.case(draft.name)
+    shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
+    case.dataset.write(place)
+    case.commands.write(place / "commands.csv")
+    for touches in left_out:
+        touches.write(place)
+    seal(truth_of(case, draft.kind, recipe(draft), left_out), place, folder.sealed(draft.name))
+
+
+def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:
+    """Diagnose the remaining cases of a manifest, then open the seals and judge."""
+    digests = read_manifest(folder.manifest)
+    manifest = digest_of(folder.manifest.read_bytes())
+    claim, changed = folder.root / CLAIM, list[str]()
+    changed += compared(claim, "truth", digests)
+    changed += compared(claim, "dataset", {name: folder.dataset_digest(name) for name in digests})
+    watch.published(manifest)
+    _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
+    changed += compared(claim, "diagnosis", {name: folder.outcome_digest(name) for name in digests})
+    truths = _opened(folder, digests)
+    taken_out = _taken_out(truths)
+    _diagnose(folder, taken_out, watch, address, "with effects taken out")
+    without = {name: folder.outcome_digest(name, without=True) for name in taken_out}
+    changed += compared(claim, "diagnosis without its effect", without)
+    watch.begin("judging", len(digests), 0)
+    judged: dict[str, Judged] = {}
+
+    def done(name: str, case: Judged) -> None:
+        judged[name] = case
+        watch.one_more()
+
+    def arguments(name: str) -> tuple[Path, Path, str, Outcome | None, Outcome | None]:
+        return (
+            folder.case(name),
+            folder.sealed(name),
+            digests[name],
+            folder.outcome(name),
+            folder.outcome(name, without=True),
+        )
+
+    with workers():
+        lost = spread(judge, list(digests), arguments, done)
+    if lost:
+        raise GtpinError(f"a process died while {lost[0]} was judged", hint="run the same command again")
+    for name, truth in truths.items():
+        folder.publish(name, truth)
+    if diagnosis_digest() != settings.diagnosis:
+        text = "the sources of the diagnosis have changed while the check ran: its score belongs to neither"
+        warn(text)
+    about = asdict(settings) | {"manifest": manifest}
+    if changed:
+        about["changed"] = changed
+        some = ", ".join(changed[:SHOWN]) + (f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else "")
+        warn(f"changed since they were first sealed or diagnosed, so the score is not that of the sealed check: {some}")
+    seconds = folder.seconds()
+    return Checked([judged[name] for name in digests], about, median(seconds) if seconds else None)
+
+
+def _diagnose(
+    folder: CheckFolder, excluded: Mapping[str, tuple[str, ...]], watch: Watch, address: str | None, what: str
+) -> None:
+    """Diagnose the remaining cases; ``excluded`` are the effects that are removed from the catalogue, by case."""
+
+    def done(name: str, result: tuple[Outcome, float]) -> None:
+        folder.keep(name, *result, without=bool(excluded[name]))
+        watch.one_more()
+
+    def arguments(name: str) -> tuple[dict[str, bytes], tuple[str, ...]]:
+        return folder.files_of(name), excluded[name]
+
+    waiting = [name for name in excluded if folder.outcome(name, without=bool(excluded[name])) is None]
+    watch.begin(what, len(excluded), len(excluded) - len(waiting))
+    if not waiting:
+        return
+    with workers(address):
+        while waiting := spread(diagnose_alone, waiting, arguments, done):
+            suspects, waiting = waiting[:SUSPECTS], waiting[SUSPECTS:]
+            for name in suspects:
+                if spread(diagnose_alone, [name], arguments, done):
+                    done(name, (Outcome(error="the process that diagnosed it died"), float("nan")))
+
+
+def _opened(folder: CheckFolder, digests: Mapping[str, str]) -> dict[str, Truth]:
+    """Truths with a valid seal."""
+    truths = {}
+    for name, digest in digests.items():
+        try:
+            truths[name] = opened(folder.sealed(name), digest)
+        except SealError:
+            continue  # the judge reports it
+    return truths
+
+
+def _taken_out(truths: Mapping[str, Truth]) -> dict[str, tuple[str, ...]]:
+    """Cases that are diagnosed again, and the effect that is removed: every second case of each effect."""
+    count: dict[str, int] = {}
+    found: dict[str, tuple[str, ...]] = {}
+    for name, truth in truths.items():
+        if truth.kind == "one":
+            effect = truth.effects[0].effect
+            count[effect] = count.get(effect, -1) + 1
+            if count[effect] % TAKEN_OUT == 0:
+                found[name] = (effect,)
+    return found

@@ -1,0 +1,125 @@
+"""Kinds of error of the plant: the name, the sites, and how one machine's error of this kind is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from gtpin.bench.simulator.arms.robot import Arm
+from gtpin.bench.simulator.looped.robot import LoopedArm
+from gtpin.errors import GtpinError
+from gtpin.robot.robot import Robot
+
+Cause = Callable[[Any], Any]
+"""The error of one machine at its typical size: a function from the machine's situation to its deviation."""
+Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "pins", "frame", "platform"]
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site: its name, the index of its cart or commanded joint (-1: none), the indices of its rods or links, and the index of
+    its passive joint (-1: none).
+    """
+
+    name: str
+    cart: int
+    rods: tuple[int, ...]
+    pin: int = -1
+
+    @staticmethod
+    def of(robot: Robot | Arm, name: str) -> Site:
+        """The site with a name. The index of an arm's link is that of the commanded joint that moves it."""
+        if isinstance(robot, Arm):
+            if name in robot.sites:
+                return Site(name, robot.sites.index(name), ())
+            if name in robot.link_sites:
+                return Site(name, -1, (robot.link_sites.index(name),))
+            if isinstance(robot, LoopedArm) and name in robot.pin_sites:
+                return Site(name, -1, (), robot.pins[robot.pin_sites.index(name)])
+            return Site(name, -1, tuple(range(robot.n_actuators)))
+        if name in robot.sites:
+            cart = robot.sites.index(name)
+            return Site(name, cart, tuple(i for i, r in enumerate(robot.rods) if cart in (r.carrier, r.extension)))
+        if name in robot.rod_sites:
+            return Site(name, -1, (robot.rod_sites.index(name),))
+        return Site(name, -1, tuple(range(len(robot.rods))))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of error.
+
+    Parameters
+    ----------
+    name
+        Its id: that of the catalogue's effect, or of an unlisted one.
+    where
+        Sites at which it occurs. ``carts``: everything that a drive moves. ``guides``: carts on tracks. ``turning``: the same,
+        where one of them carries more than one joint. ``joints``: the commanded joints of an arm. ``coupled``: the same, where
+        there are several. ``links``: single links. ``arm``: all links at once, or one of them. ``pins``: passive joints of
+        loops.
+    draw
+        Draws the error of one machine, at its typical size.
+    needs
+        Conditions that must vary so that it can be detected: ``session``, ``speed``, ``payload``, ``force``, ``heat``.
+    largest
+        Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy.
+    periodic
+        Whether ``draw`` also takes the numbers of periods a turn of its lines.
+    """
+
+    name: str
+    where: Where
+    draw: Callable[..., Cause]
+    needs: tuple[str, ...] = ()
+    largest: float = 20.0
+    periodic: bool = False
+
+    def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
+        """Names of the sites of a robot at which it can occur; empty where there are none."""
+        if isinstance(robot, Arm):
+            return self._on_arm(robot)
+        if self.where == "carts":
+            return robot.sites
+        if self.where in ("guides", "turning"):
+            carriers = [
+                rod.carrier for rod in robot.rods if rod.carrier is not None and not robot.revolute[rod.carrier]
+            ]
+            if self.where == "turning" and len(set(carriers)) == len(carriers):
+                return ()
+            return tuple(site for i, site in enumerate(robot.sites) if i in carriers)
+        if self.where in ("links", "arm"):
+            return robot.rod_sites if self.where == "links" else ("arm", *robot.rod_sites)
+        return (self.where,)
+
+    def _on_arm(self, robot: Arm) -> tuple[str, ...]:
+        """Sites of an arm, without joints and links that do not move the TCP."""
+        if self.where == "pins":
+            return robot.pin_sites if isinstance(robot, LoopedArm) else ()
+        if self.where in ("joints", "coupled"):
+            return (
+                tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()
+            )
+        if self.where in ("links", "arm"):
+            links = tuple(robot.link_sites[c] for c in robot.linked)
+            return links if self.where == "links" else ("arm", *links) if links else ()
+        return (self.where,)
+
+    def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
+        """Draw the error of one machine at a site.
+
+        Raises
+        ------
+        GtpinError
+            If the error can't occur at the site, or ``periods`` are given and it has none.
+        """
+        if site not in self.sites(robot):
+            raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")
+        if not periods:
+            return self.draw(Site.of(robot, site), rng)
+        if not self.periodic:
+            raise GtpinError(f"{self.name} has no periods that can be given", hint="leave them out")
+        return self.draw(Site.of(robot, site), rng, periods)

@@ -1,0 +1,126 @@
+"""Errors along a track: of a drive's encoder, rack and servo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.bench.simulator.causes.cause import Cause, Site
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.fields import Field, curve, uneven_curve
+from gtpin.bench.simulator.machine import REACH
+from gtpin.bench.simulator.situation import Situation
+from gtpin.typing import Floats
+
+
+def along(situation: Situation, site: Site, travel: Floats) -> Deviation:
+    """The error of a cart along its track by ``travel`` (N,), m; of an arm about its axis, rad; of a leg's length, m."""
+    deviation = situation.unbent()
+    deviation.travel[:, site.cart] = travel
+    return deviation
+
+
+def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
+    """100 ppm of the travel, some of them not constant along the track."""
+    uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.015, 0.05)
+    sign = rng.choice([-1.0, 1.0])
+
+    def cause(now: Situation) -> Deviation:
+        q, zoom = now.q[:, site.cart], now.machine.zoom[site.cart]
+        return along(now, site, sign * 1e-4 * (q + part * 0.35 / zoom * uneven(now.places[:, site.cart])))
+
+    return cause
+
+
+def linearity(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um: smooth, rough in places, sometimes with a step."""
+    error = uneven_curve(rng, -REACH, REACH)
+    return lambda now: along(now, site, 3e-5 * error(now.places[:, site.cart]))
+
+
+def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
+    """20 um with the period of a tooth or a pinion's turn: with harmonics, an amplitude that varies along the track, and in
+    half of the cases a jump of the phase where two rack segments meet."""
+    tooth = bool(rng.random() < 0.4)
+    period = float(np.exp(rng.uniform(np.log(0.012), np.log(0.025)) if tooth else rng.uniform(-2.8, -1.4)))
+    phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+    strengths = np.array([1.0, rng.uniform(0.05, 0.25), rng.uniform(0.0, 0.12)])
+    drift, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.05, 0.25)
+    joint, jump = rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5) * (rng.random() < 0.5)
+
+    def cause(now: Situation) -> Deviation:
+        q, place, zoom = now.q[:, site.cart], now.places[:, site.cart], now.machine.zoom[site.cart]
+        # A short track has teeth of the same width as a long one, but a smaller pinion.
+        turn = 2.0 * np.pi * q / (period if tooth else period / zoom) + jump * (place > joint)
+        wave = sum(a * np.sin((k + 1) * turn + p) for k, (a, p) in enumerate(zip(strengths, phases, strict=True)))
+        return along(now, site, 2e-5 * wave * (1.0 + depth * drift(place)))
+
+    return cause
+
+
+def rack_step(site: Site, rng: np.random.Generator) -> Cause:
+    """40 um where two rack segments meet: over the width of a tooth. The second segment has a pitch error and is rough."""
+    place, width = rng.uniform(-0.42, 0.42), rng.uniform(0.001, 0.008)
+    pitch, rough = rng.uniform(-0.25, 0.25), curve(rng, -REACH, REACH, 0.05, "once")
+    size, sign = rng.uniform(0.02, 0.08), rng.choice([-1.0, 1.0])
+
+    def cause(now: Situation) -> Deviation:
+        at = now.places[:, site.cart]
+        step = 0.5 * (1.0 + np.tanh((at - place) / width)) + pitch * np.maximum(at - place, 0.0)
+        return along(now, site, sign * 4e-5 * (step + size * rough(at)))
+
+    return cause
+
+
+def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um between sessions, of which some per cent change early in a session, with a time constant of 10 min."""
+    shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
+
+    def cause(now: Situation) -> Deviation:
+        session = now.visits.session
+        since = now.visits.time - np.array([now.visits.time[session == s].min() for s in session])
+        return along(now, site, 3e-5 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
+
+    return cause
+
+
+def backlash(site: Site, rng: np.random.Generator) -> Cause:
+    """15 um to either side: smaller under load, larger where the rack is worn, and changing slowly over the day."""
+    sign = rng.choice([-1.0, 1.0])
+    load, wear, creep = rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.2), rng.uniform(-0.2, 0.2)
+    worn = curve(rng, -REACH, REACH, 0.35)
+    taken = rng.uniform(0.003, 0.006)  # m of travel until most of the play is taken up
+
+    def cause(now: Situation) -> Deviation:
+        q, approach = now.q[:, site.cart], now.visits.approach[:, site.cart]
+        load_of = np.tanh(np.abs(now.pressing(site.cart)) / 300.0)
+        gap = (1.0 - load * load_of) * (1.0 + wear * worn(now.places[:, site.cart]) + creep * now.visits.phase)
+        move = np.abs(q - now.visits.before[:, site.cart])
+        return along(now, site, sign * 1.5e-5 * approach * gap * np.tanh(move / taken))
+
+    return cause
+
+
+def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
+    """0.2 ms times the speed, less at high speed, where feed-forward helps, and a part proportional to the acceleration."""
+    saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
+    wear, uneven = rng.uniform(0.0, 0.12), curve(rng, -REACH, REACH, 0.3)
+
+    def cause(now: Situation) -> Deviation:
+        speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
+        lag = 2e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + wear * uneven(now.places[:, site.cart]))
+        return along(now, site, -lag - inertia * acceleration)
+
+    return cause
+
+
+def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um by the positions of the other carts, and a little by that of this cart."""
+    field, own = Field.draw(rng, [0.55, 0.55]), Field.draw(rng, [0.5, 0.5, 0.5])
+    part, slope = rng.uniform(0.05, 0.25), rng.standard_normal(2)
+
+    def cause(now: Situation) -> Deviation:
+        others = np.delete(now.places, site.cart, axis=1)[:, :2]
+        values = field(others) + others @ slope + part * own(now.places[:, :3])
+        return along(now, site, 2.5e-5 * values)
+
+    return cause

@@ -1,0 +1,83 @@
+"""Errors of the measurement: pose and scale of the instrument, and the target on the platform."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.bench.simulator.causes.cause import Cause, Site
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.fields import curve
+from gtpin.bench.simulator.situation import Situation
+
+SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
+"""Typical shift, m, and rotation, rad, of the instrument: at some metres of distance both have similar effects."""
+
+
+def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
+    """Shift and rotation about the instrument's station: a settling, a slow random drift, and in some cases one step.
+
+    Root mean square of the drift over the day: typically 25 um along and 5 urad about each axis; settling and step are of
+    that size too.
+    """
+    wander = [curve(rng, 0.0, 1.0, rng.uniform(0.25, 0.8), "twice") for _ in range(6)]
+    rough = [curve(rng, 0.0, 1.0, 0.05, "rough") for _ in range(6)]
+    settling, soon = rng.standard_normal(6), rng.uniform(0.1, 0.6)
+    jolt, when = 0.4 * rng.standard_normal(6) * (rng.random() < 0.4), rng.uniform(0.1, 0.9)
+    part, sizes = rng.uniform(0.03, 0.12), SIZES * rng.uniform(0.4, 1.4, 6)
+
+    def cause(now: Situation) -> Deviation:
+        t = now.visits.phase
+        columns = [w(t) + part * r(t) for w, r in zip(wander, rough, strict=True)]
+        moved = np.column_stack(columns) + settling * (1.0 - np.exp(-t / soon))[:, None] + jolt * (t > when)[:, None]
+        deviation = now.unbent()
+        deviation.frame[:] = sizes * moved
+        return deviation
+
+    return cause
+
+
+def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um and 6 urad between sessions, with a small drift over the day."""
+    shifts = 1.2 * SIZES * rng.standard_normal((20, 6))
+    drift = [curve(rng, 0.0, 1.0, 0.2, "twice") for _ in range(6)]
+    part = rng.uniform(0.03, 0.12)
+
+    def cause(now: Situation) -> Deviation:
+        deviation = now.unbent()
+        within = np.column_stack([d(now.visits.phase) for d in drift])
+        deviation.frame[:] = shifts[now.visits.session] + part * SIZES * within
+        return deviation
+
+    return cause
+
+
+def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
+    """20 ppm of the distance; some ppm depend on the air's temperature and on time."""
+    sign, air = rng.choice([-1.0, 1.0]), rng.uniform(-1.5e-7, 1.5e-7)
+    wander, part = curve(rng, 0.0, 1.0, 0.3, "twice"), rng.uniform(0.003, 0.012)
+
+    def cause(now: Situation) -> Deviation:
+        day = now.visits.day
+        warm = day.frame_at(now.visits.time) - day.frame[0]
+        deviation = now.unbent()
+        deviation.scale[:] = sign * 2e-5 * (1.0 + part * wander(now.visits.phase)) + air * warm
+        return deviation
+
+    return cause
+
+
+def target_offset(site: Site, rng: np.random.Generator) -> Cause:
+    """100 um per axis; up to 0.1 % of it per 20 kg changes with the payload, and less over the day.
+
+    Geometry absorbs the constant part. A larger change would be another effect.
+    """
+    offset, yields = rng.standard_normal(3), rng.uniform(-0.001, 0.001, 3)
+    creep = curve(rng, 0.0, 1.0, 0.4, "twice")
+
+    def cause(now: Situation) -> Deviation:
+        deviation = now.unbent()
+        load = now.visits.payload[:, None] / 20.0
+        deviation.target[:] = 1e-4 * (offset + yields * load + 0.0003 * creep(now.visits.phase)[:, None])
+        return deviation
+
+    return cause

@@ -1,0 +1,137 @@
+"""Posture, forces and motion of a machine on rods at every visit. Effects depend on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gtpin.bench.simulator.closing import RodEnds, by_pose, each_solved
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.visits import Visits
+from gtpin.typing import Floats
+
+
+@dataclass(frozen=True)
+class Situation:
+    """N closed postures, in the order of time.
+
+    Parameters
+    ----------
+    machine, visits
+        The machine, and its commands and conditions.
+    poses, ends
+        The platform's poses, base frame, and the rods' ends there.
+    """
+
+    machine: Machine
+    visits: Visits
+    poses: Poses
+    ends: RodEnds
+
+    @staticmethod
+    def of(machine: Machine, visits: Visits) -> Situation:
+        """The machine with errors of its geometry alone."""
+        ends = machine.ends(visits.q, machine.unbent(len(visits)))
+        return Situation(machine, visits, machine.kinematics.forward(visits.q), ends)
+
+    def settled_by(self, deviation: Deviation) -> Situation:
+        """The postures with a deviation, solved from the present ones."""
+        ends = self.machine.ends(self.visits.q, deviation)
+        return Situation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
+
+    def __len__(self) -> int:
+        return len(self.visits)
+
+    @property
+    def q(self) -> Floats:
+        """(N, n) commands, m or rad."""
+        return self.visits.q
+
+    @cached_property
+    def places(self) -> Floats:
+        """(N, n) places of the carts in their ranges: see :meth:`~gtpin.bench.simulator.machine.Machine.places`."""
+        return self.machine.places(self.q)
+
+    def seen(self, read: Sequence[str]) -> Poses:
+        """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
+        return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
+
+    def unbent(self) -> Deviation:
+        """Deviations of zero, to be filled in."""
+        return self.machine.unbent(len(self))
+
+    @cached_property
+    def _rods(self) -> tuple[Floats, Floats]:
+        """See :meth:`~gtpin.bench.simulator.closing.RodEnds.rods`."""
+        return self.ends.rods(self.poses)
+
+    @cached_property
+    def along(self) -> Floats:
+        """(N, k, 3) unit vectors along the rods, from cart to platform, base frame."""
+        d = self._rods[0]
+        return np.asarray(d / np.linalg.norm(d, axis=2, keepdims=True))
+
+    def held(self, wrench: Floats) -> Floats:
+        """(N, k) rod forces, tension positive, N, that balance a wrench (N, 6) on the platform: force, N, and moment about the
+        TCP, N m, base frame."""
+        return each_solved(np.swapaxes(by_pose(*self._rods), 1, 2), wrench)
+
+    @cached_property
+    def forces(self) -> Floats:
+        """(N, k) rod forces, tension positive, N, by all weights, the payload and the force on the tool."""
+        machine, visits = self.machine, self.visits
+        gravity = np.array(machine.robot.model.gravity.linear)
+        wrench = np.zeros((len(self), 6))
+        wrench[:, :3] = (machine.plate_mass + visits.payload[:, None]) * gravity + visits.force
+        wrench[:, 3:] = np.cross(self.poses.R @ machine.plate_center, machine.plate_mass * gravity)
+        # The platform carries half of a rod's weight, and less of an extended leg's. A rod's force is that at its middle.
+        for i, mass in enumerate(machine.rod_masses):
+            weight = np.multiply.outer(mass * self._hanging(i), gravity)
+            wrench[:, :3] += weight
+            wrench[:, 3:] += np.cross(self._rods[1][:, i], weight)
+        return self.held(wrench)
+
+    def _hanging(self, rod: int) -> Floats:
+        """() or (N,) share of a rod's weight that the platform carries."""
+        if self.machine.robot.rods[rod].extension is None:
+            return np.array(0.5)
+        centre, sliding = self.machine.leg_masses[rod]
+        length = self.ends.L[:, rod]
+        return np.asarray(1.0 - (centre + sliding * (length - self.machine.kinematics.L0[rod])) / length)
+
+    def pull(self, cart: int, forces: Floats | None = None) -> Floats:
+        """(N, 3) force of the rods on a cart, base frame, N; ``forces`` (N, k): rod forces to use instead of :attr:`forces`."""
+        mine = self.machine.driver == cart
+        forces = self.forces if forces is None else forces
+        return np.asarray(np.einsum("nk,nki->ni", forces[:, mine], self.along[:, mine]))
+
+    def pressing(self, cart: int, forces: Floats | None = None) -> Floats:
+        """(N,) force of the rods on a drive, N: along its track, along the arc of its arm, or along its leg."""
+        machine = self.machine
+        if machine.slides[cart]:
+            return np.asarray(self.pull(cart, forces) @ machine.tracks[cart])
+        mine = machine.driver == cart
+        forces = self.forces if forces is None else forces
+        if machine.is_leg[cart]:
+            return np.asarray(forces[:, mine].sum(axis=1))
+        lever = np.cross(machine.tracks[cart], self.ends.C[:, mine] - machine.robot.actuators[cart].origin)
+        torque = np.einsum("nk,nki,nki->n", forces[:, mine], self.along[:, mine], lever)
+        return np.asarray(torque / np.linalg.norm(lever, axis=2).mean(axis=1))
+
+    def moment(self, cart: int) -> Floats:
+        """(N, 3) moment of the rods on a cart about the mean of its joints, base frame, N m."""
+        mine = self.machine.driver == cart
+        pulls = self.forces[:, mine, None] * self.along[:, mine]
+        return np.asarray(np.cross(self.machine.levers[mine], pulls).sum(axis=1))
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(N, 3) unit vectors of the TCP's last move, base frame."""
+        by_command = self.machine.kinematics.command_jacobian(self.q, self.poses)[:, :3]
+        step = np.einsum("nij,nj->ni", by_command, self.q - self.visits.before)
+        return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))

@@ -1,0 +1,192 @@
+"""The visits of a machine over a day: commands, motion, loads and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.bench.simulator.arms.machine import ArmMachine
+from gtpin.bench.simulator.arms.reach import in_front
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.day import Day
+from gtpin.bench.simulator.looped.machine import LoopedMachine
+from gtpin.bench.simulator.looped.reach import well_led
+from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.reach import reachable
+from gtpin.data.ids import Ids
+from gtpin.data.table import Column
+from gtpin.typing import Floats, Ints
+
+Bools = npt.NDArray[np.bool_]
+
+REPEATED = 0.1
+"""Share of the poses that are visited twice."""
+BACK_OFF = (0.010, 0.040)
+"""Range of the distance, m or rad, from which each actuator approaches where a visit is not reached directly."""
+SPEED = (0.05, 0.30)
+"""Range of the fastest actuator's speed where the machine does not stop, m/s or rad/s."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """N visits in the order of time.
+
+    Parameters
+    ----------
+    pose
+        (N,) number of the pose; two visits of one pose share it.
+    held
+        (N,) mask of visits that are not measured: the held-out commands.
+    q, before
+        (N, n) commands, and starts of the actuators' last moves, m or rad.
+    time
+        (N,) time, s.
+    session
+        (N,) number of the session, from 0.
+    payload
+        (N,) payload, kg.
+    force
+        (N, 3) force on the tool, base frame, N.
+    speed, acceleration
+        (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the dataset.
+    day
+        The temperatures.
+    """
+
+    pose: Ints
+    held: Bools
+    q: Floats
+    before: Floats
+    time: Floats
+    session: Ints
+    payload: Floats
+    force: Floats
+    speed: Floats
+    acceleration: Floats
+    day: Day
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def approach(self) -> Floats:
+        """(N, n) sign of each actuator's last move."""
+        return np.where(self.q >= self.before, 1.0, -1.0)
+
+    @property
+    def phase(self) -> Floats:
+        """(N,) time over the end of the day: 0 to 1, and more for later visits."""
+        return np.asarray(self.time / self.day.end)
+
+    def take(self, rows: Ints | Bools) -> Visits:
+        """Some of the visits."""
+        changed: dict[str, Any] = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "day"}
+        return replace(self, **changed)
+
+    def columns(self, conditions: Conditions) -> dict[str, Column]:
+        """The covariates that the dataset records, by name."""
+        columns: dict[str, Column] = {"time": self.time}
+        if conditions.sessions > 1:
+            columns["session"] = session_ids(self.session)
+        columns |= {"temp_frame": self.day.frame_at(self.time), "temp_link": self.day.link_at(self.time)}
+        columns["payload"] = self.payload
+        for name, values in (("approach", self.approach), ("speed", self.speed)):
+            columns |= {f"{name}{i + 1}": values[:, i] for i in range(values.shape[1])}
+        if conditions.push > 0.0:
+            columns |= {f"f{axis}": self.force[:, i] for i, axis in enumerate("xyz")}
+        left_out = tuple(conditions.without)
+        return {name: values for name, values in columns.items() if not left_out or not name.startswith(left_out)}
+
+
+def session_ids(session: Ints) -> Ids:
+    """(N,) names of sessions, from their numbers."""
+    return np.array([str(s) for s in session], dtype=object)
+
+
+def plan(
+    machine: Machine | ArmMachine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator
+) -> Visits:
+    """A day's visits: of ``poses`` poses, a tenth of them twice, and of ``held_out`` others in between.
+
+    Raises
+    ------
+    UnreachableError
+        If hardly any poses can be reached.
+    """
+    return visited(machine, drawn(machine, poses + held_out, rng), poses, poses, conditions, rng)
+
+
+def drawn(machine: Machine | ArmMachine, count: int, rng: np.random.Generator) -> Floats:
+    """(count, n) random commands all over the workspace, m or rad.
+
+    Raises
+    ------
+    UnreachableError
+        If hardly any poses can be reached.
+    """
+    if isinstance(machine, LoopedMachine):
+        return well_led(machine, count, rng)
+    return in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
+
+
+def visited(
+    machine: Machine | ArmMachine,
+    q: Floats,
+    poses: int,
+    repeatable: int,
+    conditions: Conditions,
+    rng: np.random.Generator,
+) -> Visits:
+    """A day's visits of commands q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
+    again = rng.choice(repeatable, size=int(REPEATED * repeatable), replace=False)
+    pose = np.concatenate([np.arange(len(q)), again])
+    pose = rng.permutation(pose)
+    if conditions.order == "layers":
+        # By round (first visits, then second ones), by layer, then by the difference of the first two commands.
+        first = np.isin(np.arange(len(pose)), np.unique(pose, return_index=True)[1])
+        layer = np.round(machine.places(q)[pose].mean(axis=1) / 0.2)
+        pose = pose[np.lexsort((q[pose, 1 % q.shape[1]] - q[pose, 0], layer, ~first))]
+    q, total = q[pose], len(pose)
+    session = np.arange(total) * conditions.sessions // total
+    gaps = rng.gamma(2.0, conditions.interval / 2.0, total)
+    gaps[1:] += np.where(np.diff(session) > 0, rng.uniform(600.0, 5400.0, total - 1), 0.0)
+    time = np.asarray(np.round(np.cumsum(gaps), 3), dtype=float)
+    before = _starts(q, conditions.direct, rng)
+    moving = rng.random(total) >= conditions.rest
+    way = (q - before) / np.abs(q - before).max(axis=1, keepdims=True) * moving[:, None]
+    return Visits(
+        pose=pose,
+        held=pose >= poses,
+        q=q,
+        before=before,
+        time=time,
+        session=session,
+        payload=_blocks(total, np.array(conditions.payloads), conditions.payload_blocks, rng),
+        force=_pushes(total, conditions.push, rng),
+        speed=way * rng.uniform(*SPEED, (total, 1)),
+        acceleration=way * 0.4 * rng.standard_normal((total, 1)),
+        day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
+    )
+
+
+def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:
+    """(N, n) starts of the actuators' last moves: the visit before, or a point at a small distance to a random side."""
+    before = np.vstack([q[:1], q[:-1]])
+    via = (rng.random(len(q)) >= direct) | (np.abs(q - before).min(axis=1) < 1e-3)
+    side = rng.choice([-1.0, 1.0], q.shape)
+    before[via] = (q + side * rng.uniform(*BACK_OFF, q.shape))[via]
+    return before
+
+
+def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -> Floats:
+    """(total,) levels in blocks of time; each level has about as many blocks as the others."""
+    rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
+    return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]
+
+
+def _pushes(total: int, sigma: float, rng: np.random.Generator) -> Floats:
+    """(total, 3) forces on the tool, N; none at about half of the visits, drawn at random."""
+    return np.asarray(np.round(sigma * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5))

@@ -1,0 +1,134 @@
+"""Cases made by hand: truths, and diagnoses that nobody made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.statement import Statement
+from gtpin.bench.blind.truth import TrueEffect
+from gtpin.bench.blind.worker import Outcome
+from gtpin.bench.simulator.case import Case
+
+CANNED = "canned.json"
+"""In a dataset's folder: what is to be said of it."""
+
+
+def cause(name: str, probability: float = 0.99, **members: float) -> dict[str, Any]:
+    """A cause of a diagnosis; members by name with ``_AT_`` for ``@``."""
+    together = {name: probability} | {m.replace("_AT_", "@"): p for m, p in members.items()}
+    effect, _, site = name.partition("@")
+    rows = [dict(zip(("effect", "site"), m.split("@"), strict=True)) | {"probability": p} for m, p in together.items()]
+    return {
+        "effect": effect,
+        "site": site,
+        "probability": probability,
+        "class": rows,
+        "parameters": {"size": {"value": 2.0, "sigma": 0.5, "unit": "m"}},
+        "shrinkage": 0.5,
+    }
+
+
+def diagnosis(
+    verdict: str,
+    *causes: Mapping[str, Any],
+    site: str = "cart1",
+    top: str = "linearity@cart1",
+    shrinkage: float | None = None,
+    interval: tuple[float, float] | None = None,
+) -> dict[str, Any]:
+    """The content of a ``diagnosis.json``, as the contract has it."""
+    effect, _, place = top.partition("@")
+    candidates = [
+        {"effect": effect, "site": place, "log_evidence": 5.0, "probability": 0.5, "testable": True, "reason": ""},
+        {
+            "effect": "backlash",
+            "site": "cart3",
+            "log_evidence": 1.0,
+            "probability": 0.1,
+            "testable": True,
+            "reason": "",
+        },
+        {
+            "effect": "servo_lag",
+            "site": "cart1",
+            "log_evidence": 9.0,
+            "probability": 0.0,
+            "testable": False,
+            "reason": "x",
+        },
+    ]
+    return {
+        "schema": "gtpin-diagnosis/1",
+        "verdict": verdict,
+        "causes": list(causes),
+        "candidates": candidates,
+        "where": {"rod": {}, "site": {site: 0.7, "frame": 0.3}, "axis": {}, "covariate": {}, "region": []},
+        "gap": {"shrinkage": shrinkage, "interval": interval},
+        "unexplained": {},
+        "next_experiment": [],
+    }
+
+
+def judged(
+    name: str, kind: str, truth: Sequence[tuple[str, float | None, float | None]], told: Mapping[str, Any], **more: Any
+) -> Judged:
+    """A judged case: effects as (name, E, D), and the diagnosis."""
+    effects = []
+    for full, energy, leaves in truth:
+        effect, _, site = full.partition("@")
+        effects.append(TrueEffect(effect=effect, site=site, energy=energy, leaves=leaves))
+    return Judged(name=name, kind=kind, truth=tuple(effects), said=Statement.of(told), **more)
+
+
+def write_case(
+    folder: Path, name: str, case: Case, effects: Sequence[tuple[str, str]], told: Mapping[str, Any], **more: Any
+) -> None:
+    """A case as somebody else would hand it over; ``told`` is what the stand-in for the diagnosis will say."""
+    place = folder / name
+    case.dataset.write(place)
+    case.commands.write(place / "commands.csv")
+    (place / CANNED).write_text(json.dumps(told))
+    rows = [{"effect": effect, "site": site} for effect, site in effects]
+    (folder / f"{name}.truth.json").write_text(json.dumps({"effects": rows} | more))
+
+
+def canned(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[Outcome, float]:
+    """Stands in for the worker: says what lies in the dataset's folder."""
+    told = json.loads(files[CANNED])
+    if told == "dies":
+        import os
+
+        os._exit(1)
+    if told == "fails":
+        return Outcome(error="it can't be read"), 0.1
+    at = told.get("at")
+    say = told.get("without" if exclude else "said", told.get("said"))
+    return Outcome(diagnosis=say, baseline=at and at["baseline"], model=at and at["model"]), 0.1
+
+
+class Quiet:
+    """Watches a check and remembers what began."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[str, int, int]] = []
+        self.done = 0
+
+    def published(self, digest: str) -> None:
+        self.manifest = digest
+
+    def begin(self, what: str, total: int, done: int) -> None:
+        self.begun.append((what, total, done))
+
+    def one_more(self) -> None:
+        self.done += 1
+
+
+def shifted(T: np.ndarray, by: float) -> list[list[float]]:
+    """Positions that are off by so much, m."""
+    return (T + np.array([0.0, by, 0.0])).tolist()

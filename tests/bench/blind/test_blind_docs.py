@@ -1,0 +1,69 @@
+"""The page in docs and the log of all full runs, from a check's results."""
+
+import datetime
+import importlib.util
+import json
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from handmade import cause, diagnosis, judged
+
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.score import score
+
+SCRIPT = Path(__file__).parents[3] / "examples" / "blind" / "page.py"
+
+
+@pytest.fixture
+def script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("blind_page", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run_of(folder: Path, count: int, manifest: str) -> Path:
+    truth = [("linearity@cart1", 500.0, 100.0)]
+    cases: list[Judged] = []
+    for number in range(count):
+        said = "straightness@cart1" if number % 4 == 0 else "linearity@cart1"
+        cases.append(judged(f"case{number}", "one", truth, diagnosis("explained", cause(said))))
+    about = {"cases": count, "seed": 3, "plant": "p" * 64, "diagnosis": "d" * 64, "manifest": manifest * 64}
+    folder.mkdir()
+    (folder / "score.json").write_text(json.dumps(score(cases, about)))
+    (folder / "judged.json").write_text(json.dumps([case.model_dump(mode="json", exclude_none=True) for case in cases]))
+    return folder
+
+
+@pytest.mark.slow
+def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path) -> None:
+    log, day = tmp_path / "log.md", datetime.date(2030, 1, 2)
+    first, second = run_of(tmp_path / "one", 1000, "a"), run_of(tmp_path / "two", 1000, "b")
+    for run in (first, second, first):
+        script.logged(log, run, day)
+    rows = log.read_text().splitlines()[-2:]
+    assert [row.split(" | ")[4] for row in rows] == ["a" * 12, "b" * 12]
+    assert "gtpin blind -o DIR --cases 1000 --seed 3" in rows[0]
+    assert "| 0.750 |" in rows[0]
+    page = script.page(first)
+    assert "## The latest full run" in page
+    assert page.count("straightness@cart1 named instead") == 250
+
+
+def test_a_small_run_is_called_one_and_not_logged(script: ModuleType, tmp_path: Path) -> None:
+    run = run_of(tmp_path / "one", 4, "a")
+    script.logged(tmp_path / "log.md", run, datetime.date(2030, 1, 2))
+    assert not (tmp_path / "log.md").exists()
+    assert "A run of 4 cases (not a full one)" in script.page(run)
+    assert "None has been made yet" in script.page(None)
+
+
+def test_the_page_in_docs_begins_with_the_prose_that_the_script_writes(script: ModuleType) -> None:
+    shown = (SCRIPT.parents[2] / "docs" / "blind.md").read_text(encoding="utf-8")
+    plain = re.sub(r"(<!-- figures: \w+ -->\n).*?(<!-- end of figures -->)", r"\1\2", shown, flags=re.DOTALL)
+    prose = "".join((SCRIPT.parent / name).read_text(encoding="utf-8") for name in script.PROSE)
+    assert plain.startswith(prose)

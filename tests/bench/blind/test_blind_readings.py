@@ -1,0 +1,395 @@
+"""D and the realised shrinkage of cases that instruments read."""
+
+import json
+import shutil
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from handmade import Quiet, cause, diagnosis
+from scipy.stats import chi2
+
+import gtpin.bench.blind.left_out_touches
+import gtpin.bench.blind.run
+from gtpin.bench.blind.difficulty import SCALES, Difficulty
+from gtpin.bench.blind.draw import Draft, made, measured, recipe, truth_of
+from gtpin.bench.blind.judge import judge
+from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.left_out_touches import without_some_touches
+from gtpin.bench.blind.oracle import fit_known_causes_to_readings
+from gtpin.bench.blind.repeatability import jitter
+from gtpin.bench.blind.run import check, check_given
+from gtpin.bench.blind.seal import digest_of, seal
+from gtpin.bench.blind.truth import Truth
+from gtpin.bench.blind.worker import Outcome, readings_at
+from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.data import Commands, Dataset
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.instruments.readings import Readings, single
+
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::gtpin.errors.GtpinWarning"
+)  # what calibrations of few readings warn of
+
+FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
+ON_FIVE_BAR = {"robot": str(FIVE_BAR)}
+
+
+def a_case(
+    folder: Path, instruments: Sequence[str], effect: str = "backlash", seed: int = 7, poses: int = 60, **more: Any
+) -> tuple[InstrumentCase, Truth]:
+    """A case as a check makes it, written into a folder, and its truth."""
+    draft = Draft("x", "one", seed, (effect,), poses, instruments=tuple(instruments), **more)
+    case, left_out = without_some_touches(measured(draft), recipe(draft))
+    case.write_dataset(folder)
+    for touches in left_out:
+        touches.write(folder)
+    return case, truth_of(case, "one", recipe(draft), left_out)
+
+
+def graded(folder: Path, truth: Truth) -> tuple[Difficulty, ReadingsCalibration]:
+    dataset = Dataset.read(folder)
+    baseline = calibrate(dataset)
+    assert isinstance(baseline, ReadingsCalibration)
+    return Difficulty.of_readings(dataset, {n.name: np.array(n.sigma) for n in truth.noise}, baseline), baseline
+
+
+def diagnosed_by_geometry(folder: Path) -> Outcome:
+    """The outcome of a diagnosis that names nothing."""
+    dataset = Dataset.read(folder)
+    read = readings_at(calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators))
+    return Outcome(diagnosis=diagnosis("none"), baseline_readings=read, model_readings=read)
+
+
+def opened_by(folder: Path, truth: Truth, outcome: Outcome) -> Judged:
+    file = folder.with_name(f"{folder.name}.sealed.json")
+    seal(truth, folder, file)
+    return judge(folder, file, digest_of(file.read_bytes()), outcome)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "instruments",
+    [["range"], ["plane"], ["socket"], ["tilt"], ["ballbar"], ["camera"], ["range", "plane"], ["socket", "tilt"]],
+    ids="+".join,
+)
+@pytest.mark.parametrize("effect", ["backlash", "frame_shift"])
+def test_energy_of_readings_is_the_plants(tmp_path: Path, instruments: list[str], effect: str) -> None:
+    """The plant has derivatives about the true machine, the judge about the calibrated one: they agree to some per cent."""
+    _, truth = a_case(tmp_path, instruments, effect)
+    (true,) = truth.effects
+    assert graded(tmp_path, truth)[0].energy(np.array(true.displacement)) == pytest.approx(true.energy, rel=0.06)
+
+
+@pytest.fixture(scope="module")
+def wire_and_bed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Truth, Difficulty]:
+    folder = tmp_path_factory.mktemp("mixed") / "x"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        _, truth = a_case(folder, ["range", "plane"], "linearity", 3)
+        return truth, graded(folder, truth)[0]
+
+
+@pytest.mark.parametrize("name", ["backlash@cart1", "link_compliance@arm", "tracker_scale@frame"])
+def test_what_an_effect_leaves_of_readings_is_by_the_definition(
+    wire_and_bed: tuple[Truth, Difficulty], name: str
+) -> None:
+    truth, difficulty = wire_and_bed
+    at, displacement = difficulty.situation, np.array(truth.effects[0].displacement)
+    effect, _, site = name.partition("@")
+    basis = effects_by_id()[effect].basis(at, site)
+    assert difficulty.row is not None
+    assert difficulty.seen.unknowns is not None
+    geometry = at.kinematics.geometry
+    by_geometry = difficulty.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
+    B = np.hstack([by_geometry, difficulty.seen.unknowns.reshape(len(by_geometry), -1)])
+    X = difficulty.whitened(basis.displacement(at) * basis.sigma)
+    d = difficulty.whitened(displacement[difficulty.row][:, :, None])[:, 0]
+    best = max(
+        ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
+        key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1],
+    )
+    found = difficulty.left(displacement)[name]
+    assert found.scale == best[0]
+    assert found.left == pytest.approx(d @ np.linalg.solve(best[1], d), rel=1e-5)
+
+
+def test_no_effect_leaves_more_of_readings_than_there_is(wire_and_bed: tuple[Truth, Difficulty]) -> None:
+    truth, difficulty = wire_and_bed
+    displacement = np.array(truth.effects[0].displacement)
+    whole = difficulty.energy(displacement)
+    assert all(-1e-6 * whole <= best.left <= whole * (1 + 1e-9) for best in difficulty.left(displacement).values())
+
+
+def test_an_effect_leaves_next_to_nothing_of_its_own_form_in_readings(wire_and_bed: tuple[Truth, Difficulty]) -> None:
+    truth, difficulty = wire_and_bed
+    at, row = difficulty.situation, difficulty.row
+    assert row is not None
+    form = effects_by_id()["backlash"].basis(at, "cart1")
+    displacement = np.zeros((len(truth.effects[0].displacement or ()), 6))
+    displacement[row] = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
+    found = difficulty.left(displacement)["backlash@cart1"]
+    assert found.left < 0.01 * difficulty.energy(displacement)
+
+
+@pytest.mark.slow
+def test_a_case_of_readings_is_judged_with_d_that_is_at_most_e(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["range"], "linearity")
+    case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
+    assert case.error is None
+    assert case.instruments == ("range",)
+    assert 0.0 <= case.leaves <= 1.02 * case.energy
+    assert case.rival != case.single.name
+
+
+@pytest.mark.slow
+def test_a_tracker_of_schema_2_is_graded_as_one_of_schema_1(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["tracker"], "linearity")
+    case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
+    assert case.error is None
+    assert case.instruments is None
+    assert truth.readings == ()
+    assert 0.0 <= case.leaves <= 1.02 * case.energy
+
+
+@pytest.mark.slow
+def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Path) -> None:
+    case, truth = a_case(tmp_path / "x", ["encoder"], **ON_FIVE_BAR)
+    true = np.array(case.held["encoder"][0])
+    outcome = Outcome(
+        diagnosis=diagnosis("none"),
+        baseline_readings={"encoder": (true + 4e-5).tolist()},
+        model_readings={"encoder": (true + 2e-5).tolist()},
+    )
+    found = opened_by(tmp_path / "x", truth, outcome)
+    assert found.error is None
+    assert found.instruments == ("encoder",)
+    assert found.energy > 0.0
+    assert np.isnan(found.leaves)
+    assert found.shrunk is not None
+
+
+# ------------------------------------------------------------------------------------------------- realised shrinkage
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "name"), [("plane", "bed"), ("socket", "cup")])
+def test_shrinkage_of_what_is_touched_is_realised_at_touches_that_were_not_in_the_data(
+    tmp_path: Path, kind: str, name: str
+) -> None:
+    case, truth = a_case(tmp_path / "x", [kind])
+    (read,) = truth.readings
+    asked = Commands.read(tmp_path / "x" / f"commands-{name}.csv", 3, ids=("plane", "socket", "target"))
+    assert read.name == name
+    assert len(read.values) == len(asked) == 12
+    assert len(case.dataset) == 60
+    assert not set(asked.pose) & set(Dataset.read(tmp_path / "x").pose)
+    true, sigma = np.array(read.values), np.array(read.sigma)
+    assert np.abs(true).max() < 6.0 * sigma.max()  # it touches there, as exactly as it can
+    outcome = Outcome(
+        diagnosis=diagnosis("none"),
+        baseline_readings={name: (true + 3.0 * sigma).tolist()},
+        model_readings={name: (true - sigma).tolist()},
+    )
+    shrunk = opened_by(tmp_path / "x", truth, outcome).shrunk
+    assert shrunk is not None
+    assert (shrunk.before, shrunk.after) == pytest.approx((3.0, 1.0))
+    assert shrunk.share == pytest.approx(1.0 - 1.0 / 9.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("instruments", [["plane"], ["socket"], ["range", "socket"]], ids="+".join)
+def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path: Path, instruments: list[str]) -> None:
+    """With the touches of the data as its own commands, an instrument is predicted as the calibration's residuals are."""
+    a_case(tmp_path, instruments)
+    dataset = Dataset.read(tmp_path)
+    for table in ("bed", "cup"):
+        if (tmp_path / f"{table}.csv").exists():
+            shutil.copy(tmp_path / f"{table}.csv", tmp_path / f"commands-{table}.csv")
+    baseline = calibrate(dataset)
+    assert isinstance(baseline, ReadingsCalibration)
+    commands = Commands.read(tmp_path / "commands.csv", dataset.n_actuators)
+    found = readings_at(baseline.model, tmp_path, commands)
+    split = single(dataset, baseline.model.robot)
+    readings = Readings.of(split, baseline.model.robot, baseline.u)
+    missed = -readings.minus(baseline.model.kinematics.forward(split.q))[:, 0]
+    assert split.readings is not None
+    for index, table in enumerate(split.readings.tables):
+        values = np.array(found[table.name])
+        if table.kind == "range":
+            assert len(values) == len(commands)
+            continue
+        own = (split.readings.of == index) & (split.readings.component < values.shape[1])
+        np.testing.assert_allclose(values.ravel(), missed[own], atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "effect"),
+    [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
+)
+def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str, effect: str) -> None:
+    _, truth = a_case(tmp_path / "x", [kind], effect, 5, 120)
+    outcome = diagnosed_by_geometry(tmp_path / "x")
+    found = opened_by(tmp_path / "x", truth, outcome)
+    assert found.error is None
+    assert found.energy > 63.0
+    assert found.shrunk is not None
+    assert found.shrunk.knowing is not None
+    assert found.shrunk.knowing < 0.7 * found.shrunk.before
+    assert found.shrunk.after == found.shrunk.before  # the model that it was given has no cause
+
+
+@pytest.mark.slow
+def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["range"], "backlash", 5)
+    nameless = truth.model_copy(
+        update={"effects": tuple(effect.model_copy(update={"effect": "unheard"}) for effect in truth.effects)}
+    )
+    found = opened_by(tmp_path / "x", nameless, diagnosed_by_geometry(tmp_path / "x"))
+    assert found.error is None
+    assert found.shrunk is not None
+    assert found.shrunk.knowing is None
+
+
+@pytest.mark.slow
+def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
+    """With no cause to fit and the calibration's noise, the step starts where the calibration has converged, and ends there."""
+    draft = Draft("x", "none", 5, (), 60, instruments=("range", "socket"))
+    measured(draft).write_dataset(tmp_path)
+    dataset = Dataset.read(tmp_path)
+    baseline = calibrate(dataset)
+    assert isinstance(baseline, ReadingsCalibration)
+    assert baseline.freedom == np.inf  # the calibration has weighed all rows alike
+    assert dataset.readings is not None
+    names = [name for name, count in baseline.sigmas for _ in range(count)]
+    sigma = {name: baseline.noise.sigma[names.index(name)] for name in names}
+    noise = {
+        table.name: np.full((len(dataset.readings.rows_of(i)), 3 if table.kind == "socket" else 1), sigma[table.name])
+        for i, table in enumerate(dataset.readings.tables)
+    }
+    known = fit_known_causes_to_readings(dataset, noise, baseline, [])
+    off = (known.geometry.values - baseline.values) / baseline.sigma
+    assert np.abs(off).max() < 0.02
+    unknowns = np.array(
+        [one.unknowns[u.name] for one in known.instruments for u in baseline.unknowns if u.name in one.unknowns]
+    )
+    assert np.abs((unknowns - baseline.u) / np.sqrt(np.diag(baseline.u_covariance))).max() < 0.02
+
+
+@pytest.mark.slow
+def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
+    draft = Draft("x", "two", 7, ("backlash", "linearity"), 60, instruments=("range", "plane"))
+    whole = measured(draft)
+    case, (touches,) = without_some_touches(whole, recipe(draft))
+    wire, bed = case.gauges
+    assert len(wire.stop) == len(whole.gauges[0].stop)
+    assert len(bed.stop) + len(touches.values) == len(whole.gauges[1].stop)
+    assert len(touches.values) == len(whole.gauges[1].stop) // 6
+    assert set(touches.columns["plane"]) == {"low", "high", "tilted"}
+    assert all(len(effect.displacement) == len(case.dataset) for effect in case.effects)
+    before = {effect.effect: effect.energy for effect in whole.effects}
+    assert all(0.7 * before[e.effect] < e.energy < 1.02 * before[e.effect] for e in case.effects)
+    assert [e.energy for e in case.effects] == sorted((e.energy for e in case.effects), reverse=True)
+
+
+@pytest.mark.slow
+def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None:
+    """No model predicts the scatter: the truth has it, so that a model's error does not."""
+    draft = Draft("x", "none", 11, (), 90, instruments=("plane",))
+    usual = recipe(draft)
+    noise = usual.noise.model_copy(update={"repeatability": (5e-5, 5e-5)})
+    loose = replace(usual, noise=noise)
+    whole = build_measured(loose, draft.instruments)
+    _, (touches,) = without_some_touches(whole, loose)
+    (gauge,) = whole.gauges
+    own = gauge.kept(np.isin(whole.dataset.pose[gauge.stop], touches.pose))
+    moved = own.by_motion(whole.true[own.stop]) @ jitter(whole, loose)[own.stop]
+    sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
+    assert np.median(sigma / own.sigma) > 2.0
+    squares, count = float(((touches.values / sigma) ** 2).sum()), touches.values.size
+    assert chi2.ppf(1e-4, count) < squares < chi2.isf(1e-4, count)
+
+
+@pytest.mark.slow
+def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gtpin.bench.blind.left_out_touches, "ONE_IN", 10_000)
+    draft = Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket"))
+    whole = measured(draft)
+    case, _ = without_some_touches(whole, recipe(draft))
+    assert case.effects[0].energy == pytest.approx(whole.effects[0].energy, rel=0.01)
+
+
+@pytest.mark.slow
+def test_all_touches_stay_where_an_encoder_reads_too() -> None:
+    draft = Draft("x", "one", 7, ("backlash",), 20, instruments=("encoder", "plane"))
+    whole = measured(draft)
+    assert without_some_touches(whole, recipe(draft)) == (whole, ())
+
+
+@pytest.mark.slow
+def test_one_diagnosis_of_instruments_is_judged_by_all_of_their_readings(tmp_path: Path) -> None:
+    _, truth = a_case(tmp_path / "x", ["range", "plane"])
+    wire, bed = truth.readings
+    assert (wire.name, bed.name) == ("wire", "bed")
+    off = {r.name: (np.array(r.values) + np.array(r.sigma)).tolist() for r in truth.readings}
+    right = {r.name: [list(row) for row in r.values] for r in truth.readings}
+    outcome = Outcome(diagnosis=diagnosis("none"), baseline_readings=off, model_readings={**off, "bed": right["bed"]})
+    shrunk = opened_by(tmp_path / "x", truth, outcome).shrunk
+    assert shrunk is not None
+    assert shrunk.share == pytest.approx(len(bed.values) / (len(bed.values) + len(wire.values)))
+
+
+# -------------------------------------------------------------------------------------------------- what is sealed
+
+
+def test_the_truth_of_a_tracker_is_sealed_as_before() -> None:
+    draft = Draft("x", "one", 7, ("backlash",), 60)
+    truth = truth_of(made(draft), "one", recipe(draft))
+    assert set(json.loads(truth.model_dump_json())) == {"kind", "effects", "poses", "readings", "sigma"}
+    assert Truth.model_validate_json(truth.model_dump_json()) == truth
+
+
+@pytest.mark.slow
+def test_noise_is_at_least_the_instruments_own(tmp_path: Path) -> None:
+    case, truth = a_case(tmp_path, ["ballbar", "plane"])
+    for gauge, noise in zip(case.gauges, truth.noise, strict=True):
+        assert noise.name == gauge.name
+        assert (np.array(noise.sigma) >= gauge.sigma).all()
+    assert Truth.model_validate_json(truth.model_dump_json()) == truth
+
+
+@pytest.mark.slow
+def test_cases_of_instruments_that_are_scored_again_have_the_same_d_and_shrinkage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: None
+) -> None:
+    drafts = [Draft("a", "one", 5, ("backlash",), 40, instruments=("range", "socket"))]
+    monkeypatch.setattr(gtpin.bench.blind.run, "drafts", lambda *_: drafts)
+
+    def baseline_twice(files: dict[str, bytes], _: tuple[str, ...] = ()) -> tuple[Outcome, float]:
+        folder = tmp_path / "in"
+        folder.mkdir(exist_ok=True)
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        dataset = Dataset.read(folder)
+        read = readings_at(
+            calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators)
+        )
+        said = diagnosis("none")
+        return Outcome(diagnosis=said, baseline_readings=read, model_readings=read), 0.1
+
+    monkeypatch.setattr(gtpin.bench.blind.run, "diagnose_alone", baseline_twice)
+    (first,) = check(tmp_path / "out", 1, 0, Quiet(), instruments=["range", "socket"]).cases
+    (again,) = check_given(tmp_path / "again", tmp_path / "out" / "cases", Quiet()).cases
+    assert first.error is None
+    assert first.shrunk is not None
+    assert first.shrunk.share == 0.0
+    assert np.isfinite(first.leaves)
+    assert again == first

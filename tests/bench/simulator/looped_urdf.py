@@ -1,0 +1,100 @@
+"""Robots with loops that are no rods, with masses: planar upright, planar level, spatial, and a parallelogram on a column."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import gtpin
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.looped.machine import LoopedMachine
+from gtpin.bench.simulator.looped.robot import LoopedArm
+from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.visits import plan
+from gtpin.robot.description import Description
+
+FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
+INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+
+
+def _link(name: str, mass: float, centre: str) -> str:
+    return f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>{INERTIA}</inertial></link>'
+
+
+def _hinge(name: str, parent: str, child: str, xyz: str, rpy: str, axis: str) -> str:
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
+        "</joint>"
+    )
+
+
+def level() -> str:
+    """The five-bar laid down: gravity acts across its plane."""
+    return FIVE_BAR.read_text(encoding="utf-8").replace("<gtpin>", '<gtpin><gravity xyz="0 9.81 0"/>')
+
+
+def spatial() -> str:
+    """A crank, a coupler that hangs on it by a universal joint, and a rocker to which a ball joint leads: one command."""
+    return (
+        '<robot name="rusr"><link name="base"/>'
+        + _link("crank", 1.0, "0.1 0 0")
+        + _link("cross", 0.2, "0 0 0")
+        + _link("coupler", 0.8, "0.25 0.01 0")
+        + _link("rocker", 1.1, "0.2 0 0.02")
+        + _hinge("crank_joint", "base", "crank", "0 0 0", "0 0 0", "0 0 1")
+        + _hinge("cross_joint", "crank", "cross", "0.2 0 0", "0 0 1.0", "0 0 1")
+        + _hinge("coupler_joint", "cross", "coupler", "0 0 0", "0 0 0", "0 1 0")
+        + _hinge("rocker_joint", "base", "rocker", "0.6 0 0", "0.3 0 1.9", "0 0 1")
+        + '<loop_joint name="ball" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>'
+        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint><link name="tool0"/><joint name="flange" type="fixed">'
+        '<parent link="rocker"/><child link="tool0"/><origin xyz="0.5 0.1 0"/></joint>'
+        '<gtpin><actuator joint="crank_joint"/><platform link="tool0"/></gtpin></robot>'
+    )
+
+
+def parallelogram() -> str:
+    """A column that turns; on it a parallelogram that keeps its plate level; on the plate an elbow."""
+    return (
+        '<robot name="parallelogram"><link name="base"/>'
+        + _link("column", 4.0, "0 0.05 0.2")
+        + _link("crank", 2.0, "0 0.02 0.25")
+        + _link("rocker", 0.8, "0 0 0.25")
+        + _link("plate", 1.5, "0 0 0.05")
+        + _link("wrist", 1.0, "0.2 0.03 0")
+        + _hinge("waist", "base", "column", "0 0 0", "0 0 0", "0 0 1")
+        + _hinge("shoulder", "column", "crank", "0.1 0 0.3", "0 0 0", "0 1 0")
+        + _hinge("follow", "column", "rocker", "-0.1 0 0.3", "0 0 0", "0 1 0")
+        + _hinge("top", "crank", "plate", "0 0 0.5", "0 0 0", "0 1 0")
+        + _hinge("elbow", "plate", "wrist", "0.1 0 0.1", "0 0 0", "0 1 0")
+        + '<link name="tool0"/><joint name="flange" type="fixed"><parent link="wrist"/><child link="tool0"/>'
+        '<origin xyz="0.4 0 0"/></joint>'
+        '<loop_joint name="pin" type="spherical"><link1 link="plate" xyz="-0.2 0 0"/><link2 link="rocker" xyz="0 0 0.5"/>'
+        '</loop_joint><gtpin><actuator joint="waist"/><actuator joint="shoulder"/><actuator joint="elbow"/></gtpin></robot>'
+    )
+
+
+ROBOTS = {
+    "five_bar": lambda: FIVE_BAR.read_text(encoding="utf-8"),
+    "level": level,
+    "spatial": spatial,
+    "parallelogram": parallelogram,
+}
+
+
+@cache
+def nominal(name: str) -> tuple[gtpin.Robot, LoopedArm]:
+    """The robot as the package has it, and as the plant has it."""
+    robot = gtpin.Robot(Description.parse(ROBOTS[name]()))
+    return robot, LoopedArm.of(robot)
+
+
+@cache
+def a_plant(name: str, poses: int = 50, seed: int = 0) -> Plant:
+    """A machine drawn from the tolerances on its way through a day."""
+    rng = np.random.default_rng(seed)
+    machine = LoopedMachine.draw(nominal(name)[1], rng)
+    conditions = Conditions(sessions=3, push=5.0, payloads=(0.0, 0.5, 1.0), warming=1.5)
+    return Plant(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))

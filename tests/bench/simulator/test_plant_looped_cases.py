@@ -1,0 +1,197 @@
+"""What causes do to machines with loops, each by its property, and the cases that are made of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from looped_urdf import FIVE_BAR, ROBOTS, a_plant, nominal, spatial
+from typer.testing import CliRunner
+
+from gtpin.bench.blind.draw import drafts, made, truth_of
+from gtpin.bench.simulator import draw_case, make_case
+from gtpin.bench.simulator.build import build, known_robot
+from gtpin.bench.simulator.case import drawn_recipe
+from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_UNLISTED
+from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
+from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.later import measure_at
+from gtpin.bench.simulator.response import Plant
+from gtpin.cli import app
+from gtpin.data import Commands
+
+NAMES = tuple(ROBOTS)
+PLACES = [
+    (name, k.name, site)
+    for name in NAMES
+    for kinds in (listed, unlisted)
+    for k in kinds(nominal(name)[1])
+    for site in k.sites(nominal(name)[1])
+]
+
+
+def cause(robot: str, effect: str, site: str, seed: int = 0) -> Cause:
+    arm = nominal(robot)[1]
+    return kind(effect, arm).at(arm, site, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize(("name", "effect", "site"), PLACES)
+def test_each_cause_stays_at_its_site_is_repeatable_and_nothing_without_size(name: str, effect: str, site: str) -> None:
+    plant, arm = a_plant(name), nominal(name)[1]
+    once, again, other = (cause(name, effect, site, seed)(plant.ideal) for seed in (1, 1, 2))
+    assert all(np.array_equal(getattr(once, f), getattr(again, f)) for f in vars(once))
+    assert any(not np.array_equal(getattr(once, f), getattr(other, f)) for f in vars(once))
+    for c in range(arm.n_actuators):
+        assert site == arm.sites[c] or not (once.travel[:, c].any() or once.axis[:, c].any())
+        assert site in (arm.link_sites[c], "arm") or not once.tip[:, c].any()
+    assert site in ("platform", "frame", *arm.pin_sites) or not (
+        once.target.any() or once.frame.any() or once.seat.any()
+    )
+    moved = plant.displacement([(cause(name, effect, site), 1.0)])
+    assert np.isfinite(moved).all()
+    assert np.abs(moved).max() < 5e-3
+    assert np.abs(plant.displacement([(cause(name, effect, site), 0.0)])).max() < 1e-12
+
+
+def test_forces_and_deflections_agree_where_the_machine_comes_to_rest() -> None:
+    plant = a_plant("parallelogram")
+    active = [
+        (cause("parallelogram", "joint_compliance", "shoulder"), 3.0),
+        (cause("parallelogram", "link_compliance", "arm"), 2.0),
+    ]
+    now, deviation = plant.settled(active)
+    again = sum((c(now) * a for c, a in active), now.unbent())
+    for name in vars(deviation):
+        np.testing.assert_allclose(getattr(again, name), getattr(deviation, name), atol=1e-11)
+
+
+def test_a_bearing_off_the_way_to_the_tcp_of_a_planar_loop_shows_nothing_whatever_it_does() -> None:
+    """Its tilt moves the far link across the plane, where play takes it up."""
+    for name in ("five_bar", "level"):
+        plant = a_plant(name)
+        one = cause(name, "bearing_compliance", "drive_right")
+        assert np.abs(one(plant.ideal).axis).max() > 1e-6
+        assert np.abs(plant.displacement([(one, 1.0)])).max() < 1e-6
+        beside = plant.displacement([(cause(name, "bearing_compliance", "drive_left"), 1.0)])
+        assert np.abs(beside).max() > 1e-5
+
+
+def test_gravity_loads_the_drives_of_an_upright_loop_and_a_push_alone_those_of_a_level_one() -> None:
+    for name, low, high in (("five_bar", 0.05, np.inf), ("level", 0.0, 2e-2)):
+        plant = a_plant(name)
+        still = replace(plant.visits, force=0.0 * plant.visits.force)
+        at = Plant(plant.machine, still, plant.station).ideal
+        share = np.abs(at.load(0)).max() / plant.machine.usual_load(0)
+        assert low <= share <= high
+        assert np.abs(plant.ideal.load(0)).max() / plant.machine.usual_load(0) > 0.05
+
+
+def test_a_base_that_tilts_turns_all_that_stands_on_it_about_its_origin() -> None:
+    for name in NAMES:
+        now = a_plant(name).ideal
+        turn = np.tile([1e-4, -2e-4, 5e-5], (len(now), 1))
+        moved = now.settled_by(now.tilted(turn)).poses.minus(now.poses)
+        np.testing.assert_allclose(moved[:, :3], np.cross(turn, now.poses.T), atol=2e-7)
+        np.testing.assert_allclose(moved[:, 3:], turn, atol=2e-7)
+
+
+@pytest.mark.parametrize(("name", "site"), [(n, s) for n in NAMES for s in nominal(n)[1].pin_sites])
+def test_a_worn_pin_has_play_across_its_axis_on_the_side_of_its_force(name: str, site: str) -> None:
+    plant, arm = a_plant(name), nominal(name)[1]
+    now, j = plant.ideal, arm.pins[arm.pin_sites.index(site)]
+    play = cause(name, "worn_pin", site)(now).seat[:, j]
+    assert not play[:, 3:].any()
+    assert np.abs(play[:, :3] @ arm.joints[j].axis).max() < 1e-18
+    assert np.linalg.norm(play, axis=1).max() < 3e-5
+    force = np.einsum("nji,nj->ni", now.bodies.seats[:, j], now.carried_by(j)[0])
+    assert (np.einsum("ni,ni->n", play[:, :3], force) >= -1e-12).all()
+
+
+def test_what_goes_by_a_load_is_pushed_in_a_machine_with_loops() -> None:
+    arm = nominal("level")[1]
+    for kinds in (ARM_CATALOGUE, ARM_UNLISTED):
+        for one in kinds:
+            assert ("force" in kind(one.name, arm).needs) == bool({"force", "payload"} & set(one.needs))
+    recipe = drawn_recipe(3, effects=[("joint_compliance", "drive_left")], robot=str(FIVE_BAR))
+    assert recipe.conditions.push > 0.0
+
+
+@pytest.fixture
+def one_command(tmp_path: Path) -> str:
+    file = tmp_path / "rusr.urdf"
+    file.write_text(spatial(), encoding="utf-8")
+    return str(file)
+
+
+@pytest.mark.slow
+def test_a_case_is_the_same_for_the_same_seed_and_has_the_energy_asked_for() -> None:
+    asked = {
+        "effects": [("servo_lag", "drive_right")],
+        "energy": 100.0,
+        "poses": 60,
+        "held_out": 10,
+        "robot": str(FIVE_BAR),
+    }
+    one, again, other = (make_case(seed, **asked) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one.dataset.position, again.dataset.position)
+    assert (one.dataset.q[:10] != other.dataset.q[:10]).any()
+    assert one.effects[0].energy == pytest.approx(100.0, rel=2e-3)
+    assert Path(one.dataset.robot).is_absolute()
+
+
+@pytest.mark.slow
+def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(one_command: str) -> None:
+    for order in ("random", "layers"):
+        case = make_case(1, poses=30, held_out=5, conditions=Conditions(order=order), robot=one_command)
+        assert case.dataset.q.shape[1] == 1
+        assert np.isfinite(case.truth.T).all()
+
+
+@pytest.mark.slow
+def test_a_check_draws_machines_with_loops_with_their_own_effects_and_makes_them() -> None:
+    drawn = list(drafts(400, 1, str(FIVE_BAR)))
+    arm = known_robot(str(FIVE_BAR))
+    assert {draft.effects[0] for draft in drawn if draft.kind == "one"} == {k.name for k in ARM_CATALOGUE}
+    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in LOOPED_UNLISTED}
+    for wanted in ("one", "rough", "three", "known_and_unlisted"):
+        case = made(next(draft for draft in drawn if draft.kind == wanted))
+        for effect in truth_of(case, wanted).effects:
+            assert len(effect.displacement or ()) == len(case.dataset)
+            assert effect.site in {*arm.sites, *arm.link_sites, *arm.pin_sites, "arm", "platform", "frame"}
+
+
+@pytest.mark.slow
+def test_a_machine_with_loops_is_measured_again_after_its_day() -> None:
+    case = build(
+        drawn_recipe(2, effects=[("joint_compliance", "drive_right")], poses=40, held_out=10, robot=str(FIVE_BAR))
+    )
+    again = measure_at(case, Commands(case.commands.pose, case.commands.q))
+    # Loads are others than in the day: the drive gives way by more or less, and the instrument has its noise.
+    assert np.abs(again.position - case.truth.T).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_effects() -> None:
+    recipe = drawn_recipe(2, effects=[("backlash", "drive_right")], poses=30, held_out=5, robot=str(FIVE_BAR))
+    case = build_measured(recipe, ("range", "tilt"))
+    assert case.effects[0].energy > 1.0
+    assert "placement[elbow_right].x" in case.geometry
+
+
+@pytest.mark.slow
+def test_a_scenario_hides_an_effect_in_a_five_bar(tmp_path: Path) -> None:
+    scenario = tmp_path / "pin.toml"
+    scenario.write_text(
+        "poses = 30\n[[effect]]\nid = 'worn_pin'\nsite = 'elbow_left'\n[[effect]]\nid = 'backlash'\n", encoding="utf-8"
+    )
+    arguments = ["simulate", "--robot", str(FIVE_BAR), "--scenario", str(scenario), "-o", str(tmp_path / "data")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    truth = json.loads((tmp_path / "data.truth.json").read_text())["effects"]
+    assert {(effect["effect"], effect["site"]) for effect in truth} > {("worn_pin", "elbow_left")}
+    assert draw_case(1, poses=20, robot=str(FIVE_BAR)).dataset.q.shape[1] == 2
