@@ -9,20 +9,21 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.certificate.budget import Spreads
+from gtpin.certificate.budget import Excess, Spreads, mean_trace
 from gtpin.certificate.held_against import HeldAgainst, approaches
 from gtpin.certificate.pose_accuracy import (
+    Scatter,
     VisitScatter,
     accuracy,
     left_out_accuracy,
     means_of_visits,
+    pooled_repeatability,
     standard_accuracy,
+    standard_repeatability,
 )
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
-from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
 from gtpin.certificate.response import Posterior, by_commands
-from gtpin.certificate.unexplained import Excess, mean_trace
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.typing import Floats
@@ -146,7 +147,7 @@ class Evaluation:
 
     @property
     def _freedom(self) -> float:
-        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.unexplained.Excess`."""
+        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.budget.Excess`."""
         poses = len(np.unique(self.rows.visits))
         taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
         return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))

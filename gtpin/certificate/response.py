@@ -12,8 +12,7 @@ from gtpin.calibration.problem import in_frame
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import Model
-from gtpin.model.posterior import joined
+from gtpin.model.model import Model, joined
 from gtpin.typing import Floats
 
 

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.importing.options import Origin
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
+from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_path, tell
 from gtpin.compensation.box import Box
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
@@ -81,7 +80,7 @@ def export(
             show_default=False,
         ),
     ] = None,
-    origin: Origin = (0.0, 0.0, 0.0),
+    origin: Origin = ZERO,
     firmware: Annotated[
         Path | None,
         typer.Option(

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtpin.data.codes import codes
-from gtpin.data.ids import Ids, normal_id, normal_ids
+from gtpin.data.ids import Ids, codes, normal_id, normal_ids
 from gtpin.data.names import check_covariate_name, command_names, is_approach
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError

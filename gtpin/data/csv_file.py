@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data.cells import bad_cell, numbers
+from gtpin.data.cells import bad_cell, numbers, numbers_or_words
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import kind_of
 from gtpin.data.table import Column, Table, check_header
-from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 
 TOGETHER = 256

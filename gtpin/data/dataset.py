@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 from gtpin.data import columns
 from gtpin.data.carts import CartMeasurements
 from gtpin.data.checks import Rows, unnumbered
-from gtpin.data.codes import codes
 from gtpin.data.commands import Commands
 from gtpin.data.description import (
     SCHEMA,
     Conditions,
     Description,
+    Driver,
     Instrument,
     describe,
     read_toml,
     write_description,
 )
-from gtpin.data.driver import Driver
 from gtpin.data.files import check_folder, find_table, read_table, write_table
-from gtpin.data.ids import Ids
+from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_files import tables_there
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names

@@ -6,21 +6,56 @@ import difflib
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from gtpin.data.driver import MOTIONS, Motion
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import DatasetError
 
+Motion = Literal["x", "y", "z", "rx", "ry", "rz", "q"]
+MOTIONS: tuple[str, ...] = get_args(Motion)
 SCHEMA = "gtpin-dataset/1"
-
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
 TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+_DRIVER = {
+    "column": 'write column = "NAME", a covariate of poses.csv',
+    "site": 'write site = "NAME": a link, a joint, platform or frame',
+    "motion": f"write motion = one of {', '.join(MOTIONS)}",
+    "size": "write size = the typical motion over the column's range, m or rad, above 0",
+}
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A recorded column (a tilt sensor, a motor current, a thermistor) that may act at a site.
+
+    Parameters
+    ----------
+    column
+        The covariate's name.
+    site
+        A link, a joint, ``platform`` or ``frame``.
+    motion
+        What it moves: ``x y z`` (m) or ``rx ry rz`` (rad) in the site's frame, or the coordinate ``q`` of a joint.
+    size
+        Typical motion over the column's range, m or rad.
+
+    Examples
+    --------
+    >>> from gtpin.data import Driver
+    >>> Driver("tilt_x", "column", "rx", 1e-3).motion
+    'rx'
+    """
+
+    column: str
+    site: str
+    motion: Motion
+    size: float
 
 
 class Section(BaseModel):
@@ -52,7 +87,7 @@ class Conditions(Section):
 
 
 class DriverTable(Section):
-    """One `[[driver]]`: see :class:`~gtpin.data.driver.Driver`."""
+    """One `[[driver]]`: see :class:`~gtpin.data.description.Driver`."""
 
     column: TomlName
     site: TomlName
@@ -82,12 +117,6 @@ _SECTIONS: dict[str, type[Section]] = {
     "instrument": Instrument,
     "conditions": Conditions,
     "driver": DriverTable,
-}
-_DRIVER = {
-    "column": 'write column = "NAME", a covariate of poses.csv',
-    "site": 'write site = "NAME": a link, a joint, platform or frame',
-    "motion": f"write motion = one of {', '.join(MOTIONS)}",
-    "size": "write size = the typical motion over the column's range, m or rad, above 0",
 }
 _KEYS = {
     section: [field.alias or name for name, field in model.model_fields.items()] for section, model in _SECTIONS.items()

@@ -55,3 +55,12 @@ def normal_ids(values: Iterable[Any]) -> Ids:
     array = np.empty(len(result), dtype=object)
     array[:] = result
     return array
+
+
+def codes(values: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[Any]]:
+    """(N,) index of each of N values among the distinct ones, and the distinct values, sorted."""
+    if values.dtype != object:
+        distinct, code = np.unique(values, return_inverse=True)
+        return code.ravel(), distinct
+    place = {value: index for index, value in enumerate(sorted(set(values)))}
+    return np.fromiter(map(place.__getitem__, values), np.intp, len(values)), np.array(list(place), dtype=object)

@@ -1,4 +1,4 @@
-"""Effects along an actuator in its drive: the travel as a curve of the command, and play."""
+"""Drives of a mechanism: scales, the travel as a curve of the command, and play."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
-from gtpin.export.compliance import geometric_scales
-from gtpin.export.curves import NOTHING, SAME, Curve, fitted, waves
-from gtpin.export.lines import WORTH
+from gtpin.export.curves import NOTHING, SAME, WORTH, Curve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
 from gtpin.model.model import Model
@@ -215,3 +213,24 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve)
 
 def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
     return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))
+
+
+def geometric_scales(model: Model) -> dict[str, float]:
+    """Travel per command of each drive by site, from the geometry alone."""
+    scales = dict.fromkeys(model.robot.sites, 1.0)
+    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+        if parameter.kind == "scale" and parameter.per == "actuator":
+            scales[model.robot.sites[parameter.owner]] += float(deviation)
+    return scales
+
+
+def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
+    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of the parts of the
+    model that these scales represent."""
+    scales = geometric_scales(model)
+    carried = set()
+    for active in model.effects:
+        if active.effect.exported_as == "drive_scale":
+            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
+            carried.add(active.name)
+    return scales, carried | {"drive scales"}

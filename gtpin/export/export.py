@@ -17,17 +17,15 @@ from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import Machine, parts
 from gtpin.errors import GtpinError, ModelError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
-from gtpin.export.compliance import drive_scales, with_link_springs
-from gtpin.export.drives import with_drives
-from gtpin.export.joint_springs import with_joint_springs
+from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.printers import printer_files
 from gtpin.export.sdf import to_sdf
-from gtpin.export.tables_for import TablesFor, Written
-from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts, check_any
+from gtpin.export.springs import with_joint_springs, with_link_springs
+from gtpin.export.tables_for import POINTS, Left, TablesFor, Written, both_approaches, by_parts, check_any
 from gtpin.export.text import numbers, xml_text
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf

@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
-from gtpin.export.shapes import Shape
+from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism, Shape
 from gtpin.export.text import numbers, xml_text
 
 VERSION = "1.9"

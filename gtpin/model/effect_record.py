@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
-from gtpin.data.driver import Driver, Motion
+from gtpin.data.description import Driver, Motion
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.driver import PREFIX, Column, DriverEffect
@@ -96,7 +96,7 @@ class ReferencesRecord(Record):
 
 
 class DriverRecord(Record):
-    """What a recorded column may move; see :class:`~gtpin.data.driver.Driver`."""
+    """What a recorded column may move; see :class:`~gtpin.data.description.Driver`."""
 
     site: str
     motion: Motion

@@ -1,4 +1,4 @@
-"""The conditions of the fit of a model: what a later check of the same machine is compared with."""
+"""The conditions of the fit of a model, and what it left unexplained: a later check of the machine is compared with them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,39 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.data.table import Column
-from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
 
 TEMPERATURES = ("temp_frame", "temp_link")
 """Covariates of which a model keeps the mean over its fit."""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Errors of a fitted model that differ from pose to pose and are not noise, per axis, as standard deviations.
+
+    They are a part of the uncertainty of every prediction of the model.
+
+    Parameters
+    ----------
+    position, orientation
+        Of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
+    noise_known
+        True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit can't be divided
+        into noise and errors of the model, and all of it counts as unexplained.
+    """
+
+    position: float
+    orientation: float
+    noise_known: bool = True
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing is unexplained."""
+        return self.position == 0.0 and self.orientation == 0.0
+
+
+EXPLAINED = Unexplained(0.0, 0.0)
+"""Nothing is unexplained."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class TrackRecord(Record):
 
 
 class InstrumentRecord(Record):
-    """An instrument; see :class:`~gtpin.model.fitted_instrument.FittedInstrument`."""
+    """An instrument; see :class:`~gtpin.model.model.FittedInstrument`."""
 
     declared: dict[str, Any]
     columns: list[str]
@@ -57,7 +57,7 @@ class FitRecord(Record):
 
 
 class UnexplainedRecord(Record):
-    """What a fit left unexplained; see :class:`~gtpin.model.unexplained.Unexplained`."""
+    """What a fit left unexplained; see :class:`~gtpin.model.fit_conditions.Unexplained`."""
 
     position: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     orientation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]

@@ -19,9 +19,8 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
-from gtpin.model.fit_conditions import FitConditions
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Frame, Model
+from gtpin.model.fit_conditions import FitConditions, Unexplained
+from gtpin.model.model import FittedInstrument, Frame, Model
 from gtpin.model.model_file import (
     AGAIN,
     SCHEMA,
@@ -34,7 +33,6 @@ from gtpin.model.model_file import (
     explained,
     read_model_file,
 )
-from gtpin.model.unexplained import Unexplained
 from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import refuse_foreign
-from gtpin.output.placing import NEW, place
-from gtpin.output.work_folder import NAME, placing_lock, work_folder
+from gtpin.output.work_folder import NAME, NEW, place, placing_lock, work_folder
 
 REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
 

@@ -336,7 +336,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(run, source, tmp_path, tree,
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gtpin.output.placing.os.replace", full)
+    monkeypatch.setattr("gtpin.output.work_folder.os.replace", full)
     arguments = {"calibrate": [source], "predict": ["gantry_tau", source / "commands.csv"]}.get(command, [])
     assert "No space" in run(command, *arguments, "-o", tmp_path / "deep" / "out").failed()
     assert tree(tmp_path) == {}

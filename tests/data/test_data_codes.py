@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from small_dataset import HEADER, LINES, TOML
 
-from gtpin.data.codes import codes
 from gtpin.data.files import write_table
+from gtpin.data.ids import codes
 
 COLUMNS = (
     np.array(["b", "a", "b", "10", "9", "é", ""], dtype=object),

@@ -16,14 +16,11 @@ from printed import BED_G, G32, HEIGHTMAP, MESH, POINTS, PROBE_LOG, PROBED, ROS,
 
 from gtpin.data import Commands, Dataset
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper_delta import read_klipper_delta
-from gtpin.importers.klipper_mesh import read_klipper_mesh
-from gtpin.importers.klipper_probe import read_klipper_probe
+from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import read_linuxcnc_probe
 from gtpin.importers.points import read_points
 from gtpin.importers.ros_poses import read_ros_poses
-from gtpin.importers.rrf_g32 import read_rrf_g32
-from gtpin.importers.rrf_heightmap import read_rrf_heightmap
+from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.importers.touches import Touches
 
 Read = Callable[[Path], Touches | Dataset]

@@ -11,9 +11,7 @@ from printed import ANGLES, MESH, ORIGIN, PROBED, STEP, carriages, mesh_cfg, pla
 
 import gtpin
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper_delta import read_klipper_delta
-from gtpin.importers.klipper_mesh import read_klipper_mesh
-from gtpin.importers.klipper_probe import read_klipper_probe
+from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.touches import commands
 
 Write = Callable[[str, str], Path]
