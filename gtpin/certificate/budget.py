@@ -27,15 +27,10 @@ DRAWS = 1000
 class Excess:
     """The observed mean square length of errors between poses, and the parts that are expected; m^2 or rad^2.
 
-    Parameters
-    ----------
-    observed
-        Mean square length of the errors at poses that were not fitted.
-    noise, posterior
-        Expected parts, by the scatter of visits and by the model's uncertainty: mean traces of their covariances.
-    freedom
-        Degrees of freedom of ``observed``: three for each different pose, less the effective number of fitted parameters.
-        Repeated visits of a pose add none.
+    ``observed``: mean square length of the errors at poses that were not fitted. ``noise``, ``posterior``: expected parts,
+    by the scatter of visits and by the model's uncertainty: mean traces of their covariances. ``freedom``: degrees of
+    freedom of ``observed``: three for each different pose, less the effective number of fitted parameters. Repeated visits
+    of a pose add none.
     """
 
     observed: float
@@ -74,16 +69,11 @@ def mean_trace(covariance: Floats) -> float:
 class Spreads:
     """Contributions that are not in the model's posterior, as standard deviations; None where not known.
 
-    Parameters
-    ----------
-    repeatability
-        Repeatability of each actuator, m or rad.
-    unexplained
-        Errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where not measured).
-    instrument
-        Systematic error of the instrument, per axis, m, from its certificate.
-    why
-        Why the repeatability is not known; None where it is.
+    - ``repeatability``: repeatability of each actuator, m or rad.
+    - ``unexplained``: errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where
+      not measured).
+    - ``instrument``: systematic error of the instrument, per axis, m, from its certificate.
+    - ``why``: why the repeatability is not known; None where it is.
     """
 
     repeatability: float | None
@@ -140,14 +130,9 @@ class Contribution:
 class Direction:
     """A direction in the space of the model's unknowns that is uncorrelated with the other directions.
 
-    Parameters
-    ----------
-    changes
-        The three unknowns of this direction that move the TCP most: name, change for one standard deviation of the direction,
-        and unit.
-    position
-        Its contribution to the standard uncertainty of the position, m. The squares of all directions add up to the posterior's
-        variance of the position.
+    ``changes``: the three unknowns of this direction that move the TCP most: name, change for one standard deviation of the
+    direction, and unit. ``position``: its contribution to the standard uncertainty of the position, m. The squares of all
+    directions add up to the posterior's variance of the position.
     """
 
     changes: tuple[tuple[str, float, str], ...]
@@ -209,18 +194,8 @@ class Budget:
 def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
     """Propagate all contributions to the TCP at N commands, to first order.
 
-    Parameters
-    ----------
-    posterior
-        Uncertainty of the model's unknowns.
-    at
-        The commands.
-    spreads
-        The other contributions.
-    orientation
-        Whether orientation was measured.
-    seed
-        Seed of the machines that are drawn for ``radius``.
+    ``posterior``: uncertainty of the model's unknowns. ``at``: the commands. ``spreads``: the other contributions.
+    ``orientation``: whether orientation was measured. ``seed``: seed of the machines that are drawn for ``radius``.
     """
     model, count, p = posterior.model, len(at.q), len(posterior.model.geometry.parameters)
     D, root = posterior.derivatives(at), posterior.root

@@ -37,23 +37,14 @@ ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
 class Evaluation:
     """The measured rows of a certificate, compared with the models of the uncorrected and the corrected machine.
 
-    Parameters
-    ----------
-    rows
-        The rows.
-    nominal
-        The rows compared with the nominal geometry. Where the target's position on the platform is unknown, they are compared
-        with the identified geometry, and only differences between visits are used.
-    nominal_known
-        True: ``nominal`` has the nominal geometry. False: the identified one.
-    corrected
-        The rows compared with the model of the corrected machine.
-    posterior
-        Uncertainty of the model of ``corrected``.
-    gap
-        Errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
-    fitted
-        Whether the given model was fitted to these rows.
+    - ``rows``: the rows.
+    - ``nominal``: the rows compared with the nominal geometry. Where the target's position on the platform is unknown, they
+      are compared with the identified geometry, and only differences between visits are used.
+    - ``nominal_known``: True: ``nominal`` has the nominal geometry. False: the identified one.
+    - ``corrected``: the rows compared with the model of the corrected machine.
+    - ``posterior``: uncertainty of the model of ``corrected``.
+    - ``gap``: errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
+    - ``fitted``: whether the given model was fitted to these rows.
     """
 
     rows: Dataset

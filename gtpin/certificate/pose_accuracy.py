@@ -30,12 +30,7 @@ def means_of_visits(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Float
 def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
     """AP_p as defined in ISO 9283: the largest over the poses with 30 visits or more.
 
-    Parameters
-    ----------
-    visits
-        (N,) index of each row's pose.
-    errors
-        (N, 3) measured less commanded position, m.
+    ``visits``: (N,) index of each row's pose. ``errors``: (N, 3) measured less commanded position, m.
     """
     means, counts = means_of_visits(visits, errors[:, :3])
     often = np.flatnonzero(counts >= CYCLES)
@@ -77,16 +72,9 @@ def accuracy(
     mean square. Its variance over P poses, given their true errors t, is the sum of 4 t' S t / n + 2 tr(S^2) / n^2 divided by
     P^2, plus the contribution of the uncertainty of S.
 
-    Parameters
-    ----------
-    symbol, unit
-        Symbol and unit of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``.
-    visits
-        (N,) index of each row's pose.
-    errors
-        (N, 3) measured less commanded: position, m, or rotation vector, rad.
-    scatter
-        Scatter of a visit.
+    ``symbol``, ``unit``: symbol and unit of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``. ``visits``: (N,)
+    index of each row's pose. ``errors``: (N, 3) measured less commanded: position, m, or rotation vector, rad. ``scatter``:
+    scatter of a visit.
     """
     means, counts = means_of_visits(visits, errors)
     squares, S, P = (means**2).sum(axis=1), scatter.covariance, len(means)
@@ -134,12 +122,8 @@ def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses:
 class Scatter:
     """Scatter of single visits about the mean of their pose, pooled over poses.
 
-    Parameters
-    ----------
-    covariance
-        (c, c) covariance of a visit, m and rad, including the instrument's noise; None with fewer than eight repeats.
-    repeats, poses
-        Number of visits beyond the first of each pose, and of poses with two visits or more.
+    ``covariance``: (c, c) covariance of a visit, m and rad, including the instrument's noise; None with fewer than eight
+    repeats. ``repeats``, ``poses``: number of visits beyond the first of each pose, and of poses with two visits or more.
     """
 
     covariance: Floats | None

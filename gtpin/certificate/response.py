@@ -20,14 +20,8 @@ from gtpin.typing import Floats
 class At:
     """N commands with covariates, at which a model is compared with the machine.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    covariates
-        (N,) values of each covariate, by name.
-    plain
-        The N poses of the model's geometry without effects, base frame.
+    ``q``: (N, n) commands, m or rad. ``covariates``: (N,) values of each covariate, by name. ``plain``: the N poses of the
+    model's geometry without effects, base frame.
     """
 
     q: Floats
@@ -64,12 +58,8 @@ class FreeFrame:
     N(-K (x - mean), C). K and C are those of weighted least squares without a prior. With the covariance of x this is the joint
     posterior of f and x.
 
-    Parameters
-    ----------
-    pivot
-        (3,) point about which the frame rotates, m, instrument's frame.
-    gain, covariance
-        K (6, p + m) and C (6, 6).
+    ``pivot``: (3,) point about which the frame rotates, m, instrument's frame. ``gain``, ``covariance``: K (6, p + m) and C
+    (6, 6).
     """
 
     pivot: Floats
@@ -96,12 +86,8 @@ class FreeFrame:
 class Posterior:
     """Uncertainty of a model's unknowns: geometry, effects, and a free frame.
 
-    Parameters
-    ----------
-    model
-        An identified model.
-    frame
-        Posterior of the instrument's frame where that is unknown; None where the instrument measures in the base frame.
+    ``model``: an identified model. ``frame``: posterior of the instrument's frame where that is unknown; None where the
+    instrument measures in the base frame.
     """
 
     model: Model

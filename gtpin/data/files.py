@@ -38,19 +38,10 @@ def read_bytes(
 
     Only regular files are opened for reading: a pipe can keep the process waiting, and a device may never end.
 
-    Parameters
-    ----------
-    error
-        The kind of error to raise.
-    most
-        Largest size, bytes.
-    hint
-        What to do where the file is not there.
+    ``error``: the kind of error to raise. ``most``: largest size, bytes. ``hint``: what to do where the file is not there.
 
-    Raises
-    ------
-    GtpinError
-        Of the kind ``error``: the file is missing, is a folder, a pipe or a device, is too large, or is not readable.
+    Raises `GtpinError` of the kind ``error``: the file is missing, is a folder, a pipe or a device, is too large, or is not
+    readable.
     """
     try:
         found = file.stat()

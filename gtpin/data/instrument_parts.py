@@ -19,16 +19,10 @@ from gtpin.typing import Floats
 class Part:
     """The rows of one instrument.
 
-    Parameters
-    ----------
-    table, file
-        Its section of dataset.toml, and the file of its table.
-    line
-        (N,) line of each row.
-    pose, q
-        (N,) ids, and (N, n) commands, m or rad.
-    readings, covariates
-        Columns of its kind of instrument, and all other columns: (N,) each, by name.
+    - ``table``, ``file``: its section of dataset.toml, and the file of its table.
+    - ``line``: (N,) line of each row.
+    - ``pose``, ``q``: (N,) ids, and (N, n) commands, m or rad.
+    - ``readings``, ``covariates``: columns of its kind of instrument, and all other columns: (N,) each, by name.
     """
 
     table: InstrumentTable

@@ -57,14 +57,8 @@ class RotationReading(Protocol):
 class Positions:
     """A way to read x y z: the position is ``matrix @ (x, y, z)``, m.
 
-    Parameters
-    ----------
-    looks
-        Texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
-    mistakes
-        Number of mistakes that it assumes.
-    axes
-        (3, 3) the signed permutation in ``matrix``.
+    ``looks``: texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
+    ``mistakes``: number of mistakes that it assumes. ``axes``: (3, 3) the signed permutation in ``matrix``.
     """
 
     looks: str
@@ -221,12 +215,8 @@ def _turn(s: Floats) -> str:
 class Misread:
     """A mistake: three numbers of one convention of rotations that were converted by another one.
 
-    Parameters
-    ----------
-    meant, taken
-        The convention of the numbers, and the one by which they were converted.
-    by_axis
-        True: each number was used as the angle about its own axis. False: the numbers were used in their order.
+    ``meant``, ``taken``: the convention of the numbers, and the one by which they were converted. ``by_axis``: True: each
+    number was used as the angle about its own axis. False: the numbers were used in their order.
     """
 
     meant: Convention

@@ -43,19 +43,13 @@ Bound = tuple[str, float, tuple[float, float], str]
 class Kind:
     """What a column measures.
 
-    Parameters
-    ----------
-    names
-        Its columns.
-    what
-        What it is and its unit, for messages.
-    lowest, highest
-        Limits of the values of any machine. Assumed.
-    marks
-        Values that loggers write where they have no reading. They count as marks where no other value is near them.
-    apart
-        Smallest distance of a mark from all other values, in the column's unit. It must also be at least ``spans`` times the
-        range of the other values.
+    - ``names``: its columns.
+    - ``what``: what it is and its unit, for messages.
+    - ``lowest``, ``highest``: limits of the values of any machine. Assumed.
+    - ``marks``: values that loggers write where they have no reading. They count as marks where no other value is near
+      them.
+    - ``apart``: smallest distance of a mark from all other values, in the column's unit. It must also be at least ``spans``
+      times the range of the other values.
     """
 
     names: re.Pattern[str]
@@ -82,15 +76,8 @@ KINDS = (
 def sane_rows(dataset: Dataset) -> Mask:
     """(N,) the rows without an impossible value.
 
-    Raises
-    ------
-    DatasetError
-        If a temperature looks like kelvin or Fahrenheit, or a speed like mm/s; if more than a tenth of a column is impossible.
-
-    Warns
-    -----
-    GtpinWarning
-        Names the poses that are set aside.
+    Raises `DatasetError` if a temperature looks like kelvin or Fahrenheit, or a speed like mm/s; if more than a tenth of a
+    column is impossible. Warns: names the poses that are set aside.
     """
     good = np.ones(len(dataset), dtype=bool)
     for name, column in dataset.covariates.items():
@@ -155,16 +142,8 @@ def _error(dataset: Dataset, row: int, name: str, value: float, what: str, hint:
 def check_extremes(dataset: Dataset) -> None:
     """Check the numbers that dataset.toml gives, and that the commands differ.
 
-    Raises
-    ------
-    DatasetError
-        For a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond any unit, and
-        where all commands are the same.
-
-    Warns
-    -----
-    GtpinWarning
-        Of a reference temperature that could be in degrees Fahrenheit.
+    Raises `DatasetError` for a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond
+    any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
     """
     file = None if dataset.path is None else dataset.path / "dataset.toml"
     for key, value, (least, most), hint in (*_bounded(dataset), *_of_readings(dataset)):

@@ -64,15 +64,9 @@ def describe_second(
 ) -> SecondDescription:
     """Check the content of a dataset.toml of schema 2.
 
-    Parameters
-    ----------
-    own
-        Classes of the tables of the user's own instruments, by kind.
+    ``own``: classes of the tables of the user's own instruments, by kind.
 
-    Raises
-    ------
-    DatasetError
-        If a key is invalid; it names the key.
+    Raises `DatasetError` if a key is invalid; it names the key.
     """
     if isinstance(values.get("instrument"), dict):
         hint = "write [[instrument]], in double brackets, once for each, with name and kind"

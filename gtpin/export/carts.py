@@ -115,16 +115,9 @@ def _seated(
 ) -> Mechanism:
     """The mechanism with the rods' joints of a cart on springs.
 
-    Parameters
-    ----------
-    axes
-        (3, 3) as :func:`_axes`.
-    laws
-        The law of deflection by number of the axis, as in ``NAMES``.
-    weight
-        (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain.
-    load
-        Largest load, N or N m, at which friction must hold.
+    ``axes``: (3, 3) as :func:`_axes`. ``laws``: the law of deflection by number of the axis, as in ``NAMES``. ``weight``:
+    (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain. ``load``: largest load, N or N
+    m, at which friction must hold.
     """
     driven, name = _driven(mechanism, robot, site), f"{site}_slip"
     springs, strays, slips, couplings = [], [], [], []

@@ -59,12 +59,8 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
     is behind the play, so that the deviation depends on the direction of approach, as in the effect. Where a drive overshoots,
     friction moves the part behind the play twice as far as the actuator's joint moves, until the play is taken up.
 
-    Returns
-    -------
-    mechanism
-        The mechanism with an additional body for each motor.
-    shown
-        By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
+    Returns ``mechanism``: the mechanism with an additional body for each motor. ``shown``: by name, for each effect in it:
+    the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     robot = model.robot
     effects = correctable(model, session)

@@ -186,11 +186,8 @@ def _format(file: Path) -> Format:
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
 
-    Parameters
-    ----------
-    carried
-        Parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single rods``,
-        ``measured tracks``, ``instrument's frame``.
+    ``carried``: parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single
+    rods``, ``measured tracks``, ``instrument's frame``.
     """
     geometry = model.geometry
     moved = {(p.kind, p.per) for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0}
@@ -243,11 +240,8 @@ def _reduction(root: Element, transmission: Element | None, joint: str) -> Eleme
 def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Written:
     """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
 
-    Raises
-    ------
-    GtpinError
-        If the robot has too many actuators for such a table, or one without a range; if temperatures are given and no effect
-        depends on one; or if there is nothing to correct.
+    Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are
+    given and no effect depends on one; or if there is nothing to correct.
     """
     if wanted.box is not None or wanted.firmware is not None:
         raise ModelError("a table over commands takes no --box and no --firmware", hint="leave them out")

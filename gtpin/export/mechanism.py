@@ -83,20 +83,12 @@ class Spring:
 class Joint:
     """A motion of one degree of freedom of a body relative to its parent. Of several, the first is the one next to the parent.
 
-    Parameters
-    ----------
-    name, kind
-        Its name, as in the URDF, and whether it is prismatic (``slide``) or revolute (``hinge``).
-    axis, point
-        (3,) unit vector along its axis, and a point on the axis, m; at home, in the body's frame.
-    home
-        Its coordinate at home, m or rad.
-    lower, upper
-        Its range, m or rad; infinite where it has no limits.
-    spring
-        Its spring; None if it moves freely or is driven.
-    play
-        Whether it is the play of a drive, and its range is this play.
+    - ``name``, ``kind``: its name, as in the URDF, and whether it is prismatic (``slide``) or revolute (``hinge``).
+    - ``axis``, ``point``: (3,) unit vector along its axis, and a point on the axis, m; at home, in the body's frame.
+    - ``home``: its coordinate at home, m or rad.
+    - ``lower``, ``upper``: its range, m or rad; infinite where it has no limits.
+    - ``spring``: its spring; None if it moves freely or is driven.
+    - ``play``: whether it is the play of a drive, and its range is this play.
     """
 
     name: str
@@ -150,22 +142,13 @@ class Guide:
 class Body:
     """A rigid body.
 
-    Parameters
-    ----------
-    name, parent
-        Link names.
-    placement
-        ``pinocchio.SE3`` of the body in its parent's frame at home.
-    joints
-        Its joints relative to its parent; empty for a body that floats.
-    inertia
-        ``pinocchio.Inertia`` in the body's frame.
-    free
-        Name of its floating joint (six degrees of freedom); None if it does not float.
-    shapes
-        Its shapes, for drawings.
-    frames
-        Links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
+    - ``name``, ``parent``: link names.
+    - ``placement``: ``pinocchio.SE3`` of the body in its parent's frame at home.
+    - ``joints``: its joints relative to its parent; empty for a body that floats.
+    - ``inertia``: ``pinocchio.Inertia`` in the body's frame.
+    - ``free``: name of its floating joint (six degrees of freedom); None if it does not float.
+    - ``shapes``: its shapes, for drawings.
+    - ``frames``: links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
     """
 
     name: str
@@ -265,10 +248,7 @@ def mechanism(robot: Robot) -> Mechanism:
 
     A link without mass between two joints becomes a second joint of the link that it carries.
 
-    Raises
-    ------
-    RobotError
-        If a joint is neither prismatic nor revolute, nor floats on the base.
+    Raises `RobotError` if a joint is neither prismatic nor revolute, nor floats on the base.
     """
     posture = home(robot)
     model, data = robot.model, robot.data

@@ -36,11 +36,8 @@ class _Present:
 def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
     """Klipper's configuration, or RepRapFirmware's macro with a height map for each temperature.
 
-    Raises
-    ------
-    GtpinError
-        If the robot does not have three actuators, a box is missing or can't be reached, the firmware's file does not fit the
-        robot, or there is nothing to correct.
+    Raises `GtpinError` if the robot does not have three actuators, a box is missing or can't be reached, the firmware's
+    file does not fit the robot, or there is nothing to correct.
     """
     robot, box = model.robot, wanted.box
     if robot.n_actuators != PRINTER_AXES:

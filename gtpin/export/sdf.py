@@ -27,11 +27,8 @@ def to_sdf(mechanism: Mechanism) -> str:
     home. For a joint whose coordinate at home is not zero, the range is shifted by this coordinate, and ``gtpin:home`` gives
     it.
 
-    Raises
-    ------
-    RobotError
-        If a body has two joints whose axes do not intersect at a right angle, or more than two. A link without mass between
-        two joints, which is merged with the next link, can cause this.
+    Raises `RobotError` if a body has two joints whose axes do not intersect at a right angle, or more than two. A link
+    without mass between two joints, which is merged with the next link, can cause this.
     """
     root = Element("sdf", {"version": VERSION, "xmlns:gtpin": "urn:gtpin"})
     base = mechanism.bodies[0]

@@ -34,10 +34,7 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
     bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending and g in torsion,
     1/(N m^2).
 
-    Returns
-    -------
-    mechanism, shown
-        The same as for :func:`~gtpin.export.drives.with_drives`.
+    Returns the same as for :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     if model.robot.rods or model.robot.constraints:
@@ -204,12 +201,8 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 
     The rod's end on the carrier, with the part of the rod's mass that the carrier supports, slides along the rod on a spring.
 
-    Returns
-    -------
-    mechanism
-        The mechanism with an additional body ``LINK_end`` for each such link.
-    shown
-        By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
+    Returns ``mechanism``: the mechanism with an additional body ``LINK_end`` for each such link. ``shown``: by name, for
+    each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
     if not active or not robot.rods:  # links of robots without rods bend: with_joint_springs

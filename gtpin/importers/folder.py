@@ -44,30 +44,16 @@ def write_touches(
 ) -> int:
     """Write a dataset folder of touches of one plane, and give the number of its rows.
 
-    Parameters
-    ----------
-    touches
-        The touches, as a reader of this package returns them.
-    folder
-        The folder to write. A dataset that gtpin wrote there is replaced.
-    robot, tcp
-        The robot's name, or the path of its URDF or MJCF file; the link of its TCP, where it is not the robot's own.
-    name
-        Name of the instrument and of its table.
-    origin
-        (3,) the controller's zero in the robot's base frame, m.
-    normal
-        (3,) normal of the surface, base frame, pointing to the touched side; any length. The plane goes through the mean of
-        the touched points.
-    sigma
-        Standard deviation of a touch along the normal, m; None: it is estimated from the data.
-    force
-        Rename files that gtpin has not written (``NAME.old-1``).
+    ``touches``: the touches, as a reader of this package returns them. ``folder``: the folder to write. A dataset that
+    gtpin wrote there is replaced. ``robot``, ``tcp``: the robot's name, or the path of its URDF or MJCF file; the link of
+    its TCP, where it is not the robot's own. ``name``: name of the instrument and of its table. ``origin``: (3,) the
+    controller's zero in the robot's base frame, m. ``normal``: (3,) normal of the surface, base frame, pointing to the
+    touched side; any length. The plane goes through the mean of the touched points. ``sigma``: standard deviation of a
+    touch along the normal, m; None: it is estimated from the data. ``force``: rename files that gtpin has not written
+    (``NAME.old-1``).
 
-    Raises
-    ------
-    GtpinError
-        If the robot can't be read, is another machine or can't reach a touch, or the folder can't be written.
+    Raises `GtpinError` if the robot can't be read, is another machine or can't reach a touch, or the folder can't be
+    written.
     """
     folder = Path(folder)
     nominal = kinematics(Geometry.nominal(load_robot(robot, tcp)))
@@ -108,16 +94,8 @@ def write_instrument(
 ) -> None:
     """Write ``dataset.toml`` in schema 2 with one instrument, and its table ``NAME.csv``.
 
-    Parameters
-    ----------
-    folder, force
-        As for :func:`write_touches`.
-    robot, tcp, actuators
-        As in dataset.toml.
-    instrument
-        The keys of ``[[instrument]]``.
-    columns
-        (N,) columns of its table, by name.
+    ``folder``, ``force``: as for :func:`write_touches`. ``robot``, ``tcp``, ``actuators``: as in dataset.toml.
+    ``instrument``: the keys of ``[[instrument]]``. ``columns``: (N,) columns of its table, by name.
     """
     content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
     described = describe_second(content, None, {})

@@ -39,15 +39,8 @@ def read_klipper_delta(file: Path | str) -> Touches:
     ``heightN`` is the nozzle's height over the bed at the touch (the probe's ``z_offset``), mm. ``heightN_pos`` are the steps
     of the drives of towers a, b and c down from their end stops; they do not depend on the geometry in the firmware.
 
-    Raises
-    ------
-    DatasetError
-        If the file is no configuration of a delta printer, has no such touches, or a touch is damaged.
-
-    Warns
-    -----
-    GtpinWarning
-        If there are heights measured by hand, or distances on a printed object: they are left out.
+    Raises `DatasetError` if the file is no configuration of a delta printer, has no such touches, or a touch is damaged.
+    Warns: if there are heights measured by hand, or distances on a printed object: they are left out.
     """
     file = Path(file)
     sections = read_config(file)
@@ -121,10 +114,7 @@ def _positive(option: Option) -> float:
 def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Floats, Floats]:
     """The delta's radius, mm, and (3,) for the towers: arm length, mm; position of the end stop, mm; angle, degrees.
 
-    Raises
-    ------
-    DatasetError
-        If an option is missing, or a dimension is impossible.
+    Raises `DatasetError` if an option is missing, or a dimension is impossible.
     """
     check_delta(sections, file)
     radius = _positive(needed(sections, "printer", "delta_radius", file))
@@ -178,20 +168,11 @@ def read_klipper_mesh(
     at which the nozzle itself would touch the bed: it includes the probe's offset. On a round bed Klipper fills the corners of
     the grid with the outermost probed number of their line; these points are left out.
 
-    Parameters
-    ----------
-    file
-        printer.cfg, with ``[bed_mesh]`` and ``[bed_mesh PROFILE]``.
-    profile
-        The name of the mesh.
-    offset
-        ``x_offset y_offset z_offset`` of the printer's ``[probe]``, mm.
+    ``file``: printer.cfg, with ``[bed_mesh]`` and ``[bed_mesh PROFILE]``. ``profile``: the name of the mesh. ``offset``:
+    ``x_offset y_offset z_offset`` of the printer's ``[probe]``, mm.
 
-    Raises
-    ------
-    DatasetError
-        If there is no such mesh, it is damaged, or the section ``[bed_mesh]``, from which it is known whether the bed is
-        round, is missing.
+    Raises `DatasetError` if there is no such mesh, it is damaged, or the section ``[bed_mesh]``, from which it is known
+    whether the bed is round, is missing.
     """
     file = Path(file)
     sections = read_config(file)
@@ -260,17 +241,10 @@ def read_klipper_probe(file: Path | str, offset: tuple[float, float, float] = (0
     will contact at z=Z``: the point of the bed under the probe, and the nozzle's command at which the nozzle itself would touch
     it; it includes the probe's offset.
 
-    Parameters
-    ----------
-    file
-        klippy.log, or the console's text; other text before a report in its line is ignored.
-    offset
-        ``x_offset y_offset z_offset`` of the printer's ``[probe]``, mm.
+    ``file``: klippy.log, or the console's text; other text before a report in its line is ignored. ``offset``: ``x_offset
+    y_offset z_offset`` of the printer's ``[probe]``, mm.
 
-    Raises
-    ------
-    DatasetError
-        If there is no report, or a report is damaged.
+    Raises `DatasetError` if there is no report, or a report is damaged.
     """
     file = Path(file)
     x, y, z = offset

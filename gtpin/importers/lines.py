@@ -20,10 +20,7 @@ _BLOCK = re.compile(r"\s*(if|elif|else|while)\b", re.IGNORECASE)
 def text_lines(file: Path) -> list[str]:
     """The lines of a text file in UTF-8, with or without BOM, any line ending; line i is element i - 1.
 
-    Raises
-    ------
-    DatasetError
-        If the file is missing, is no regular file, is larger than 100 MB, empty, no text, or not UTF-8.
+    Raises `DatasetError` if the file is missing, is no regular file, is larger than 100 MB, empty, no text, or not UTF-8.
     """
     data = read_bytes(file, most=LARGEST_TEXT).removeprefix(codecs.BOM_UTF8)
     if not data.strip():
@@ -66,11 +63,8 @@ def gcode_commands(file: Path, command: re.Pattern[str]) -> Iterator[tuple[int, 
     are indented more than it are its block. Numbers may be expressions in braces. Both depend on the machine's state, which is
     in no file. See https://docs.duet3d.com/en/User_manual/Reference/Gcode_meta_commands.
 
-    Raises
-    ------
-    DatasetError
-        If a command is in the block of a condition or of a loop, or has an expression: only the firmware knows which commands
-        it carries out, and with which numbers.
+    Raises `DatasetError` if a command is in the block of a condition or of a loop, or has an expression: only the firmware
+    knows which commands it carries out, and with which numbers.
     """
     blocks: list[tuple[int, str]] = []  # indentation and word of the conditions that are open
     for row, line in enumerate(text_lines(file), 1):

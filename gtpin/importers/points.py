@@ -42,14 +42,8 @@ COMMENTS = ("//", "#", "%")
 class NamedColumns:
     """The content of a table.
 
-    Parameters
-    ----------
-    file, row
-        The file, and the (N,) line of each row.
-    pose
-        (N,) ids; None where there is no such column.
-    values
-        (N,) numbers of the other columns by name, in the units of the file.
+    ``file``, ``row``: the file, and the (N,) line of each row. ``pose``: (N,) ids; None where there is no such column.
+    ``values``: (N,) numbers of the other columns by name, in the units of the file.
     """
 
     file: Path
@@ -63,24 +57,14 @@ def read_named_columns(
 ) -> NamedColumns:
     """Read a table.
 
-    Parameters
-    ----------
-    file
-        A text file; blank lines and lines that begin with ``//``, ``#`` or ``%`` are ignored.
-    names
-        Names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-``
-        for a column that is ignored.
-    separator
-        Separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of them).
-    header
-        Number of lines at the beginning that are not rows.
-    decimal_comma
-        Whether the decimal separator is a comma.
+    ``file``: a text file; blank lines and lines that begin with ``//``, ``#`` or ``%`` are ignored. ``names``: names of the
+    columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for a column
+    that is ignored. ``separator``: separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of
+    them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
+    is a comma.
 
-    Raises
-    ------
-    DatasetError
-        If a name is missing or there twice, or a row has another number of columns, or text where a number must be.
+    Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
+    number must be.
     """
     wanted = _wanted(names, separator, decimal_comma)
     rows: list[int] = []
@@ -177,28 +161,14 @@ def read_points(
 ) -> Dataset:
     """Read a list of points or poses.
 
-    Parameters
-    ----------
-    file
-        The list.
-    robot, tcp
-        As in dataset.toml.
-    columns, separator, header, decimal_comma
-        See :func:`~gtpin.importers.points.read_named_columns`.
-    unit
-        Unit of x, y and z, and of the commands of actuators that slide, where the list has them.
-    angle
-        Unit of the commands of actuators that turn, where the list has them.
-    commands, match, within
-        The commands, where the list has none, and how they are matched with its rows: see
-        :func:`~gtpin.importers.matched.matched`.
-    instrument
-        The instrument; by default with unknown noise, a free frame and a free target.
+    ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
+    see :func:`~gtpin.importers.points.read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
+    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
+    ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
+    :func:`~gtpin.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
+    and a free target.
 
-    Raises
-    ------
-    GtpinError
-        If a row is damaged, or columns or units are not given completely.
+    Raises `GtpinError` if a row is damaged, or columns or units are not given completely.
     """
     file = Path(file)
     if unit not in LENGTHS:

@@ -50,17 +50,10 @@ def read_rrf_heightmap(file: Path | str, offset: tuple[float, float, float] = (0
     the smallest Y, first number at the smallest X. A height is the command of Z, without bed compensation, at which the nozzle
     itself would touch the bed: the firmware has subtracted the trigger height. At a ``0`` without decimals nothing was probed.
 
-    Parameters
-    ----------
-    file
-        ``heightmap.csv``.
-    offset
-        ``X Y Z`` of G31 in the printer's config.g, mm: the probe's position relative to the nozzle, and its trigger height.
+    ``file``: ``heightmap.csv``. ``offset``: ``X Y Z`` of G31 in the printer's config.g, mm: the probe's position relative
+    to the nozzle, and its trigger height.
 
-    Raises
-    ------
-    DatasetError
-        If the file is no height map, or damaged.
+    Raises `DatasetError` if the file is no height map, or damaged.
     """
     file = Path(file)
     lines = [line.strip() for line in text_lines(file)]
@@ -142,19 +135,10 @@ def read_rrf_g32(file: Path | str, points: Path | str, offset: tuple[float, floa
     They are printed where the last ``G30`` of bed.g has ``S-1``. Heights are in the order of the points P0, P1, ..., mm, and
     have the same meaning as those of a height map. X and Y are in bed.g: ``G30 P0 X0 Y115 Z-99999``.
 
-    Parameters
-    ----------
-    file
-        The console's text; other text before a report in its line is ignored.
-    points
-        bed.g, or any file with its ``G30 P...`` commands.
-    offset
-        ``X Y Z`` of G31 in the printer's config.g, mm.
+    ``file``: the console's text; other text before a report in its line is ignored. ``points``: bed.g, or any file with its
+    ``G30 P...`` commands. ``offset``: ``X Y Z`` of G31 in the printer's config.g, mm.
 
-    Raises
-    ------
-    DatasetError
-        If there is no report, or a report is damaged or has another number of points.
+    Raises `DatasetError` if there is no report, or a report is damaged or has another number of points.
     """
     file, points = Path(file), Path(points)
     places = _places(points)
@@ -210,15 +194,8 @@ def _places(file: Path) -> list[tuple[float, float]]:
 class RrfDelta:
     """Dimensions of a delta, mm and degrees.
 
-    Parameters
-    ----------
-    radius
-        R of M665.
-    arms, angles, ends
-        (3,) for the towers: L of M665, mm; angle about the middle of the bed from the x axis, degrees; H of M665 plus the
-        tower's adjustment by M666, mm.
-    steps
-        (3,) steps per mm of M92.
+    ``radius``: R of M665. ``arms``, ``angles``, ``ends``: (3,) for the towers: L of M665, mm; angle about the middle of the
+    bed from the x axis, degrees; H of M665 plus the tower's adjustment by M666, mm. ``steps``: (3,) steps per mm of M92.
     """
 
     radius: float
@@ -233,10 +210,8 @@ def read_rrf_delta(file: Path | str) -> RrfDelta:
 
     A later command changes only the parameters that it names.
 
-    Raises
-    ------
-    DatasetError
-        If a dimension is missing or impossible, is set inside a condition or by an expression, or M666 tilts the bed.
+    Raises `DatasetError` if a dimension is missing or impossible, is set inside a condition or by an expression, or M666
+    tilts the bed.
     """
     file = Path(file)
     found: dict[str, tuple[list[float], int]] = {}

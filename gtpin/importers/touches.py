@@ -37,28 +37,18 @@ FEWEST = 3
 class Touches:
     """N touches of one surface, as they are in a file.
 
-    Parameters
-    ----------
-    file, row
-        The file, and the (N,) line of each touch.
-    pose
-        (N,) ids.
-    position
-        (N, 3) the TCP at the touch in the controller's coordinates, m; None where the file has the commands themselves.
-    q
-        (N, n) commands, m or rad; None where they follow from the positions.
-    travel
-        (N, n) travel of the drives, m, in any order and with any sign and zero; None where it was not recorded. Commands that
-        are taken from it do not depend on the controller's geometry.
-    height
-        (N,) height of the target over the surface, m, positive on the side that the normal points to; None for zero.
-    target
-        (3,) the touching point, TCP frame, m.
+    - ``file``, ``row``: the file, and the (N,) line of each touch.
+    - ``pose``: (N,) ids.
+    - ``position``: (N, 3) the TCP at the touch in the controller's coordinates, m; None where the file has the commands
+      themselves.
+    - ``q``: (N, n) commands, m or rad; None where they follow from the positions.
+    - ``travel``: (N, n) travel of the drives, m, in any order and with any sign and zero; None where it was not recorded.
+      Commands that are taken from it do not depend on the controller's geometry.
+    - ``height``: (N,) height of the target over the surface, m, positive on the side that the normal points to; None for
+      zero.
+    - ``target``: (3,) the touching point, TCP frame, m.
 
-    Raises
-    ------
-    DatasetError
-        If a number is so large that it must be damaged, or the target is too far from the TCP.
+    Raises `DatasetError` if a number is so large that it must be damaged, or the target is too far from the TCP.
     """
 
     file: Path
@@ -93,19 +83,10 @@ def check_size(values: Floats, file: Path, row: npt.NDArray[np.int64]) -> None:
 def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[float, float, float]) -> Touches:
     """Touches of a probe that is mounted beside the nozzle, from a file in millimetres.
 
-    Parameters
-    ----------
-    file, rows
-        The file, and the line of each touch.
-    xyz
-        Commands of the nozzle, (N, 3), mm.
-    offset
-        The probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
+    ``file``, ``rows``: the file, and the line of each touch. ``xyz``: commands of the nozzle, (N, 3), mm. ``offset``: the
+    probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
 
-    Raises
-    ------
-    DatasetError
-        If the offset looks like metres.
+    Raises `DatasetError` if the offset looks like metres.
     """
     aside = float(np.hypot(*offset[:2]))
     if aside and not ASIDE[0] <= aside <= ASIDE[1]:
@@ -127,24 +108,11 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     Commands that are not in the file are computed from the positions by inverse kinematics. The orientation of a robot with
     three actuators is free; a robot with six or more keeps that of its home.
 
-    Parameters
-    ----------
-    touches
-        The touches.
-    kinematics
-        Kinematics of the robot with the controller's geometry.
-    origin
-        (3,) the controller's zero in the base frame, m; the axes are parallel.
+    ``touches``: the touches. ``kinematics``: kinematics of the robot with the controller's geometry. ``origin``: (3,) the
+    controller's zero in the base frame, m; the axes are parallel.
 
-    Returns
-    -------
-    q, poses
-        (N, n) commands, m or rad, and the (N) poses there.
-
-    Raises
-    ------
-    DatasetError
-        If the robot can't reach a position, or its commands do not agree with the recorded travel of the drives.
+    Returns (N, n) commands, m or rad, and the (N) poses there. Raises `DatasetError` if the robot can't reach a position,
+    or its commands do not agree with the recorded travel of the drives.
     """
     robot = kinematics.geometry.robot
     if touches.q is not None:
@@ -201,19 +169,10 @@ def _refuse(touches: Touches, poses: Poses, robot: Robot) -> None:
 def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
     """Commands (N, n) from the drives' travel (N, n): order, signs and zeros are found by comparison with the commands ``q``.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands of the nominal robot at the same touches, m.
-    travel
-        (N, n) recorded travel, m.
-    file, robot
-        File and robot for error messages.
+    ``q``: (N, n) commands of the nominal robot at the same touches, m. ``travel``: (N, n) recorded travel, m. ``file``,
+    ``robot``: file and robot for error messages.
 
-    Raises
-    ------
-    DatasetError
-        If the travel of a drive agrees with no actuator: the robot is another machine.
+    Raises `DatasetError` if the travel of a drive agrees with no actuator: the robot is another machine.
     """
     if len(q) < FEWEST or q.shape != travel.shape:
         what = f"{len(q)} touches with {travel.shape[1]} drives, for a robot of {q.shape[1]} actuators"

@@ -143,10 +143,7 @@ class EffectRecord(Record):
 def record(active: ActiveEffect) -> EffectRecord:
     """An active effect as it is stored in a file.
 
-    Raises
-    ------
-    ModelError
-        If another effect of the catalogue has the same id, since reading the file would give that effect.
+    Raises `ModelError` if another effect of the catalogue has the same id, since reading the file would give that effect.
     """
     own = active.effect
     if not isinstance(own, type(effects_by_id().get(own.id, own))):
@@ -212,17 +209,9 @@ def _joints(known: References) -> JointsRecord | None:
 def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
-    Parameters
-    ----------
-    known
-        Accepted effects, by id.
-    kinematics
-        Kinematics of the geometry to which the effect belongs.
+    ``known``: accepted effects, by id. ``kinematics``: kinematics of the geometry to which the effect belongs.
 
-    Raises
-    ------
-    ModelError
-        If the effect does not fit the robot; ``column`` is the wrong key.
+    Raises `ModelError` if the effect does not fit the robot; ``column`` is the wrong key.
     """
     robot = kinematics.geometry.robot
     effect = known.get(stored.effect)
@@ -319,10 +308,7 @@ def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...])
 def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, Any]:
     """Commands and joints' loads of a fit of a robot without rods.
 
-    Raises
-    ------
-    ModelError
-        If they are missing, or are another robot's.
+    Raises `ModelError` if they are missing, or are another robot's.
     """
     if robot.rods:
         return {}

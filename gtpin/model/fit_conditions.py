@@ -20,13 +20,9 @@ class Unexplained:
 
     They are a part of the uncertainty of every prediction of the model.
 
-    Parameters
-    ----------
-    position, orientation
-        Of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
-    noise_known
-        True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit can't be divided
-        into noise and errors of the model, and all of it counts as unexplained.
+    ``position``, ``orientation``: of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
+    ``noise_known``: True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit
+    can't be divided into noise and errors of the model, and all of it counts as unexplained.
     """
 
     position: float
@@ -47,17 +43,12 @@ EXPLAINED = Unexplained(0.0, 0.0)
 class FitConditions:
     """Noise and temperatures of the poses that a model was fitted to; sigmas are one standard deviation.
 
-    Parameters
-    ----------
-    position_sigma, orientation_sigma
-        Noise of the instrument, per axis, m and rad, declared or estimated.
-    drives
-        Noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not explain.
-    misfit
-        Ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation and at least
-        1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
-    temp_frame, temp_link
-        Mean temperatures, degC; None where they were not recorded.
+    - ``position_sigma``, ``orientation_sigma``: noise of the instrument, per axis, m and rad, declared or estimated.
+    - ``drives``: noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not
+      explain.
+    - ``misfit``: ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation
+      and at least 1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
+    - ``temp_frame``, ``temp_link``: mean temperatures, degC; None where they were not recorded.
     """
 
     position_sigma: float

@@ -20,12 +20,8 @@ PLACES = ("platform", "frame")
 def robot_of(dataset: Dataset) -> Robot:
     """Load the robot that a dataset names.
 
-    Raises
-    ------
-    RobotError
-        If the robot's file does not make a robot.
-    DatasetError
-        If no robot has the name, or it lacks a joint, a link or a site that dataset.toml names.
+    Raises `RobotError` if the robot's file does not make a robot. `DatasetError` if no robot has the name, or it lacks a
+    joint, a link or a site that dataset.toml names.
     """
     file = None if dataset.path is None else dataset.path / "dataset.toml"
     try:
@@ -46,19 +42,10 @@ def robot_of(dataset: Dataset) -> Robot:
 def check_same_robot(robot: Robot, dataset: Dataset) -> None:
     """Check that a model is of the robot that a dataset names: every use of a model with measured data begins with this.
 
-    Parameters
-    ----------
-    robot
-        The model's robot.
-    dataset
-        The measured data.
+    ``robot``: the model's robot. ``dataset``: the measured data.
 
-    Raises
-    ------
-    ModelError
-        If the robots have other names, or other driven joints.
-    GtpinError
-        If the robot that the dataset names can't be loaded.
+    Raises `ModelError` if the robots have other names, or other driven joints. `GtpinError` if the robot that the dataset
+    names can't be loaded.
     """
     check_alike(robot, robot_of(dataset), "the measured data are", dataset.file, "dataset.toml names")
 
@@ -79,10 +66,7 @@ def check_alike(robot: Robot, other: Robot, whose: str, file: Path | None = None
 def measuring(robot: Robot, dataset: Dataset) -> Robot:
     """The robot with the passive joints measured that the dataset's instruments read.
 
-    Raises
-    ------
-    DatasetError
-        For a joint that can't be read; the message says which can.
+    Raises `DatasetError` for a joint that can't be read; the message says which can.
     """
     tables = () if dataset.readings is None else dataset.readings.tables
     try:

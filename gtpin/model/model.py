@@ -30,17 +30,11 @@ ROUNDING = 1e-9
 class FittedInstrument:
     """An instrument whose unknowns were identified together with a model.
 
-    Parameters
-    ----------
-    table
-        Its ``[[instrument]]`` section of dataset.toml.
-    columns
-        Names of the columns of numbers in its table of rows. They determine what is predicted: an orientation only where it
-        was measured.
-    known
-        By name of a column of ids (``station``, ``target``, ...): the ids in it.
-    unknowns
-        By name, the identified value of each unknown less its declared value, m or rad.
+    - ``table``: its ``[[instrument]]`` section of dataset.toml.
+    - ``columns``: names of the columns of numbers in its table of rows. They determine what is predicted: an orientation
+      only where it was measured.
+    - ``known``: by name of a column of ids (``station``, ``target``, ...): the ids in it.
+    - ``unknowns``: by name, the identified value of each unknown less its declared value, m or rad.
     """
 
     table: InstrumentTable
@@ -249,12 +243,8 @@ def _column(name: str, values: npt.ArrayLike, count: int) -> Column:
 def joined(parts: Sequence[Floats], joint: Floats | None) -> Floats:
     """Covariance of all parts together: ``joint`` where its diagonal blocks are the parts, else without cross-covariances.
 
-    Parameters
-    ----------
-    parts
-        (m_i, m_i) covariance of each part: of the geometry, then of each effect's coefficients.
-    joint
-        (m, m), m the sum of the m_i; None where it is not known.
+    ``parts``: (m_i, m_i) covariance of each part: of the geometry, then of each effect's coefficients. ``joint``: (m, m), m
+    the sum of the m_i; None where it is not known.
     """
     apart = np.asarray(block_diag(*parts), dtype=float)
     if joint is None or joint.shape != apart.shape:

@@ -94,10 +94,7 @@ class ModelFile(Record):
 def read_model_file(file: Path) -> ModelFile:
     """Read a ``model.json``.
 
-    Raises
-    ------
-    ModelError
-        If the file can't be read, is not JSON, or has an invalid value; with the key of that value.
+    Raises `ModelError` if the file can't be read, is not JSON, or has an invalid value; with the key of that value.
     """
     try:
         content = json.loads(read_text(file, ModelError, hint=AGAIN))

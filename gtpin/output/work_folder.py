@@ -38,12 +38,8 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: 
     Files with ``names`` that gtpin wrote itself are replaced, or deleted where ``new/`` does not have them. Other files with
     these names are renamed with ``force``; with ``alone``, so are parts of other results.
 
-    Raises
-    ------
-    GtpinError
-        If, without ``force``, a file with one of ``names`` was not written by gtpin.
-    OSError
-        If the folder can't be written.
+    Raises `GtpinError` if, without ``force``, a file with one of ``names`` was not written by gtpin. `OSError` if the
+    folder can't be written.
     """
     written = os.listdir(work / NEW)
     going = {*names, *written} - {MARKER}
@@ -106,10 +102,7 @@ def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
 
     Work folders that killed runs have left are cleared first; an interrupted move of results is finished.
 
-    Raises
-    ------
-    GtpinError
-        If another run holds it.
+    Raises `GtpinError` if another run holds it.
     """
     _clear(folder)
     work = folder / (f"{NAME}-{hashlib.sha256(os.fsencode(key)).hexdigest()[:8]}" if key else NAME)
