@@ -10,8 +10,9 @@ import numpy as np
 
 from gtpin.accuracy.expected import Response, expected_of
 from gtpin.certificate.quantity import Missing
-from gtpin.certificate.response import At, Posterior, by_commands, root_of
+from gtpin.certificate.response import At, Posterior, by_commands
 from gtpin.distributions import norm, t, truncated
+from gtpin.model.model import root_of
 from gtpin.typing import Floats
 
 COVERAGE = 2.0

@@ -12,7 +12,7 @@ from gtpin.calibration.problem import in_frame
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import Model, joined
+from gtpin.model.model import Model, joined, root_of
 from gtpin.typing import Floats
 
 
@@ -119,11 +119,3 @@ class Posterior:
             return np.asarray(covariance)
         F = self.frame.motions(self.model, at)
         return np.asarray(covariance + F @ self.frame.covariance @ np.swapaxes(F, 1, 2))
-
-
-def root_of(covariance: Floats) -> Floats:
-    """F with F F' = ``covariance``, which may be singular. It is scaled first, because its parameters have different units."""
-    size = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data import columns
 from gtpin.data.carts import CartMeasurements
 from gtpin.data.checks import Rows, unnumbered
 from gtpin.data.commands import Commands
@@ -251,7 +250,7 @@ class Dataset(Shown):
         description = describe(values, path / "dataset.toml")
         file = find_table(path, "poses") or path / "poses.csv"
         table = read_table(file)
-        pose, q, position = table.column("pose"), columns.commands(table), table.matrix(POSITION)
+        pose, q, position = table.column("pose"), table.commands(), table.matrix(POSITION)
         taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
         carts = find_table(path, "carts")
         dataset = cls(
@@ -259,8 +258,8 @@ class Dataset(Shown):
             pose=pose,
             q=q,
             position=position,
-            orientation=columns.orientation(table),
-            covariates=columns.covariates(table, taken),
+            orientation=table.orientation(),
+            covariates=table.covariates(taken),
             instrument=description.instrument,
             conditions=description.conditions,
             tolerance=description.tolerance,
@@ -272,7 +271,7 @@ class Dataset(Shown):
             row=table.row,
             file=file,
         )
-        columns.warn_of_covariates(table, taken)
+        table.warn_of_covariates(taken)
         dataset._check_drivers()
         dataset._warn_of_constants(file)
         return dataset

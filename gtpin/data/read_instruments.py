@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.data import columns
 from gtpin.data.checks import Rows
 from gtpin.data.description import Instrument, read_toml
 from gtpin.data.files import read_table
@@ -133,12 +132,12 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
     read = read_table(file, ids=table.ids)
     line = read.row
     rows = Rows.of(file, line, len(line))
-    q = rows.commands(columns.commands(read))
+    q = rows.commands(read.commands())
     pose = rows.ids(read.column("pose"), "pose")
     readings = _readings(read, table, rows)
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
-    covariates = rows.covariates(columns.covariates(read, taken), q.shape[1], TAKEN_IN_POSES)
-    columns.warn_of_covariates(read, taken)
+    covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
+    read.warn_of_covariates(taken)
     return Part(table, file, line, pose, q, readings, covariates)
 
 
@@ -159,7 +158,7 @@ def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Colu
 
 
 def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
-    quaternions = columns.orientation(read)
+    quaternions = read.orientation()
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
     needed = SIGMAS if quaternions is not None else SIGMAS[:3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
@@ -31,9 +31,17 @@ UNIT = 1e-6
 
 
 class Record(BaseModel):
-    """A part of a JSON file. Unknown keys, and text in place of numbers, are errors."""
+    """A part of a JSON file. Unknown keys, and text in place of numbers, are errors.
+
+    Keys in ``optional`` are written only where they have a value.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
+    optional: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_unset(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {key: value for key, value in write(self).items() if key not in self.optional or value}
 
 
 class TimeRecord(Record):
@@ -60,14 +68,10 @@ class DirectionRecord(Record):
 class CommandsRecord(Record):
     """Smallest and largest commands in a fit, m or rad; ``measured``: for each joint, the parts of a turn that had commands."""
 
+    optional = ("measured",)
     lower: list[Finite]
     upper: list[Finite]
     measured: list[list[Annotated[int, Field(ge=0, lt=PARTS)]]] | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The measured angles are written where they are known."""
-        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class JointsRecord(Record):
@@ -80,6 +84,7 @@ class JointsRecord(Record):
 class ReferencesRecord(Record):
     """Reference values of the covariates; see :class:`~gtpin.effects.situation.References`."""
 
+    optional = ("commands", "joints")  # robots with rods have none
     temperature: Finite
     time: TimeRecord
     sessions: list[str]
@@ -88,11 +93,6 @@ class ReferencesRecord(Record):
     covariates: list[str]
     commands: CommandsRecord | None = None
     joints: JointsRecord | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out the keys that only robots without rods have, for other robots."""
-        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class DriverRecord(Record):
@@ -123,6 +123,7 @@ class EffectRecord(Record):
     ``setting`` is the value of its nonlinear parameter, and ``further_settings`` are further values where it acts with several.
     """
 
+    optional = ("column", "further_settings", "only_measured")
     effect: str
     site: str
     setting: Finite | None
@@ -132,12 +133,6 @@ class EffectRecord(Record):
     references: ReferencesRecord
     column: ColumnRecord | None = None
     only_measured: bool = False
-
-    @model_serializer(mode="wrap")
-    def _without_defaults(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Keys that few effects have are written for these alone."""
-        optional = ("column", "further_settings", "only_measured")
-        return {key: value for key, value in write(self).items() if key not in optional or value}
 
 
 def record(active: ActiveEffect) -> EffectRecord:

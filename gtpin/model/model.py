@@ -274,9 +274,13 @@ def block_of(joint: Floats, sizes: Sequence[int], kept: Sequence[bool]) -> Float
 
 def draws(mean: Floats, covariance: Floats, n: int, rng: np.random.Generator) -> Floats:
     """(n, m) draws of a normal distribution with mean (m,) and covariance (m, m), which may be singular."""
+    return np.asarray(mean + rng.standard_normal((n, len(mean))) @ root_of(covariance).T)
+
+
+def root_of(covariance: Floats) -> Floats:
+    """F with F F' = ``covariance``, which may be singular."""
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     size = np.where(sigma > 0.0, sigma, 1.0)
     # Parameters have different units: the eigenvalues are those of the correlations.
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(mean + rng.standard_normal((n, len(mean))) @ root.T)
+    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import Field, ValidationError
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import ModelError
@@ -16,8 +16,6 @@ from gtpin.robot.parameters import Per
 
 SCHEMA: Final = "gtpin-model/1"
 AGAIN = "write the model again"
-LATER_KEYS = ("joint_covariance", "fit", "unexplained")
-"""Keys that were added after the first version."""
 
 
 class FrameRecord(Record):
@@ -67,6 +65,7 @@ class UnexplainedRecord(Record):
 class ModelFile(Record):
     """The whole of ``model.json``; docs/model.md explains the keys."""
 
+    optional = ("joint_covariance", "fit", "unexplained")  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
     nominal_urdf: str
@@ -84,11 +83,6 @@ class ModelFile(Record):
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out keys without a value that older versions do not know."""
-        return {key: value for key, value in write(self).items() if key not in LATER_KEYS or value is not None}
 
 
 def read_model_file(file: Path) -> ModelFile:

@@ -12,7 +12,6 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gtpin.bench.blind.truth import Kind, Six, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
-from gtpin.data import columns
 from gtpin.data.description import describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
 from gtpin.data.names import POSITION
@@ -161,7 +160,7 @@ def _poses(folder: Path, name: str) -> TruePoses | None:
     if not file.exists():
         return None
     table = read_table(file)
-    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), columns.orientation(table)
+    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), table.orientation()
     if len(set(pose)) < len(pose):
         raise DatasetError("a pose is there twice", file=file, column="pose", hint="give each command one true pose")
     commands = find_table(folder / name, "commands")
