@@ -10,14 +10,13 @@ import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Force, Origin, Tcp, Vector, output_path, tell
 from gtpin.data import Commands, Dataset, Instrument
-from gtpin.importers.folder import write_touches
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.importers.matched import Match
 from gtpin.importers.points import Angle, Length, Separator, read_points
 from gtpin.importers.ros_poses import read_ros_poses
 from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
-from gtpin.importers.touches import Touches
+from gtpin.importers.touches import Touches, write_touches
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 
@@ -277,7 +276,7 @@ def ros_poses(
 
 
 def _write_touches(touches: Touches, output: Path, robot: str, as_json: bool, **options: Any) -> None:
-    """Write the dataset of touches; the options are those of :func:`~gtpin.importers.folder.write_touches`."""
+    """Write the dataset of touches; the options are those of :func:`~gtpin.importers.touches.write_touches`."""
     rows = write_touches(touches, output, robot, **options)
     _tell_written(rows, "touches", robot, output, as_json)
 

@@ -5,7 +5,6 @@ import os
 import shutil
 import sys
 
-import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -339,26 +338,6 @@ CELL = st.one_of(
     st.sampled_from(["", "NaN", "0", "1e400", "-0.0", "1,5", '"', "0.1 m", "\x00", "é"]),
     st.text(max_size=4),
 )
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_commands_with_any_cell_are_predicted_or_refused(run, tmp_path_factory, data):
-    folder = tmp_path_factory.mktemp("any")
-    names = data.draw(st.permutations(["pose", "q1", "q2", "q3"]))
-    rows = [[str(i) if name == "pose" else "0.05" for name in names] for i in range(3)]
-    for _ in range(data.draw(st.integers(0, 2))):
-        rows[data.draw(st.integers(0, 2))][data.draw(st.integers(0, 3))] = data.draw(CELL)
-    content = "\n".join([",".join(names), *(",".join(row) for row in rows)]) + "\n"
-    (folder / "c.csv").write_bytes(content.encode("utf-8", "surrogatepass"))
-    ran = run("predict", "gantry_tau", folder / "c.csv", "-o", folder / "p.csv")
-    if ran.code == 0:
-        found = pd.read_csv(folder / "p.csv")
-        assert np.isfinite(found[["x", "y", "z", "qw", "qx", "qy", "qz"]]).all(axis=None)
-    else:
-        ran.failed()
-        assert [path.name for path in folder.iterdir()] == ["c.csv"]
 
 
 @pytest.mark.slow

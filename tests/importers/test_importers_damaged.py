@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from collections.abc import Callable
@@ -147,32 +146,6 @@ def test_a_file_that_is_missing_empty_or_no_text_is_refused(name: str, tmp_path:
         assert len(str(refused.value).splitlines()) == 1
     with pytest.raises(DatasetError, match="folder"):
         read(tmp_path)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-@pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_what_is_no_regular_file_is_refused_without_waiting(name: str, kind: str, tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    if kind == "pipe":
-        os.mkfifo(file)
-    else:
-        file.symlink_to("/dev/zero")
-    with pytest.raises(DatasetError, match="a pipe or a device"):
-        FORMATS[name][1](file)
-    if name.startswith("klipper-delta"):
-        config = tmp_path / "printer.cfg"
-        config.write_text("[include file]\n", encoding="utf-8")
-        with pytest.raises(DatasetError, match="a pipe or a device"):
-            FORMATS[name][1](config)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_file_of_absurd_size_is_refused_unread(name: str, tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    with file.open("wb") as empty:
-        empty.truncate(2_000_000_000)  # a sparse file: it takes no room on the disk
-    with pytest.raises(DatasetError, match="larger than"):
-        FORMATS[name][1](file)
 
 
 @pytest.mark.parametrize("name", FORMATS)
