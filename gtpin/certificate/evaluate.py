@@ -95,7 +95,13 @@ class Evaluation:
 
     def quantities(self) -> tuple[Quantity, ...]:
         """All quantities of the certificate."""
-        return (*self._accuracy(), *self._repeatability(), *self._positioning())
+        groups, _ = self._one_way
+        pooled = Scatter.of(groups, self.nominal.errors)
+        repeatability = (
+            standard_repeatability(groups, self.nominal.measured.T),
+            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
+        )
+        return (*self._accuracy(), *repeatability, *self._positioning())
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
@@ -208,14 +214,6 @@ class Evaluation:
             else:
                 found += accuracy(f"{symbol}_corrected", unit, visits, self.corrected.errors[:, part], scatter)
         return found
-
-    def _repeatability(self) -> list[Quantity]:
-        groups, _ = self._one_way
-        pooled = Scatter.of(groups, self.nominal.errors)
-        return [
-            standard_repeatability(groups, self.nominal.measured.T),
-            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
-        ]
 
     def _positioning(self) -> list[Quantity]:
         robot, held = self.rows, self.corrected

@@ -122,14 +122,12 @@ def _corrected(model: Model, commands: Path, controller: str | None, output: Pat
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
         given = Commands.read(commands, model.robot.n_actuators)
-        meant = predict(_controller(model, controller), Commands(given.pose, given.q, row=given.row, file=given.file))
+        nominal = Model(type(model.geometry).nominal(model.robot))
+        believed = nominal if controller is None else _believed(model, controller)
+        meant = predict(believed, Commands(given.pose, given.q, row=given.row, file=given.file))
         rotations = meant.R if model.robot.n_actuators >= 6 else None
         replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)).write(new)
     return output
-
-
-def _controller(model: Model, controller: str | None) -> Model:
-    return Model(type(model.geometry).nominal(model.robot)) if controller is None else _believed(model, controller)
 
 
 def _believed(model: Model, controller: str) -> Model:

@@ -137,13 +137,9 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
     with file.open("w", encoding="utf-8", newline="") as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*map(_cells, columns.values()), strict=True))
-
-
-def _cells(column: Column) -> list[object]:
-    """A column's values as a CSV file has them: nothing for NaN."""
-    values: list[object] = np.asarray(column).tolist()
-    return ["" if value != value else value for value in values]
+        # Nothing stands for NaN, which is not equal to itself.
+        cells = (["" if v != v else v for v in np.asarray(column).tolist()] for column in columns.values())
+        writer.writerows(zip(*cells, strict=True))
 
 
 def _require_pyarrow(file: Path) -> None:

@@ -90,7 +90,9 @@ def sane_rows(dataset: Dataset) -> Mask:
         if lacking.mean() > MOST:
             first = int(np.argmax(lacking))
             hint = f"{lacking.sum()} of {len(values)} rows are like that: give them as {kind.what}, or leave the column out"
-            raise _error(dataset, first, name, values[first], kind.what, hint)
+            file, line = dataset.place(first)
+            what = f"{values[first]:.6g} can't be {kind.what}"
+            raise DatasetError(what, file=file, row=line, column=name, hint=hint)
         if lacking.any():
             shown = ", ".join(f"{value:g}" for value in np.unique(values[lacking])[:3])
             poses = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[lacking]))
@@ -134,11 +136,6 @@ def _looks(dataset: Dataset, name: str, unit: str, hint: str) -> DatasetError:
     return DatasetError(f"{name} looks like {unit}", file=dataset.file, column=name, hint=hint)
 
 
-def _error(dataset: Dataset, row: int, name: str, value: float, what: str, hint: str) -> DatasetError:
-    file, line = dataset.place(row)
-    return DatasetError(f"{value:.6g} can't be {what}", file=file, row=line, column=name, hint=hint)
-
-
 def check_extremes(dataset: Dataset) -> None:
     """Check the numbers that dataset.toml gives, and that the commands differ.
 
@@ -146,7 +143,7 @@ def check_extremes(dataset: Dataset) -> None:
     any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
     """
     file = None if dataset.path is None else dataset.path / "dataset.toml"
-    for key, value, (least, most), hint in (*_bounded(dataset), *_of_readings(dataset)):
+    for key, value, (least, most), hint in _bounded(dataset):
         if not least <= value <= most:
             raise DatasetError(
                 f"{value:.6g} can't be", file=file, column=key, hint=f"{hint}, from {least:g} to {most:g}"
@@ -163,16 +160,6 @@ def check_extremes(dataset: Dataset) -> None:
         raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
 
 
-def _of_readings(dataset: Dataset) -> Iterator[Bound]:
-    """The bounds for the instruments of schema 2."""
-    for i, table in enumerate(() if dataset.readings is None else dataset.readings.tables):
-        for name in ("sigma", "position_sigma", "orientation_sigma"):
-            sigma = getattr(table, name, None)
-            if sigma is not None:
-                looks = " (it looks like micrometres or microradians)" if sigma > SIGMA[1] else ""
-                yield f"instrument.{i}.{name}", sigma, SIGMA, f"1 sigma in m or rad{looks}"
-
-
 def _bounded(dataset: Dataset) -> Iterator[Bound]:
     instrument = dataset.instrument
     for name, unit, long in (("position_sigma", "m", "metre"), ("orientation_sigma", "rad", "radian")):
@@ -186,3 +173,9 @@ def _bounded(dataset: Dataset) -> Iterator[Bound]:
     yield "conditions.reference_temperature", dataset.conditions.reference_temperature, TEMPERATURE, hint
     for kind, value in dataset.tolerance.items():
         yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"
+    for i, table in enumerate(() if dataset.readings is None else dataset.readings.tables):
+        for name in ("sigma", "position_sigma", "orientation_sigma"):
+            sigma = getattr(table, name, None)
+            if sigma is not None:
+                looks = " (it looks like micrometres or microradians)" if sigma > SIGMA[1] else ""
+                yield f"instrument.{i}.{name}", sigma, SIGMA, f"1 sigma in m or rad{looks}"

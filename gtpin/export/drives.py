@@ -85,10 +85,12 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     q = np.concatenate([at.q[:, index], far.q[:, index]])
     up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
-    ends = _ends(at, index)
+    slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)  # the travel is -1 and 1 at its ends
+    ends = float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
     along = fitted(q, (up + down) / 2.0, ends, weight)
     law = Law(along, _half_width(q, (down - up) / 2.0, ends, weight), _largest_load(at, active.site))
-    held = law.at(at.q[:, index], _approach(at, index))
+    came = f"approach{index + 1}"
+    held = law.at(at.q[:, index], at.covariate(came) if came in at.covariates else 0.0)
     moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
@@ -111,12 +113,6 @@ def _largest_load(at: Situation, site: str) -> float:
     rods = rods_of(at, site)
     middle, spreads = (values[rods] for values in at.references.force)
     return float((np.abs(middle) + SPREADS * spreads).sum())
-
-
-def _ends(at: Situation, index: int) -> tuple[float, float]:
-    """Commands at the ends of an actuator's travel."""
-    slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)
-    return float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -142,11 +138,6 @@ def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) ->
     command = active.basis(at).command
     assert command is not None
     return np.asarray(command[1] @ active.coefficients)
-
-
-def _approach(at: Situation, index: int) -> Floats:
-    name = f"approach{index + 1}"
-    return at.covariate(name) if name in at.covariates else np.zeros(len(at))
 
 
 def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:

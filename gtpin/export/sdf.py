@@ -72,7 +72,12 @@ def _joints(model: Element, body: Body) -> None:
         kind = "prismatic" if first.kind == "slide" else "revolute"
         kind = "continuous" if kind == "revolute" and not np.isfinite(first.upper) else kind
         joint = _joint(model, first.name, kind, body.parent, body.name)
-    elif len(others) == 1 and _cross(first, others[0]):
+    elif (
+        len(others) == 1
+        and first.kind == others[0].kind == "hinge"
+        and abs(float(first.axis @ others[0].axis)) < SQUARE
+        and float(np.linalg.norm(first.point - others[0].point)) < SQUARE
+    ):
         joint = _joint(model, f"{body.name}_joint", "universal", body.parent, body.name)
     else:
         names = " and ".join(j.name for j in body.joints)
@@ -80,11 +85,6 @@ def _joints(model: Element, body: Body) -> None:
     _pose(joint, pin.SE3(np.eye(3), first.point))
     for tag, axis in zip(("axis", "axis2"), body.joints, strict=False):
         _axis(joint, tag, axis)
-
-
-def _cross(one: Joint, other: Joint) -> bool:
-    apart = float(np.linalg.norm(one.point - other.point))
-    return one.kind == other.kind == "hinge" and abs(float(one.axis @ other.axis)) < SQUARE and apart < SQUARE
 
 
 def _axis(joint: Element, tag: str, axis: Joint) -> None:

@@ -217,7 +217,11 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
         mechanism = _sprung(mechanism, robot, rod, spring, tcp.act(rod.P))
     rigid = {rod.site for i, rod in enumerate(robot.rods) if i not in soft}
     held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
-    return mechanism, {e.name: _at_tcp(model, e, *laws[e.name]) for e in held}
+    shown = {}  # of rods that stretch by the rest and in proportion to their load
+    for e in held:
+        at, (compliance, rest) = conditions(model, e), laws[e.name]
+        shown[e.name] = np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
+    return mechanism, shown
 
 
 def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
@@ -231,12 +235,6 @@ def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
     ]
     compliance, rest = np.array(found).T
     return compliance, rest
-
-
-def _at_tcp(model: Model, active: ActiveEffect, compliance: Floats, rest: Floats) -> Floats:
-    """(N, 6) motion of the TCP, m and rad, by rods that stretch by ``rest`` (k,) and in proportion to their load."""
-    at = conditions(model, active)
-    return np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
 
 
 def _sprung(mechanism: Mechanism, robot: Robot, rod: Rod, spring: Spring, root: Floats) -> Mechanism:

@@ -185,7 +185,9 @@ def read_klipper_mesh(
         raise DatasetError("[bed_mesh] is missing", file=file, column="bed_mesh", hint=hint)
     nx, ny = (_count(needed(sections, name, f"{axis}_count", file)) for axis in "xy")
     (low, high) = zip(*(_bounds(sections, name, axis, file) for axis in "xy"), strict=True)
-    radius, origin = _round(sections)
+    bed = sections["bed_mesh"]
+    radius = bed["mesh_radius"].number() if "mesh_radius" in bed else np.inf  # of a round bed
+    origin = bed["mesh_origin"].numbers(2) if "mesh_origin" in bed else [0.0, 0.0]
     lines = [line for line in needed(sections, name, "points", file).lines if line.text]
     if len(lines) != ny:
         what = f"{len(lines)} lines of points where y_count is {ny}"
@@ -208,13 +210,6 @@ def read_klipper_mesh(
             "no point of the mesh is on the bed", file=file, column="mesh_radius", hint="check its unit, mm"
         )
     return touched(file, rows, xyz, offset)
-
-
-def _round(sections: Sections) -> tuple[float, list[float]]:
-    """Radius and middle of a round bed, mm; for any other bed the radius is infinite."""
-    options = sections["bed_mesh"]
-    radius = options["mesh_radius"].number() if "mesh_radius" in options else np.inf
-    return radius, options["mesh_origin"].numbers(2) if "mesh_origin" in options else [0.0, 0.0]
 
 
 def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float, float]:

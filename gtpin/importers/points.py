@@ -81,7 +81,11 @@ def read_named_columns(
         for name, place in wanted.items():
             text = texts[place].strip()
             if name == "pose":
-                poses.append(_id(text, file, row))
+                try:
+                    poses.append(normal_id(text))
+                except ValueError as error:
+                    hint = "give every row a pose"
+                    raise DatasetError(str(error), file=file, row=row, column="pose", hint=hint) from None
             else:
                 plain = text.replace(",", ".", 1) if decimal_comma else text
                 cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
@@ -125,13 +129,6 @@ def _hint(text: str, *, first: bool) -> str:
         if first
         else "correct the row, or delete it"
     )
-
-
-def _id(text: str, file: Path, row: int) -> str:
-    try:
-        return normal_id(text)
-    except ValueError as error:
-        raise DatasetError(str(error), file=file, row=row, column="pose", hint="give every row a pose") from None
 
 
 def commands_among(names: Iterable[str]) -> list[str]:

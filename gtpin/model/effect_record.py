@@ -144,6 +144,8 @@ def record(active: ActiveEffect) -> EffectRecord:
     if not isinstance(own, type(effects_by_id().get(own.id, own))):
         raise ModelError(f"the catalogue has another effect {own.id}", hint="give one of them another id")
     known = active.references
+    (lower, upper), (mean, spread) = known.commands, known.joints
+    measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
@@ -158,8 +160,10 @@ def record(active: ActiveEffect) -> EffectRecord:
             force=ForceRecord(mean=known.force[0].tolist(), spread=known.force[1].tolist()),
             direction=DirectionRecord(mean=known.direction[0].tolist(), spread=known.direction[1].tolist()),
             covariates=list(known.covariates),
-            commands=_commands(known),
-            joints=_joints(known),
+            commands=CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
+            if lower.size
+            else None,
+            joints=JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None,
         ),
         column=_column(own) if isinstance(own, DriverEffect) else None,
         only_measured=active.only_measured,
@@ -188,19 +192,6 @@ def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
     return DriverEffect(Column(stored.name, stored.mean, stored.range), drivers, instrument)
 
 
-def _commands(known: References) -> CommandsRecord | None:
-    lower, upper = known.commands
-    if not lower.size:
-        return None
-    measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
-    return CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
-
-
-def _joints(known: References) -> JointsRecord | None:
-    mean, spread = known.joints
-    return JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None
-
-
 def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
@@ -224,13 +215,14 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
     if stored.further_settings and len(stored.further_settings) >= effect.most_values:
         raise ModelError(f"{effect.id} has {effect.most_values} settings at most", column="further_settings")
+    since_a_model = effect.since_a_model and not stored.references.sessions  # it can be applied without covariates
     active = ActiveEffect(
         effect,
         stored.site,
         stored.setting,
         np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
-        _references(stored.references, robot, _needed(effect, robot, stored)),
+        _references(stored.references, robot, () if since_a_model else effect.covariates(robot, stored.site)),
         tuple(stored.further_settings),
         stored.only_measured,
     )
@@ -249,13 +241,6 @@ def _check_measured(active: ActiveEffect, robot: Robot) -> None:
             f"only a curve of a turning joint with references.commands.measured can be, not {active.name}",
             column="only_measured",
         )
-
-
-def _needed(effect: Effect, robot: Robot, stored: EffectRecord) -> tuple[str, ...]:
-    """Covariates without which a stored effect can't be applied."""
-    if effect.since_a_model and not stored.references.sessions:
-        return ()  # a change since an earlier model
-    return effect.covariates(robot, stored.site)
 
 
 def _covariance(stored: EffectRecord) -> Floats:

@@ -72,13 +72,10 @@ def measuring(robot: Robot, dataset: Dataset) -> Robot:
     try:
         return robot.measuring(joint for table in tables for joint in table.measured_joints)
     except RobotError as error:
-        number = next(i for i, table in enumerate(tables) if not _all_readable(robot, table.measured_joints))
+        known = set(readable(robot))
+        number = next(i for i, table in enumerate(tables) if not known.issuperset(table.measured_joints))
         toml = None if dataset.path is None else dataset.path / "dataset.toml"
         raise DatasetError(error.what, file=toml, column=f"instrument.{number}.joint", hint=error.hint) from None
-
-
-def _all_readable(robot: Robot, joints: tuple[str, ...]) -> bool:
-    return set(joints) <= set(readable(robot))
 
 
 def _check_drivers(dataset: Dataset, robot: Robot, file: Path | None) -> None:
