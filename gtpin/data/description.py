@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -18,7 +18,8 @@ from gtpin.errors import DatasetError
 
 Motion = Literal["x", "y", "z", "rx", "ry", "rz", "q"]
 MOTIONS: tuple[str, ...] = get_args(Motion)
-SCHEMA = "gtpin-dataset/1"
+SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
+"""Of the poses of one tracker, and of several instruments."""
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
 TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
@@ -151,25 +152,28 @@ def read_toml(file: Path) -> dict[str, Any]:
     return content
 
 
-def write_description(file: Path, description: Description) -> None:
-    """Write a dataset.toml from which `read_description` gives the same again; unknown values are omitted."""
-    values = {
-        "schema": SCHEMA,
+def write_description(file: Path, description: Description, instruments: Sequence[Mapping[str, Any]] = ()) -> None:
+    """Write a dataset.toml that reads back as the same; unknown values are omitted.
+
+    ``instruments``: the ``[[instrument]]`` sections of schema 2, in place of the one instrument of schema 1.
+    """
+    one = description.instrument
+    values: dict[str, Any] = {
+        "schema": SECOND if instruments else SCHEMA,
         "robot": description.robot,
         "tcp": description.tcp,
         "actuators": list(description.actuators),
-        "instrument": _written(description.instrument),
+        # A target at the TCP is the default.
+        "instrument": one.model_dump(exclude_none=True, exclude={"target"} if one.target == "tcp" else None),
         "conditions": description.conditions.model_dump(),
         "tolerance": description.tolerance,
         "driver": [table.model_dump() for table in description.driver],
     }
+    if instruments:
+        del values["instrument"]
+        values["instrument"] = list(instruments)
     text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
     file.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _written(instrument: Instrument) -> dict[str, Any]:
-    """The keys of [instrument]; a target at the TCP, the default, is omitted."""
-    return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 
 def explained(file: Path | None, error: ValidationError) -> DatasetError:

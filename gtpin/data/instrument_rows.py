@@ -93,6 +93,13 @@ class InstrumentRows:
         """Rows of an instrument, by its index."""
         return np.flatnonzero(self.of == index)
 
+    def columns_of(self, index: int) -> dict[str, Column]:
+        """The columns that an instrument reads, by name: those of its kind that are not empty in its rows."""
+        rows, table = self.rows_of(index), self.tables[index]
+        names = [name for name in (*table.numbers, *table.optional, *table.ids) if name in self.columns]
+        found = {name: self.columns[name][rows] for name in names}
+        return {n: c for n, c in found.items() if not ((c == "") if c.dtype == object else np.isnan(c)).all()}
+
     def place(self, row: int) -> tuple[Path | None, int]:
         """File and line of a row."""
         return self.files[self.of[row]], int(self.line[row])

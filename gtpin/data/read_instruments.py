@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from gtpin.data.checks import Rows
-from gtpin.data.description import Instrument, read_toml
+from gtpin.data.description import SECOND, Instrument, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
-from gtpin.data.instrument_files import columns_beside, file_of, warn_of_files
-from gtpin.data.instrument_parts import Part, covariates_of, filled
+from gtpin.data.instrument_files import Part, columns_beside, covariates_of, file_of, filled, warn_of_files
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.second_schema import SECOND, SecondDescription, describe_second
+from gtpin.data.second_schema import SecondDescription, describe_second
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats

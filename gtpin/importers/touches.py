@@ -14,9 +14,11 @@ from scipy.optimize import linear_sum_assignment
 
 from gtpin.data import Commands, check_commands
 from gtpin.data.dataset import FILES
+from gtpin.data.description import SECOND, write_description
 from gtpin.data.files import write_table
+from gtpin.data.instrument_tables import written
 from gtpin.data.names import command_names
-from gtpin.data.second_schema import SECOND, describe_second, write_second
+from gtpin.data.second_schema import describe_second
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
 from gtpin.kinematics.inverse import commands_for
@@ -287,7 +289,7 @@ def write_instrument(
     tables = {name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet"))}
     table = f"{name}.csv"
     with results_folder(folder, {*FILES, *tables, table}, force=force, kind=DatasetError) as new:
-        write_second(new / "dataset.toml", described.common, described.instruments)
+        write_description(new / "dataset.toml", described.common, [written(one) for one in described.instruments])
         write_table(new / table, columns)
 
 
