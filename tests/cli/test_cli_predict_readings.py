@@ -3,7 +3,7 @@
 import pytest
 
 import gtpin
-from gtpin.bench.simulator.instruments.plain import simulate_measured
+from gtpin.bench.simulator.instruments.build import simulate_measured
 from gtpin.data import Dataset
 
 

@@ -118,12 +118,7 @@ def instrument_table(result: Mapping[str, Any]) -> Table:
         "shrinkage_error": "shrinkage error",
     }
     rows = [
-        (
-            name,
-            str(row["cases"]),
-            *(_cell(row[key]) for key in columns),
-            f"{row['not_visible']} of {row['effects']}",
-        )
+        (name, str(row["cases"]), *(_cell(row[key]) for key in columns), f"{row['not_visible']} of {row['effects']}")
         for name, row in result.get("by_instrument", {}).items()
     ]
     return Table(("instrument", "cases", *columns.values(), "not visible"), rows)

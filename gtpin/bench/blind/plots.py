@@ -188,12 +188,7 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     one = [c for c in of_kind(cases, "one") if c.energy == c.energy and c.leaves == c.leaves]
     if not one:
         return None
-    groups = (
-        ("right, alone", GOOD),
-        ("class holds it", WARN),
-        ("wrong or unknown", BAD),
-        ("not detected", DATA),
-    )
+    groups = (("right, alone", GOOD), ("class holds it", WARN), ("wrong or unknown", BAD), ("not detected", DATA))
     traces = []
     for number, (name, color) in enumerate(groups):
         some = [c for c in one if _group(c) == number]

@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any, Protocol
 
 from gtpin.bench.blind.claim import CLAIM, claimed
-from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, measured, recipe, truth_of
+from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, measured, truth_of
 from gtpin.bench.blind.folder import CheckFolder, Settings, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
@@ -21,10 +21,9 @@ from gtpin.bench.blind.seal import SealError, digest_of, opened, read_manifest, 
 from gtpin.bench.blind.spread import check_cluster, spread, workers
 from gtpin.bench.blind.truth import Truth
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
-from gtpin.bench.simulator.digest import digest as plant_digest
-from gtpin.bench.simulator.instruments.case import InstrumentCase
 from gtpin.bench.simulator.instruments.choice import checked
-from gtpin.bench.simulator.truth import Case
+from gtpin.bench.simulator.recipe import digest as plant_digest
+from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.errors import GtpinError, warn
 from gtpin.threads import in_one_thread
 
@@ -132,14 +131,14 @@ def _make(root: Path, draft: Draft) -> None:
     left_out: tuple[LeftOut, ...] = ()
     case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
     if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case, recipe(draft))
+        case, left_out = without_some_touches(case)
     place = folder.case(draft.name)
     shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
     case.dataset.write(place)
     case.commands.write(place / "commands.csv")
     for touches in left_out:
         touches.write(place)
-    seal(truth_of(case, draft.kind, recipe(draft), left_out), place, folder.sealed(draft.name))
+    seal(truth_of(case, draft.kind, left_out), place, folder.sealed(draft.name))
 
 
 def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:

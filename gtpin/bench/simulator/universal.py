@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.urdf import read_urdf
-from gtpin.bench.simulator.closing import RodEnds
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rods import NUDGE
-from gtpin.bench.simulator.rotations import exp
+from gtpin.bench.simulator.poses import Poses, exp
+from gtpin.bench.simulator.rods import NUDGE, RodEnds
+from gtpin.bench.simulator.urdf import read_urdf
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats

@@ -8,8 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.looped.robot import LoopedArm
+from gtpin.bench.simulator.arm import Arm
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
 
@@ -37,7 +36,7 @@ class Site:
                 return Site(name, robot.sites.index(name), ())
             if name in robot.link_sites:
                 return Site(name, -1, (robot.link_sites.index(name),))
-            if isinstance(robot, LoopedArm) and name in robot.pin_sites:
+            if name in robot.pin_sites:
                 return Site(name, -1, (), robot.pins[robot.pin_sites.index(name)])
             return Site(name, -1, tuple(range(robot.n_actuators)))
         if name in robot.sites:
@@ -98,7 +97,7 @@ class Kind:
     def _on_arm(self, robot: Arm) -> tuple[str, ...]:
         """Sites of an arm, without joints and links that do not move the TCP."""
         if self.where == "pins":
-            return robot.pin_sites if isinstance(robot, LoopedArm) else ()
+            return robot.pin_sites
         if self.where in ("joints", "coupled"):
             return (
                 tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()

@@ -1,4 +1,4 @@
-"""The tree of joints of a URDF, read by the plant itself: its kinematics share no code with the diagnosis."""
+"""The tree of joints of a URDF, read by the simulator itself: its kinematics share no code with the diagnosis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml.ElementTree import fromstring
 
-from gtpin.bench.simulator.rotations import exp
+from gtpin.bench.simulator.poses import exp
 from gtpin.errors import RobotError
 from gtpin.typing import Floats
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.arms.urdf import Frame, Joint
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rotations import cross_matrix, exp
+from gtpin.bench.simulator.poses import Poses, cross_matrix, exp
+from gtpin.bench.simulator.urdf import Frame, Joint
 from gtpin.typing import Floats
 
 

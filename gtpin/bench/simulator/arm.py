@@ -1,4 +1,4 @@
-"""A nominal arm, from its URDF: the commanded joints, the TCP, the payload that it may carry."""
+"""A nominal robot without rods, from its URDF: commanded and passive joints, the TCP, the payload that it may carry."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.arms.urdf import Frame, Joint, Urdf, read_urdf
-from gtpin.errors import RobotError
+from gtpin.bench.simulator.loops import Loops
+from gtpin.bench.simulator.urdf import Frame, Joint
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -24,17 +24,13 @@ SHORTEST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The nominal robot: an open chain.
+    """The nominal robot: an open chain, or one with passive joints, which close its loops.
 
     Parameters
     ----------
     name
-    joints
-        All its moving joints, parents first.
-    counted
-        Indices of the commanded joints, in the order of q.
-    tcp
-        The TCP frame.
+    loops
+        All its moving joints, parents first, the TCP frame, and the points that coincide; none on an open chain.
     gravity
         (3,) acceleration of gravity, base frame, m/s^2.
     tolerance
@@ -42,32 +38,38 @@ class Arm:
     """
 
     name: str
-    joints: tuple[Joint, ...]
-    counted: tuple[int, ...]
-    tcp: Frame
+    loops: Loops
     gravity: Floats
     tolerance: Floats
 
     @staticmethod
     def of(robot: Robot) -> Arm:
-        """The arm of a robot without loops. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
+        """The arm of a robot without rods. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
 
         Raises
         ------
         RobotError
-            If the robot has loops.
+            If a joint mimics another one in a robot with loops.
         """
-        if robot.description.loops:
-            raise RobotError(f"{robot.name} has loops", hint="an open chain has none")
-        urdf: Urdf = read_urdf(robot.description.xml)
-        return Arm(
-            robot.name,
-            urdf.joints,
-            tuple(urdf.index(actuator.joint) for actuator in robot.actuators),
-            urdf.links[robot.tcp_frame],
-            np.array(robot.description.gravity),
-            tolerance_of(robot),
-        )
+        told = robot.tolerance
+        position, rotation = (told.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))
+        gravity = np.array(robot.description.gravity)
+        return Arm(robot.name, Loops.of(robot, {}), gravity, np.array([position] * 3 + [rotation] * 3))
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """All its moving joints, parents first."""
+        return self.loops.joints
+
+    @property
+    def counted(self) -> tuple[int, ...]:
+        """Indices of the commanded joints, in the order of q."""
+        return self.loops.driven
+
+    @property
+    def tcp(self) -> Frame:
+        """The TCP frame."""
+        return self.loops.tcp
 
     @property
     def n_actuators(self) -> int:
@@ -84,15 +86,15 @@ class Arm:
         """Names of the links that the commanded joints move."""
         return tuple(self.joints[j].link for j in self.counted)
 
-    @property
-    def placed(self) -> tuple[int, ...]:
-        """Indices of the joints whose placements a calibration identifies."""
-        return self.counted
+    @cached_property
+    def pins(self) -> tuple[int, ...]:
+        """Indices of the passive revolute joints of loops."""
+        return tuple(j for j in self.loops.passive if not self.joints[j].slides)
 
     @property
-    def linked(self) -> tuple[int, ...]:
-        """Indices of the commands whose link is between base and TCP: it reaches from its joint to the next one, or the TCP."""
-        return self.acting
+    def pin_sites(self) -> tuple[str, ...]:
+        """Names of the passive revolute joints of loops."""
+        return tuple(self.joints[j].name for j in self.pins)
 
     @cached_property
     def lower(self) -> Floats:
@@ -119,28 +121,55 @@ class Arm:
         return tuple(reversed(found))
 
     @cached_property
+    def moving(self) -> tuple[int, ...]:
+        """Indices of the joints that move the TCP: those on the way, and those of the loops."""
+        return tuple(sorted({*self.way, *self.loops.closing}))
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        """Indices of the joints whose placements a calibration identifies."""
+        return self.moving if self.loops.pairs else self.counted
+
+    @cached_property
     def acting(self) -> tuple[int, ...]:
         """Indices of the commands that move the TCP."""
-        return tuple(c for c, j in enumerate(self.counted) if j in self.way)
+        return tuple(c for c, j in enumerate(self.counted) if j in self.moving)
+
+    @cached_property
+    def linked(self) -> tuple[int, ...]:
+        """Indices of the commands whose link reaches from its joint to the next one, or the TCP; without links that carry no
+        joint, on which a loop closes directly."""
+        return tuple(c for c in self.acting if self.counted[c] == self.tcp.joint or self._beyond(self.counted[c]))
+
+    def _beyond(self, joint: int) -> tuple[int, ...]:
+        return tuple(j for j, other in enumerate(self.joints) if other.parent == joint)
 
     def onward(self, joint: int) -> tuple[int, ...]:
-        """Indices of a joint on the way and of those beyond it."""
-        return self.way[self.way.index(joint) :]
+        """Indices of a joint and of those beyond it: on the way, or up to the end of its loop."""
+        if joint in self.way:
+            return self.way[self.way.index(joint) :]
+        found = [joint]
+        while beyond := self._beyond(found[-1]):
+            found.append(beyond[0])
+        return tuple(found)
 
     def next_frame(self, joint: int) -> Frame:
-        """End of the body of a joint on the way, as a frame on that body: at the next joint, for the last one at the TCP."""
+        """End of a joint's body, as a frame on that body: at the next joint, at the TCP, or where the loop closes."""
         line = self.onward(joint)
-        if len(line) == 1:
+        if len(line) > 1:
+            following = self.joints[line[1]]
+            return Frame(joint, following.R, following.p)
+        if joint == self.tcp.joint:
             return self.tcp
-        following = self.joints[line[1]]
-        return Frame(joint, following.R, following.p)
+        ends = [end for pair in self.loops.pairs for end in pair if end.joint == joint]
+        return ends[0] if ends else Frame(joint, np.eye(3), np.zeros(3))
 
     def length(self, joint: int) -> float:
-        """Length of the body of a joint on the way, m."""
+        """Length of the body of a joint, m."""
         return max(float(np.linalg.norm(self.next_frame(joint).p)), SHORTEST)
 
     def reach_from(self, joint: int) -> float:
-        """Length of the stretched chain from a joint on the way to the TCP, m."""
+        """Length of the stretched chain from a joint on, m."""
         return sum(self.length(j) for j in self.onward(joint))
 
     @cached_property
@@ -150,7 +179,7 @@ class Arm:
         return max(0.5, round(2.0 * CARRIES * mass) / 2.0)
 
     def usual_moment(self, joint: int) -> float:
-        """Usual load of a joint on the way, N m (N if prismatic): 0.4 of that with the arm stretched out and full payload."""
+        """Usual load of a joint, N m (N if prismatic): 0.4 of that with the arm stretched out and full payload."""
         g, moment, way = float(np.linalg.norm(self.gravity)) or 9.81, 0.0, 0.0
         if self.joints[joint].slides:
             behind = sum(self.joints[j].mass for j in self.onward(joint))
@@ -159,9 +188,3 @@ class Arm:
             moment += self.joints[j].mass * (way + 0.5 * self.length(j))
             way += self.length(j)
         return 0.4 * g * (moment + self.capacity * way)
-
-
-def tolerance_of(robot: Robot) -> Floats:
-    """(6,) standard deviation of the placement of each joint and of the tool, m and rad."""
-    told = robot.tolerance
-    return np.array([told.get("placement_position", TOLERANCE)] * 3 + [told.get("placement_rotation", TOLERANCE)] * 3)
