@@ -30,22 +30,13 @@ SINGLE = ("one", "power")
 
 @dataclass(frozen=True)
 class Scored:
-    """A case with its answer.
+    """A case with its answer."""
 
-    Parameters
-    ----------
-    judged
-        The truth, with D, and what the answer says.
-    error
-        RMS error of the predictions at commands that are not in the dataset, in units of the instrument's noise; None if not
-        predicted.
-    said
-        The predicted explained fraction; None if not predicted.
-    """
-
-    judged: Judged
+    judged: Judged  # The truth, with D, and what the answer says
+    # RMS error of the predictions at commands that are not in the dataset, in units of the instrument's noise; None if
+    # not predicted
     error: float | None
-    said: float | None
+    said: float | None  # The predicted explained fraction; None if not predicted
 
     def explained(self, before: float) -> float:
         """The explained fraction that is realised, for an error ``before`` of the geometry alone."""

@@ -28,28 +28,18 @@ JUDGES = ("bench", "report", "commands")
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of a check and the digests of its sources. Results are valid for these settings only.
+    """The settings of a check and the digests of its sources. Results are valid for these settings only."""
 
-    Parameters
-    ----------
-    cases, seed
-        Number of cases and the seed from which they are drawn; the seed is None for cases that somebody else made.
-    source
-        Digest of the cases that somebody else made, or None.
-    robot
-        Robot of the cases, or None for cases that somebody else made.
-    plant, diagnosis
-        Digests of the source files that make the cases, and of those that diagnose them.
-    instruments
-        Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made.
-    """
-
+    # `cases`, `seed`: Number of cases and the seed from which they are drawn; the seed is None for cases that somebody
+    # else made
     cases: int
     seed: int | None
-    source: str | None
-    robot: str | None
+    source: str | None  # Digest of the cases that somebody else made, or None
+    robot: str | None  # Robot of the cases, or None for cases that somebody else made
+    # `plant`, `diagnosis`: Digests of the source files that make the cases, and of those that diagnose them
     plant: str | None
     diagnosis: str
+    # Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made
     instruments: str | None = None
 
 

@@ -27,23 +27,17 @@ ONE_IN = 6
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Touches of an instrument that are not in its table.
+    """Touches of an instrument that are not in its table."""
 
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    pose, q, columns
-        (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
-    values, sigma
-        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values`` are
-        those of a machine that returns exactly to its commands: no model predicts the scatter of its repeatability.
-    """
-
-    name: str
+    name: str  # Name of the instrument
+    # `pose`, `q`, `columns`: (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is
+    # touched, as in a table
     pose: Ids
     q: Floats
     columns: dict[str, Column]
+    # `values`, `sigma`: (M, c) distance of the target from what it touches, without the noise of the touch, and this
+    # noise, m. ``values`` are those of a machine that returns exactly to its commands: no model predicts the scatter
+    # of its repeatability.
     values: Floats
     sigma: Floats
 

@@ -17,29 +17,19 @@ Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 class TrueEffect(BaseModel):
-    """A true effect of a machine.
-
-    Parameters
-    ----------
-    effect, site
-        Its id and its site; the id of an unlisted effect is in no catalogue.
-    energy
-        E: its whitened energy that geometry can't explain.
-    leaves
-        D: the part of E that the best wrong effect leaves; None if the file does not give it.
-    amplitude
-        Its size relative to the typical size.
-    displacement
-        (N, 6) TCP displacement by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base frame.
-    """
+    """A true effect of a machine."""
 
     model_config = ConfigDict(frozen=True)
 
+    # `effect`, `site`: Its id and its site; the id of an unlisted effect is in no catalogue
     effect: Annotated[str, Field(min_length=1)]
     site: str = ""
-    energy: Positive | None = None
+    energy: Positive | None = None  # E: its whitened energy that geometry can't explain
+    # D: the part of E that the best wrong effect leaves; None if the file does not give it
     leaves: Positive | None = None
-    amplitude: Finite | None = None
+    amplitude: Finite | None = None  # Its size relative to the typical size
+    # (N, 6) TCP displacement by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base
+    # frame
     displacement: tuple[Six, ...] | None = None
 
     @property
@@ -69,66 +59,39 @@ class TrueReadings(BaseModel):
     Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; the
     predictions of the worker have the same assignment. The reading of a touch is the distance of the target from what it
     touches.
-
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    values, sigma
-        (H, c) readings and their noise, m or rad; for a tracker, positions.
     """
 
     model_config = ConfigDict(frozen=True)
 
-    name: str
+    name: str  # Name of the instrument
+    # `values`, `sigma`: (H, c) readings and their noise, m or rad; for a tracker, positions
     values: tuple[tuple[Finite, ...], ...]
     sigma: tuple[tuple[Finite, ...], ...]
 
 
 class TrueNoise(BaseModel):
-    """The noise of an instrument's readings with which E is computed.
-
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    sigma
-        (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad.
-    """
+    """The noise of an instrument's readings with which E is computed."""
 
     model_config = ConfigDict(frozen=True)
 
-    name: str
+    name: str  # Name of the instrument
+    # (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad
     sigma: tuple[tuple[Finite, ...], ...]
 
 
 class Truth(BaseModel):
-    """The sealed truth of a case.
-
-    Parameters
-    ----------
-    kind
-        Kind of case.
-    effects
-        True effects of the machine; can be empty.
-    poses
-        True poses at the held-out commands, if known.
-    readings
-        True readings where other instruments than a tracker alone measured; ``poses`` is then None.
-    sigma
-        (6,) the instrument's noise, m and rad, with which displacements are whitened; None if not known.
-    noise
-        The same for instruments of schema 2, for each number; empty if not known.
-    """
+    """The sealed truth of a case."""
 
     model_config = ConfigDict(frozen=True)
 
-    kind: Kind
-    effects: tuple[TrueEffect, ...]
-    poses: TruePoses | None = None
+    kind: Kind  # Kind of case
+    effects: tuple[TrueEffect, ...]  # True effects of the machine; can be empty
+    poses: TruePoses | None = None  # True poses at the held-out commands, if known
+    # True readings where other instruments than a tracker alone measured; ``poses`` is then None
     readings: tuple[TrueReadings, ...] = ()
+    # (6,) the instrument's noise, m and rad, with which displacements are whitened; None if not known
     sigma: Six | None = None
-    noise: tuple[TrueNoise, ...] = ()
+    noise: tuple[TrueNoise, ...] = ()  # The same for instruments of schema 2, for each number; empty if not known
 
     @model_serializer(mode="wrap")
     def _without_empty_noise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

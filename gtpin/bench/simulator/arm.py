@@ -24,23 +24,13 @@ SHORTEST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The nominal robot: an open chain, or one with passive joints, which close its loops.
-
-    Parameters
-    ----------
-    name
-    loops
-        All its moving joints, parents first, the TCP frame, and the points that coincide; none on an open chain.
-    gravity
-        (3,) acceleration of gravity, base frame, m/s^2.
-    tolerance
-        (6,) standard deviation of the placement of each joint and of the tool, m and rad.
-    """
+    """The nominal robot: an open chain, or one with passive joints, which close its loops."""
 
     name: str
+    # All its moving joints, parents first, the TCP frame, and the points that coincide; none on an open chain
     loops: Loops
-    gravity: Floats
-    tolerance: Floats
+    gravity: Floats  # (3,) acceleration of gravity, base frame, m/s^2
+    tolerance: Floats  # (6,) standard deviation of the placement of each joint and of the tool, m and rad
 
     @staticmethod
     def of(robot: Robot) -> Arm:

@@ -48,31 +48,21 @@ class ArmMachine:
     """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.machine.Machine`.
 
     Its passive joints close its loops, where there are any, in spite of all deviations.
-
-    Parameters
-    ----------
-    robot
-        The nominal robot.
-    twists, tool
-        (k, 6) twists of the robot's ``placed`` joints, and (6,) twist of the tool: each placement is the nominal one times the
-        exponential of its twist, m and rad.
-    ends
-        (2 L, 3) displacement from nominal of the points at which L loops close, m, in the frames of their links.
-    masses, centres
-        (J,) masses, kg, and (J, 3) centres of mass, m, in their own frames, of the bodies of all moving joints.
-    target
-        Placement of the measured target in the TCP frame.
-    free
-        Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is.
     """
 
-    robot: Arm
+    robot: Arm  # The nominal robot
+    # `twists`, `tool`: (k, 6) twists of the robot's ``placed`` joints, and (6,) twist of the tool: each placement is
+    # the nominal one times the exponential of its twist, m and rad
     twists: Floats
     tool: Floats
+    # (2 L, 3) displacement from nominal of the points at which L loops close, m, in the frames of their links
     ends: Floats
+    # `masses`, `centres`: (J,) masses, kg, and (J, 3) centres of mass, m, in their own frames, of the bodies of all
+    # moving joints
     masses: Floats
     centres: Floats
-    target: Frame
+    target: Frame  # Placement of the measured target in the TCP frame
+    # Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is
     free: tuple[bool, bool] = (False, False)
 
     @staticmethod

@@ -18,20 +18,14 @@ from gtpin.typing import Floats
 
 @dataclass(frozen=True, eq=False)
 class ArmSituation(Situation):
-    """N postures of an arm.
-
-    Parameters
-    ----------
-    bodies, bending
-        Positions and rotations of its bodies; deviations of its joints' axes and of its bodies' ends.
-    tcp
-        The TCP's poses, base frame.
-    """
+    """N postures of an arm."""
 
     machine: ArmMachine
+    # `bodies`, `bending`: Positions and rotations of its bodies; deviations of its joints' axes and of its bodies'
+    # ends
     bodies: Placed
     bending: Bending
-    tcp: Poses
+    tcp: Poses  # The TCP's poses, base frame
 
     @staticmethod
     def of(

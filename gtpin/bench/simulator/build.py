@@ -53,37 +53,20 @@ def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> RodMachine | 
 
 @dataclass(frozen=True)
 class Built:
-    """A machine with its effects and its visits of a day, before anything is measured.
+    """A machine with its effects and its visits of a day, before anything is measured."""
 
-    Parameters
-    ----------
-    response
-        The machine and all its visits.
-    active, truths
-        All its effects with their amplitudes, and the truth about those that the recipe asks for.
-    rows
-        Indices of the measured visits, in the order of the dataset's rows.
-    background
-        Joint energy E of the weak effects.
-    repeatability
-        (n,) standard deviation of each actuator, m or rad.
-    jitter
-        Random deviations by the repeatability, at every visit.
-    away
-        Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the same.
-    rng
-        Source of the instrument's noise.
-    """
-
-    response: Response
+    response: Response  # The machine and all its visits
+    # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
     active: Sequence[tuple[Cause, float]]
     truths: Sequence[Truth]
-    rows: Rows
-    background: float
-    repeatability: Floats
-    jitter: Deviation
+    rows: Rows  # Indices of the measured visits, in the order of the dataset's rows
+    background: float  # Joint energy E of the weak effects
+    repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
+    jitter: Deviation  # Random deviations by the repeatability, at every visit
+    # Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the
+    # same
     away: tuple[Floats, Floats] | None
-    rng: np.random.Generator
+    rng: np.random.Generator  # Source of the instrument's noise
 
     def in_frame(self, seen: Poses) -> Poses:
         """Poses (N), base frame, in the instrument's frame."""

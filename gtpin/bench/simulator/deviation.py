@@ -11,44 +11,28 @@ from gtpin.typing import Floats
 
 @dataclass(frozen=True)
 class Deviation:
-    """Changes at N visits of a machine with n drives, and k rods or J joints. Arrays for what it does not have are empty.
+    """Changes at N visits of a machine with n drives, and k rods or J joints. Arrays for what it does not have are empty."""
 
-    Parameters
-    ----------
-    travel
-        (N, n) motions of carts along their tracks, m, of arms and joints about their axes, rad, or changes of legs' lengths, m.
-    shift, turn
-        (N, n, 3) on rods: shifts of the carts, m, and their rotation vectors about the mean of their joints, rad, base frame.
-    length
-        (N, k) changes of the rods' lengths, m.
-    joint
-        (N, k, 3) shifts of the joints on the platform, TCP frame, m.
-    axis
-        (N, n, 6) change of the commanded joints' axes: shift, m, and rotation vector, rad, in the joint's frame.
-    tip
-        (N, n, 6) change of the ends of the links that these joints move: shift, m, and rotation vector, rad, link's frame.
-    seat
-        (N, J, 6) as ``axis``, of all joints, including passive ones.
-    target
-        (N, 3) shift of the target from its place on the tool, TCP frame (without rods: target's frame), m.
-    frame
-        (N, 6) motion of everything that the instrument measures, about its station: translation, m, and rotation vector, rad,
-        base frame.
-    scale
-        (N,) relative change of the distances that the instrument reads from its station.
-    """
-
+    # (N, n) motions of carts along their tracks, m, of arms and joints about their axes, rad, or changes of legs'
+    # lengths, m
     travel: Floats
+    # `shift`, `turn`: (N, n, 3) on rods: shifts of the carts, m, and their rotation vectors about the mean of their
+    # joints, rad, base frame
     shift: Floats
     turn: Floats
-    length: Floats
-    joint: Floats
+    length: Floats  # (N, k) changes of the rods' lengths, m
+    joint: Floats  # (N, k, 3) shifts of the joints on the platform, TCP frame, m
+    # (N, n, 6) change of the commanded joints' axes: shift, m, and rotation vector, rad, in the joint's frame
     axis: Floats
+    # (N, n, 6) change of the ends of the links that these joints move: shift, m, and rotation vector, rad, link's
+    # frame
     tip: Floats
-    seat: Floats
-    target: Floats
+    seat: Floats  # (N, J, 6) as ``axis``, of all joints, including passive ones
+    target: Floats  # (N, 3) shift of the target from its place on the tool, TCP frame (without rods: target's frame), m
+    # (N, 6) motion of everything that the instrument measures, about its station: translation, m, and rotation vector,
+    # rad, base frame
     frame: Floats
-    scale: Floats
+    scale: Floats  # (N,) relative change of the distances that the instrument reads from its station
 
     @staticmethod
     def none(visits: int, drives: int, rods: int = 0, joints: int = 0) -> Deviation:

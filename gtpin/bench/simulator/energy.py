@@ -40,18 +40,13 @@ class Past:
     """Computes E = d' (I + B B')^-1 d of displacements (N, 6 + k) of the poses, m and rad, base frame, and of k joints.
 
     d is the whitened change of everything that was measured.
-
-    Parameters
-    ----------
-    H
-        For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by poses and
-        joints; or the sigmas (6,), m and rad, of poses that are measured themselves.
-    B
-        (K, p) whitened derivative of all K numbers by the geometry, in units of the tolerances, and by the instruments'
-        unknowns, in units of their prior sigmas.
     """
 
+    # For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by
+    # poses and joints; or the sigmas (6,), m and rad, of poses that are measured themselves
     H: tuple[tuple[Rows, Floats], ...] | Floats
+    # (K, p) whitened derivative of all K numbers by the geometry, in units of the tolerances, and by the instruments'
+    # unknowns, in units of their prior sigmas
     B: Floats
 
     @staticmethod

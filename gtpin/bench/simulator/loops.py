@@ -33,40 +33,23 @@ NUDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """A tree of J joints, some of them driven, with L pairs of points that coincide.
+    """A tree of J joints, some of them driven, with L pairs of points that coincide."""
 
-    Parameters
-    ----------
-    joints
-        The joints with their true placements, parents first.
-    driven, passive
-        Indices of the commanded joints, and of the passive ones.
-    pairs
-        Pairs of points that coincide.
-    ends, axes
-        Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and second of each pair,
-        and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints.
-    across
-        (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that in the
-        plane of a planar loop.
-    tcp
-        The TCP frame.
-    home_q
-        (n,) commands at home.
-    start
-        (J,) coordinates of the nominal robot at home. They choose the assembly mode.
-    """
-
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # The joints with their true placements, parents first
+    # `driven`, `passive`: Indices of the commanded joints, and of the passive ones
     driven: tuple[int, ...]
     passive: tuple[int, ...]
-    pairs: tuple[tuple[Frame, Frame], ...]
+    pairs: tuple[tuple[Frame, Frame], ...]  # Pairs of points that coincide
+    # `ends`, `axes`: Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and
+    # second of each pair, and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints
     ends: tuple[str, ...]
     axes: Floats
+    # (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that
+    # in the plane of a planar loop
     across: Floats
-    tcp: Frame
-    home_q: Floats
-    start: Floats
+    tcp: Frame  # The TCP frame
+    home_q: Floats  # (n,) commands at home
+    start: Floats  # (J,) coordinates of the nominal robot at home. They choose the assembly mode.
 
     @staticmethod
     def of(robot: Robot, off: Mapping[str, Floats]) -> Loops:

@@ -207,14 +207,10 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that a case is made from. The same recipe gives the same bytes.
+    """Everything that a case is made from. The same recipe gives the same bytes."""
 
-    Parameters
-    ----------
-    wanted, seed, robot, poses, held_out, noise, conditions, background
-        See :func:`~gtpin.bench.simulator.case.make_case`.
-    """
-
+    # `wanted`, `seed`, `robot`, `poses`, `held_out`, `noise`, `conditions`, `background`: See
+    # :func:`~gtpin.bench.simulator.case.make_case`
     wanted: tuple[Wanted, ...]
     seed: int
     robot: str

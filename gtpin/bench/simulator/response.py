@@ -31,22 +31,14 @@ SETTLED = 1e-10
 
 @dataclass(frozen=True)
 class Response:
-    """A machine, its visits of a day, and the instrument that measures them.
+    """A machine, its visits of a day, and the instrument that measures them."""
 
-    Parameters
-    ----------
-    machine, visits
-        The machine, and all its visits. They are solved together, because effects can depend on earlier visits.
-    station
-        (3,) position of the instrument, base frame, m.
-    read
-        Names of the joints that encoders read.
-    """
-
+    # `machine`, `visits`: The machine, and all its visits. They are solved together, because effects can depend on
+    # earlier visits.
     machine: RodMachine | ArmMachine
     visits: Visits
-    station: Floats
-    read: tuple[str, ...] = ()
+    station: Floats  # (3,) position of the instrument, base frame, m
+    read: tuple[str, ...] = ()  # Names of the joints that encoders read
 
     @cached_property
     def ideal(self) -> RodSituation | ArmSituation:

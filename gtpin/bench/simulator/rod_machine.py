@@ -38,25 +38,17 @@ class RodMachine:
     A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
     changes.
 
-    Parameters
-    ----------
-    geometry
-        Its true geometry.
-    plate_mass, plate_center
-        Mass of the platform, kg, and its centre of mass, TCP frame, m.
-    rod_masses
-        (k,) masses of the rods, kg; the centre of mass of a rod of fixed length is at its middle.
-
     Raises
     ------
     RobotError
         If the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
 
-    geometry: Geometry
+    geometry: Geometry  # Its true geometry
+    # `plate_mass`, `plate_center`: Mass of the platform, kg, and its centre of mass, TCP frame, m
     plate_mass: float
     plate_center: Floats
-    rod_masses: Floats
+    rod_masses: Floats  # (k,) masses of the rods, kg; the centre of mass of a rod of fixed length is at its middle
 
     def __post_init__(self) -> None:
         robot = self.robot

@@ -137,14 +137,9 @@ NUDGE = 1e-5
 
 @dataclass(frozen=True)
 class Rods:
-    """Kinematics of a platform on six rods.
+    """Kinematics of a platform on six rods."""
 
-    Parameters
-    ----------
-    geometry
-        The true values of the geometry's parameters, with the meaning that docs/conventions.md gives them.
-    """
-
+    # The true values of the geometry's parameters, with the meaning that docs/conventions.md gives them
     geometry: Geometry
 
     @cached_property

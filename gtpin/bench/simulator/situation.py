@@ -18,19 +18,12 @@ from gtpin.typing import Floats
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """N postures of a machine of any kind, in the order of time.
+    """N postures of a machine of any kind, in the order of time."""
 
-    Parameters
-    ----------
-    machine, visits
-        The machine, and its commands and conditions.
-    poses
-        Poses of the platform or of the target, base frame.
-    """
-
+    # `machine`, `visits`: The machine, and its commands and conditions
     machine: Any
     visits: Visits
-    poses: Poses
+    poses: Poses  # Poses of the platform or of the target, base frame
 
     def __len__(self) -> int:
         return len(self.visits)

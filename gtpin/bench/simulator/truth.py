@@ -36,25 +36,15 @@ DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """An effect that a machine has.
+    """An effect that a machine has."""
 
-    Parameters
-    ----------
-    effect, site
-        Its id and its site.
-    energy
-        Its E.
-    amplitude
-        Its size in typical sizes.
-    displacement
-        (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base
-        frame.
-    """
-
+    # `effect`, `site`: Its id and its site
     effect: str
     site: str
-    energy: float
-    amplitude: float
+    energy: float  # Its E
+    amplitude: float  # Its size in typical sizes
+    # (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad,
+    # base frame
     displacement: Floats
 
 
@@ -160,27 +150,17 @@ class Read:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """A dataset of schema 2.
+    """A dataset of schema 2."""
 
-    Parameters
-    ----------
-    robot, tcp
-        Names of the robot and of its TCP frame in dataset.toml.
-    reference_temperature
-        Temperature at which the geometry holds, degC.
-    pose, q, covariates
-        (N,) id, (N, n) commands and (N,) covariates of each of the machine's stops.
-    read
-        Description and table of each instrument.
-    """
-
+    # `robot`, `tcp`: Names of the robot and of its TCP frame in dataset.toml
     robot: str
     tcp: str | None
-    reference_temperature: float
+    reference_temperature: float  # Temperature at which the geometry holds, degC
+    # `pose`, `q`, `covariates`: (N,) id, (N, n) commands and (N,) covariates of each of the machine's stops
     pose: Ids
     q: Floats
     covariates: dict[str, Column]
-    read: tuple[Read, ...]
+    read: tuple[Read, ...]  # Description and table of each instrument
 
     def __len__(self) -> int:
         return sum(len(one.stop) for one in self.read)

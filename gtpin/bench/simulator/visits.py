@@ -21,23 +21,14 @@ STEP = 20.0
 
 @dataclass(frozen=True)
 class Day:
-    """Temperatures over time, degC. At time 0 everything is at the reference temperature.
+    """Temperatures over time, degC. At time 0 everything is at the reference temperature."""
 
-    Parameters
-    ----------
-    time
-        (M,) times, s, from 0.
-    frame, link
-        (M,) readings of the two sensors, degC: the frame follows the air slowly; the links follow the air and are heated by
-        work.
-    end
-        End of the day's work, s: slow changes depend on the time over ``end``.
-    """
-
-    time: Floats
+    time: Floats  # (M,) times, s, from 0
+    # `frame`, `link`: (M,) readings of the two sensors, degC: the frame follows the air slowly; the links follow the
+    # air and are heated by work
     frame: Floats
     link: Floats
-    end: float
+    end: float  # End of the day's work, s: slow changes depend on the time over ``end``
 
     @staticmethod
     def draw(rng: np.random.Generator, duration: float, reference: float, warming: float = 1.0) -> Day:
@@ -91,41 +82,22 @@ SPEED = (0.05, 0.30)
 
 @dataclass(frozen=True)
 class Visits:
-    """N visits in the order of time.
+    """N visits in the order of time."""
 
-    Parameters
-    ----------
-    pose
-        (N,) number of the pose; two visits of one pose share it.
-    held
-        (N,) mask of visits that are not measured: the held-out commands.
-    q, before
-        (N, n) commands, and starts of the actuators' last moves, m or rad.
-    time
-        (N,) time, s.
-    session
-        (N,) number of the session, from 0.
-    payload
-        (N,) payload, kg.
-    force
-        (N, 3) force on the tool, base frame, N.
-    speed, acceleration
-        (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the dataset.
-    day
-        The temperatures.
-    """
-
-    pose: Ints
-    held: Bools
+    pose: Ints  # (N,) number of the pose; two visits of one pose share it
+    held: Bools  # (N,) mask of visits that are not measured: the held-out commands
+    # `q`, `before`: (N, n) commands, and starts of the actuators' last moves, m or rad
     q: Floats
     before: Floats
-    time: Floats
-    session: Ints
-    payload: Floats
-    force: Floats
+    time: Floats  # (N,) time, s
+    session: Ints  # (N,) number of the session, from 0
+    payload: Floats  # (N,) payload, kg
+    force: Floats  # (N, 3) force on the tool, base frame, N
+    # `speed`, `acceleration`: (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the
+    # dataset
     speed: Floats
     acceleration: Floats
-    day: Day
+    day: Day  # The temperatures
 
     def __len__(self) -> int:
         return len(self.pose)

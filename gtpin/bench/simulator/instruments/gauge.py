@@ -29,20 +29,12 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Hidden:
-    """An unknown of an instrument: the user does not know its true value.
+    """An unknown of an instrument: the user does not know its true value."""
 
-    Parameters
-    ----------
-    name
-        Name of the parameter, such as ``wire.station[A].x``.
-    value
-        Its true value, m or rad.
-    prior
-        Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known at all.
-    """
-
-    name: str
-    value: float
+    name: str  # Name of the parameter, such as ``wire.station[A].x``
+    value: float  # Its true value, m or rad
+    # Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known
+    # at all
     prior: float
 
 
@@ -53,19 +45,7 @@ def hidden(stem: str, values: Iterable[float], prior: float, axes: Iterable[str]
 
 @dataclass(frozen=True, eq=False)
 class Gauge(ABC):
-    """An instrument with M rows in its table, of c numbers each.
-
-    Parameters
-    ----------
-    name
-        Its name in dataset.toml.
-    stop
-        (M,) index of the machine's stop at which each row is read.
-    hidden
-        Its k unknowns.
-    declared
-        Whether dataset.toml states its sigma.
-    """
+    """An instrument with M rows in its table, of c numbers each."""
 
     kind: ClassVar[str]
     touches: ClassVar[bool] = False
@@ -77,10 +57,10 @@ class Gauge(ABC):
     noise: ClassVar[tuple[float, int]] = (0.0, 1)
     """Sigma of the readings, m or rad, where it is constant, and how many numbers a reading has."""
 
-    name: str
-    stop: Ints
-    hidden: tuple[Hidden, ...]
-    declared: bool
+    name: str  # Its name in dataset.toml
+    stop: Ints  # (M,) index of the machine's stop at which each row is read
+    hidden: tuple[Hidden, ...]  # Its k unknowns
+    declared: bool  # Whether dataset.toml states its sigma
 
     @property
     def truth(self) -> Floats:

@@ -18,24 +18,12 @@ MILLIMETRE = 3
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The workspace of a robot.
+    """The workspace of a robot."""
 
-    Parameters
-    ----------
-    centre
-        (3,) its centre, base frame, m.
-    axes
-        (3, 3) rows: two level directions, and up (against gravity), base frame.
-    half
-        (3,) half its extent along the axes, m.
-    freedoms
-        Number of commands.
-    """
-
-    centre: Floats
-    axes: Floats
-    half: Floats
-    freedoms: int
+    centre: Floats  # (3,) its centre, base frame, m
+    axes: Floats  # (3, 3) rows: two level directions, and up (against gravity), base frame
+    half: Floats  # (3,) half its extent along the axes, m
+    freedoms: int  # Number of commands
 
     @staticmethod
     def of(poses: Poses, gravity: Floats, freedoms: int) -> Layout:

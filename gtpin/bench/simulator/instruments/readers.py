@@ -43,21 +43,13 @@ others then hardly depend on the tilt, and noise can make their squares sum to m
 
 @dataclass(frozen=True, eq=False)
 class Tracker(Gauge):
-    """z: the pose of the TCP in the instrument's frame.
-
-    Parameters
-    ----------
-    sigmas
-        (M, 6) noise, m and rad, or (M, 3) where only positions are measured.
-    free
-        Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset.
-    """
+    """z: the pose of the TCP in the instrument's frame."""
 
     kind: ClassVar[str] = "tracker"
     by_row: ClassVar[dict[str, str]] = {"sigmas": ""}
 
-    sigmas: Floats
-    free: bool
+    sigmas: Floats  # (M, 6) noise, m and rad, or (M, 3) where only positions are measured
+    free: bool  # Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset
 
     @staticmethod
     def drawn(poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Tracker:
@@ -103,22 +95,14 @@ class Tracker(Gauge):
 
 @dataclass(frozen=True, eq=False)
 class Camera(Targeted):
-    """z: the position of a target in the camera's frame, whose z axis is the line of sight.
-
-    Parameters
-    ----------
-    target
-        (M,) index of each row's target.
-    sigmas
-        (M, 3) noise along the camera's axes, m: the table states it row by row.
-    """
+    """z: the position of a target in the camera's frame, whose z axis is the line of sight."""
 
     kind: ClassVar[str] = "tracker"
     reads = ("x", "y", "z")
     by_row: ClassVar[dict[str, str]] = {"target": "targets", "sigmas": ""}
 
-    target: Ints
-    sigmas: Floats
+    target: Ints  # (M,) index of each row's target
+    sigmas: Floats  # (M, 3) noise along the camera's axes, m: the table states it row by row
 
     @staticmethod
     def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Camera:
@@ -157,24 +141,15 @@ class Camera(Targeted):
 
 @dataclass(frozen=True, eq=False)
 class Range(Targeted):
-    """z = |p - s| + o, with target p, the station's centre s and its offset o, m.
-
-    Parameters
-    ----------
-    stations
-        The stations as the dataset declares them: positions, m, by id.
-    station
-        (M,) index of each row's station.
-    sigmas
-        Noise of the reading, and prior sigmas of the stations' positions, per axis, and of the offsets, m.
-    """
+    """z = |p - s| + o, with target p, the station's centre s and its offset o, m."""
 
     kind: ClassVar[str] = "range"
     reads = ("range",)
     by_row: ClassVar[dict[str, str]] = {"station": "stations"}
 
-    stations: dict[str, Place]
-    station: Ints
+    stations: dict[str, Place]  # The stations as the dataset declares them: positions, m, by id
+    station: Ints  # (M,) index of each row's station
+    # Noise of the reading, and prior sigmas of the stations' positions, per axis, and of the offsets, m
     sigmas: tuple[float, float, float]
 
     @staticmethod

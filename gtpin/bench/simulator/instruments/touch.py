@@ -76,21 +76,11 @@ class PlainWay:
 
 @dataclass(frozen=True, eq=False)
 class DayWay:
-    """A machine with effects over a day, as :class:`Way`.
+    """A machine with effects over a day, as :class:`Way`."""
 
-    Parameters
-    ----------
-    response
-        The machine and its visits, which are the stops, in the order of time.
-    active
-        Its effects, with their amplitudes.
-    jitter
-        Random deviations by the repeatability, at every visit.
-    """
-
-    response: Response
-    active: Sequence[tuple[Cause, float]]
-    jitter: Deviation
+    response: Response  # The machine and its visits, which are the stops, in the order of time
+    active: Sequence[tuple[Cause, float]]  # Its effects, with their amplitudes
+    jitter: Deviation  # Random deviations by the repeatability, at every visit
 
     @property
     def q(self) -> Floats:

@@ -28,23 +28,15 @@ DISTANCE_SIGMA = 5e-5
 
 @dataclass(frozen=True, eq=False)
 class Plane(Targeted):
-    """z = n . (p - point) - height, with target p, and the plane's normal n and a point of it.
-
-    Parameters
-    ----------
-    planes
-        The declared planes by id: a point, m, and a unit normal, base frame.
-    plane
-        (M,) index of each row's plane.
-    """
+    """z = n . (p - point) - height, with target p, and the plane's normal n and a point of it."""
 
     kind: ClassVar[str] = "plane"
     touches: ClassVar[bool] = True
     by_row: ClassVar[dict[str, str]] = {"plane": "planes"}
     noise = (1e-5, 1)  # repeatability of a touch probe
 
-    planes: dict[str, tuple[Place, Floats]]
-    plane: Ints
+    planes: dict[str, tuple[Place, Floats]]  # The declared planes by id: a point, m, and a unit normal, base frame
+    plane: Ints  # (M,) index of each row's plane
 
     @staticmethod
     def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Plane:
@@ -80,25 +72,16 @@ class Plane(Targeted):
 
 @dataclass(frozen=True, eq=False)
 class Socket(Targeted):
-    """z = p - s, with target p and socket s, m.
-
-    Parameters
-    ----------
-    sockets
-        Ids of the sockets; their positions are unknown to the user.
-    distance
-        Declared distance between the first two sockets, m.
-    socket, target
-        (M,) indices of each row's socket and target.
-    """
+    """z = p - s, with target p and socket s, m."""
 
     kind: ClassVar[str] = "socket"
     touches: ClassVar[bool] = True
     by_row: ClassVar[dict[str, str]] = {"socket": "sockets", "target": "targets"}
     noise = (2e-5, 3)  # repeatability of a ball in its socket, per axis
 
-    sockets: tuple[str, ...]
-    distance: float
+    sockets: tuple[str, ...]  # Ids of the sockets; their positions are unknown to the user
+    distance: float  # Declared distance between the first two sockets, m
+    # `socket`, `target`: (M,) indices of each row's socket and target
     socket: Ints
     target: Ints
 
