@@ -13,8 +13,7 @@ import numpy as np
 from gtpin.bench.benchmark.public_set import PublicSet, Published
 from gtpin.bench.blind.draw import Draft, made, measured, truth_of
 from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
-from gtpin.bench.blind.seal import digest_of
-from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth
+from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of
 from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.output.ownership import MARKER

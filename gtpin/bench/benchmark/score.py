@@ -15,7 +15,7 @@ from gtpin.bench.benchmark.make import TRUTHS
 from gtpin.bench.benchmark.public_set import PublicSet
 from gtpin.bench.blind.judged import VISIBLE, Judged
 from gtpin.bench.blind.rates import Rate, mean, rate
-from gtpin.bench.blind.seal import digest_of, opened
+from gtpin.bench.blind.truth import digest_of, opened
 from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError

@@ -6,12 +6,113 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gtpin.bench.blind.by_instrument import visible_f1, with_instruments
-from gtpin.bench.blind.calibration import tenths
-from gtpin.bench.blind.explained_fraction import absolute_error, coverage, explained_fractions
 from gtpin.bench.blind.judged import LEFT, VISIBLE, Judged
 from gtpin.bench.blind.rates import Rate, mean, rate
 from gtpin.bench.blind.truth import Kind
+
+
+@dataclass(frozen=True)
+class ExplainedFraction:
+    """The explained fraction that a diagnosis predicts, its interval, and the one realised at held-out commands."""
+
+    predicted: float
+    interval: tuple[float, float] | None
+    realised: float
+
+
+def explained_fractions(cases: Iterable[Judged]) -> list[ExplainedFraction]:
+    """The explained fractions of all cases with a prediction, without the cases of kind `power`."""
+    return [
+        ExplainedFraction(c.said.shrinkage, c.said.interval, c.shrunk.share)
+        for c in cases
+        if c.said and c.shrunk and c.said.shrinkage is not None and c.kind != "power"
+    ]
+
+
+def absolute_error(fractions: Iterable[ExplainedFraction]) -> Rate:
+    """Mean absolute difference of predicted and realised fraction."""
+    return mean(abs(f.predicted - f.realised) for f in fractions)
+
+
+def coverage(fractions: Iterable[ExplainedFraction]) -> Rate:
+    """How often the realised fraction lies in the predicted interval."""
+    return rate(f.interval[0] <= f.realised <= f.interval[1] for f in fractions if f.interval)
+
+
+TENTHS = 10
+
+
+@dataclass(frozen=True)
+class Tenth:
+    """Causes whose probability lies in one tenth: its lower edge, the mean probability, the fraction correct."""
+
+    start: float
+    predicted: float
+    right: Rate
+
+
+def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
+    """The reliability of the named causes, or of all members of their classes; empty tenths are omitted."""
+    found: list[list[tuple[float, bool]]] = [[] for _ in range(TENTHS)]
+    for case in cases:
+        for cause in case.said.causes if case.said and case.kind else ():
+            probabilities = {cause.name: cause.probability} | (cause.members if members else {})
+            for name, probability in probabilities.items():
+                found[min(int(probability * TENTHS), TENTHS - 1)].append((probability, name in case.names))
+    return [
+        Tenth(i / TENTHS, sum(p for p, _ in some) / len(some), rate(right for _, right in some))
+        for i, some in enumerate(found)
+        if some
+    ]
+
+
+SEVERAL = ("two", "three", "many")
+
+
+def with_instruments(cases: Iterable[Judged]) -> bool:
+    """Whether instruments of schema 2 measured some of the cases."""
+    return any(case.instruments for case in cases)
+
+
+def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
+    """By instruments: number of cases, of effects and of effects that are not visible, and rates with their bounds."""
+    names = sorted({_measured_by(case) for case in cases})
+    return {name: _of_one_instrument([case for case in cases if _measured_by(case) == name]) for name in names}
+
+
+def not_visible(cases: Iterable[Judged]) -> dict[str, int]:
+    """Number of the effects of the catalogue in cases with several (``effects``), and of those that are not visible."""
+    several = [case for case in cases if case.kind in SEVERAL and case.listed]
+    return {
+        "effects": sum(len(case.names) for case in several),
+        "not_visible": sum(len(case.not_visible) for case in several),
+    }
+
+
+def visible_f1(cases: Iterable[Judged]) -> Rate:
+    """Mean F1 of the visible effects, over the cases with several effects of the catalogue of which one is visible."""
+    several = [case for case in cases if case.kind in SEVERAL and case.listed]
+    return mean(case.visible_f1 for case in several if case.names - case.not_visible)
+
+
+def _of_one_instrument(cases: Sequence[Judged]) -> dict[str, Any]:
+    one = [case for case in cases if case.kind == "one"]
+    seen = [case for case in one if case.energy > VISIBLE]
+    rates = {
+        "detected": rate(case.detected for case in seen),
+        "in_class": rate(case.in_class for case in seen),
+        "strict": rate(case.strict for case in one if case.leaves > VISIBLE),
+        "silent": rate(case.said is not None and not case.detected for case in cases if case.kind == "none"),
+        "false_with_confidence": rate(bool(case.false_confident) for case in cases if case.kind),
+        "set_f1_visible": visible_f1(cases),
+        "shrinkage_error": absolute_error(explained_fractions(cases)),
+    }
+    return {"cases": len(cases), **not_visible(cases), **{name: found.to_json() for name, found in rates.items()}}
+
+
+def _measured_by(case: Judged) -> str:
+    return " + ".join(case.instruments) if case.instruments else "tracker"
+
 
 MOST_AFTER = 1.3
 

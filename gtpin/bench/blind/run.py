@@ -11,15 +11,13 @@ from typing import Any, Protocol
 
 from gtpin.bench.blind.claim import CLAIM, claimed
 from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, measured, truth_of
-from gtpin.bench.blind.folder import CheckFolder, Settings, diagnosis_digest
+from gtpin.bench.blind.folder import CheckFolder, Settings, compared, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.bench.blind.others import given, source_digest, take_in
-from gtpin.bench.blind.record import compared
-from gtpin.bench.blind.seal import SealError, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.spread import check_cluster, spread, workers
-from gtpin.bench.blind.truth import Truth
+from gtpin.bench.blind.truth import SealError, Truth, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
 from gtpin.bench.simulator.instruments.choice import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest

@@ -4,17 +4,68 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
-from gtpin.bench.blind.by_instrument import by_instrument, not_visible, visible_f1, with_instruments
-from gtpin.bench.blind.calibration import Tenth, tenths
-from gtpin.bench.blind.explained_fraction import absolute_error, coverage, explained_fractions
-from gtpin.bench.blind.figures import figures, of_kind, taken_out
+import numpy as np
+
+from gtpin.bench.blind.figures import (
+    Tenth,
+    absolute_error,
+    by_instrument,
+    coverage,
+    explained_fractions,
+    figures,
+    not_visible,
+    of_kind,
+    taken_out,
+    tenths,
+    visible_f1,
+    with_instruments,
+)
 from gtpin.bench.blind.judged import VISIBLE, Judged, Shrunk
-from gtpin.bench.blind.power import power
 from gtpin.bench.blind.rates import Rate, mean, rate
 from gtpin.bench.blind.statement import Named, Statement
+from gtpin.distributions import norm
+
+EDGES = (2.0, 8.0, 16.0, 32.0, 63.0, 125.0, 250.0)
+"""Edges of the energy bins."""
+FALSE_ALARM = 0.01
+
+
+@dataclass(frozen=True)
+class Found:
+    """Fraction of effects that is detected, for a number of poses and a bin of E from ``start`` to ``end``.
+
+    ``energy`` is the geometric mean of E in the bin, and ``limit`` the fraction that a matched filter detects.
+    """
+
+    poses: int
+    start: float
+    end: float
+    energy: float
+    found: Rate
+    limit: float
+
+
+def matched_filter(energy: float) -> float:
+    """Detection probability of a filter that knows the effect's shape and sign, at 1 % false alarms; 95 % at E = 15.8."""
+    return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(energy)))
+
+
+def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
+    """Power curves of the cases of kind `power`, by number of poses and energy."""
+    rows = []
+    for number in numbers:
+        for start, end in pairwise(EDGES):
+            some = [c for c in cases if c.kind == "power" and c.planned == number and start <= c.energy < end]
+            if some:
+                limit = float(np.mean([matched_filter(c.energy) for c in some]))
+                middle = float(np.exp(np.mean([np.log(c.energy) for c in some])))
+                rows.append(Found(number, start, end, middle, rate(c.detected for c in some), limit))
+    return rows
+
 
 SCHEMA = "gtpin-score/1"
 POSES = (60, 120, 240)

@@ -22,8 +22,7 @@ from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.left_out_touches import jitter, without_some_touches
 from gtpin.bench.blind.oracle import fit_known_causes_to_readings
 from gtpin.bench.blind.run import check, check_given
-from gtpin.bench.blind.seal import digest_of, seal
-from gtpin.bench.blind.truth import Truth
+from gtpin.bench.blind.truth import Truth, digest_of, seal
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.bench.simulator.instruments.build import build_measured
 from gtpin.bench.simulator.truth import InstrumentCase

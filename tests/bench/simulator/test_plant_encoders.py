@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import gtpin
 from gtpin.bench.blind.draw import drafts, measured, truth_of
 from gtpin.bench.blind.judge import judge
-from gtpin.bench.blind.seal import digest_of, seal
+from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.instruments import build
