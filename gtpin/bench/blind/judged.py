@@ -92,6 +92,21 @@ class Judged(BaseModel):
         return self.said is not None and self.said.verdict != "none"
 
     @property
+    def silent(self) -> bool:
+        """Whether the verdict is `none`; not where the case failed."""
+        return self.said is not None and self.said.verdict == "none"
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the verdict is `unknown`."""
+        return self.said is not None and self.said.verdict == "unknown"
+
+    @property
+    def where(self) -> bool:
+        """Whether the site that leads is that of the single effect."""
+        return self.said is not None and self.said.site == self.single.site
+
+    @property
     def strict(self) -> bool:
         """Whether exactly the true effects are named, and the verdict is not `unknown`."""
         return self.said is not None and self.said.verdict != "unknown" and frozenset(self.said.names) == self.names
