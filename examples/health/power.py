@@ -20,7 +20,7 @@ from scipy.stats import beta
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue

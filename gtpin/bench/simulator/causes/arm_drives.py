@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.deviation import ArmDeviation
-from gtpin.bench.simulator.arms.machine import REACH
-from gtpin.bench.simulator.arms.situation import ArmSituation
+from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.cause import Cause, Site
+from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
+from gtpin.bench.simulator.machine import REACH
 from gtpin.typing import Floats
 
 SLIDING = 0.3
 """Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
 
 
-def turned(now: ArmSituation, site: Site, angle: Floats) -> ArmDeviation:
+def turned(now: ArmSituation, site: Site, angle: Floats) -> Deviation:
     """The error of a joint by an angle (N,), rad; for a prismatic joint, by ``SLIDING`` times as many m."""
     deviation = now.unbent()
     deviation.travel[:, site.cart] = angle * (SLIDING if now.machine.robot.slides[site.cart] else 1.0)
@@ -28,7 +28,7 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
     sign = rng.choice([-1.0, 1.0])
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         q, place = now.q[:, site.cart], now.places[:, site.cart]
         deviation = now.unbent()
         deviation.travel[:, site.cart] = sign * 1e-4 * (q + part * uneven(place))
@@ -55,7 +55,7 @@ def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ..
     phases, second = rng.uniform(0.0, 2.0 * np.pi, (2, lines)), rng.uniform(0.0, 0.12, lines)
     swell, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.03, 0.15)
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         q = now.q[:, site.cart] * (10.0 if now.machine.robot.slides[site.cart] else 1.0)  # a turn: 0.63 m of a rack
         angle = np.multiply.outer(q, a_turn)
         wave = np.sin(angle + phases[0]) + second * np.sin(2.0 * angle + phases[1])
@@ -73,7 +73,7 @@ def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
     """0.1 mrad between sessions (homing, a changed battery, a crash), of which some per cent change early in a session."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         session, time = now.visits.session, now.visits.time
         since = time - np.array([time[session == s].min() for s in session])
         return turned(now, site, 1e-4 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
@@ -91,7 +91,7 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
     wear, worn = rng.uniform(0.03, 0.15), curve(rng, -REACH, REACH, 0.35)
     taken = rng.uniform(0.003, 0.006)  # rad of motion until the friction has changed its sign
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         cart, q = site.cart, now.q[:, site.cart]
         usual = now.machine.usual_load(cart)
         friction = drag * now.visits.approach[:, cart] * np.tanh(np.abs(q - now.visits.before[:, cart]) / taken)
@@ -107,7 +107,7 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
     saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.0, 0.12)
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
         lag = 5e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + part * uneven(now.places[:, site.cart]))
         deviation = now.unbent()
@@ -126,7 +126,7 @@ def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
     slopes, field = rng.standard_normal(2), Field.draw(rng, [0.6, 0.6])
     own, part = Field.draw(rng, [0.6, 0.6, 0.6]), rng.uniform(0.05, 0.2)
 
-    def cause(now: ArmSituation) -> ArmDeviation:
+    def cause(now: ArmSituation) -> Deviation:
         places, cart = now.places, site.cart
         count = places.shape[1]
         near = sorted((j for j in range(count) if j != cart), key=lambda j: (abs(j - cart), -j))[:2]

@@ -1,4 +1,4 @@
-"""The tree of joints of a URDF, read by the plant itself: its kinematics share no code with the diagnosis."""
+"""The tree of joints of a URDF, read by the simulator itself: its kinematics share no code with the diagnosis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml.ElementTree import fromstring
 
-from gtpin.bench.simulator.rotations import exp
+from gtpin.bench.simulator.poses import exp
 from gtpin.errors import RobotError
 from gtpin.typing import Floats
 
@@ -19,38 +19,23 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A moving joint and its body: its child link with everything that is fixed to it.
+    """A moving joint and its body: its child link with everything that is fixed to it."""
 
-    Parameters
-    ----------
-    name, link
-        Names of the URDF's joint and of its child link.
-    parent
-        Index of the joint whose body carries it; -1: the base.
-    R, p
-        (3, 3) rotation and (3,) position, m, of its frame on that body.
-    axis
-        (3,) unit vector, own frame.
-    slides
-        Whether it slides (m) instead of turning (rad).
-    lower, upper
-        Its range, rad or m; infinite where the URDF gives none.
-    follows
-        (index, factor, offset) of the joint that it mimics: x = factor * x_index + offset; None where it mimics none.
-    mass, centre
-        Mass of the body, kg, and (3,) its centre of mass, own frame, m.
-    """
-
+    # `name`, `link`: Names of the URDF's joint and of its child link
     name: str
     link: str
-    parent: int
+    parent: int  # Index of the joint whose body carries it; -1: the base
+    # `R`, `p`: (3, 3) rotation and (3,) position, m, of its frame on that body
     R: Floats
     p: Floats
-    axis: Floats
-    slides: bool
+    axis: Floats  # (3,) unit vector, own frame
+    slides: bool  # Whether it slides (m) instead of turning (rad)
+    # `lower`, `upper`: Its range, rad or m; infinite where the URDF gives none
     lower: float
     upper: float
+    # (index, factor, offset) of the joint that it mimics: x = factor * x_index + offset; None where it mimics none
     follows: tuple[int, float, float] | None
+    # `mass`, `centre`: Mass of the body, kg, and (3,) its centre of mass, own frame, m
     mass: float
     centre: Floats
 

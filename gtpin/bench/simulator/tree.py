@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.arms.urdf import Frame, Joint
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rotations import cross_matrix, exp
+from gtpin.bench.simulator.poses import Poses, cross_matrix, exp
+from gtpin.bench.simulator.urdf import Frame, Joint
 from gtpin.typing import Floats
 
 
@@ -25,21 +24,14 @@ def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """Deviations inside a tree of J joints at N poses; a field is None where there is no such deviation.
+    """Deviations inside a tree of J joints at N poses; a field is None where there is no such deviation."""
 
-    Parameters
-    ----------
-    axis
-        (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame at coordinate zero.
-    tip
-        (N, J, 6) the same of everything that is fixed to each joint's body: shift, and rotation about the body's end, in the
-        body's frame.
-    ends
-        (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end.
-    """
-
+    # (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame at coordinate zero
     axis: Floats | None = None
+    # (N, J, 6) the same of everything that is fixed to each joint's body: shift, and rotation about the body's end, in
+    # the body's frame
     tip: Floats | None = None
+    # (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end
     ends: Floats | None = None
 
     def take(self, rows: npt.NDArray[np.int_]) -> Bending:
@@ -63,22 +55,14 @@ STRAIGHT = Bending()
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Bodies at N poses, base frame.
+    """Bodies at N poses, base frame."""
 
-    Parameters
-    ----------
-    R, p
-        (N, J, 3, 3) rotations and (N, J, 3) positions, m, of the joints' frames, which move with the bodies.
-    seats
-        (N, J, 3, 3) rotations of the joints' frames before the joints' own motions: as with coordinates of zero.
-    x
-        (N, J) the joints' coordinates, rad or m.
-    """
-
+    # `R`, `p`: (N, J, 3, 3) rotations and (N, J, 3) positions, m, of the joints' frames, which move with the bodies
     R: Floats
     p: Floats
+    # (N, J, 3, 3) rotations of the joints' frames before the joints' own motions: as with coordinates of zero
     seats: Floats
-    x: Floats
+    x: Floats  # (N, J) the joints' coordinates, rad or m
 
     def at(self, frame: Frame, bending: Bending = STRAIGHT) -> Poses:
         """Poses of a frame on a body."""
