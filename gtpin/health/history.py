@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gtpin.data import Dataset
 from gtpin.data.files import read_text
 from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.health.result import HealthCheck
 
 SCHEMA: Final = "gtpin-history/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -12,21 +12,20 @@ import numpy.typing as npt
 from gtpin.accuracy.planning import plan_poses
 from gtpin.calibration.problem import Measured
 from gtpin.data import Commands
+from gtpin.diagnosis.against.alarm import DRAWS, smallest_changes, threshold
+from gtpin.diagnosis.against.check import POWER, Changes
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.expectation import Conditions
+from gtpin.diagnosis.against.measured import FEWEST, least_scatter
+from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.findings import Smallest
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError
-from gtpin.health.alarm import Bench, threshold
-from gtpin.health.candidates import Candidates, candidates
-from gtpin.health.changes import Changes, Since, changes
-from gtpin.health.check import DRAWS, FALSE_ALARM, POWER, POWER_DRAWS
-from gtpin.health.choice import Choice
-from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import Conditions, expectation, share_unexplained
-from gtpin.health.measured import FEWEST, least_scatter
-from gtpin.health.power import Smallest, smallest_changes
+from gtpin.health.choice import Candidates, Choice, candidates
 from gtpin.model.model import Model
 from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
@@ -204,18 +203,18 @@ def plan(
         least = replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
         how = Conditions(least, where == "free", unexplained=left, noise_known=False)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
-    design, possible = _possible(Earlier(model), some, how, scope, orientation)
-    wanted = _wanted(possible, checked_first() if purpose == "health" else tuple(between), model)
+    possible = _possible(Earlier(model), some, how, scope, orientation)
+    design, words = possible.proposal.design, checked_first() if purpose == "health" else tuple(between)
+    wanted = _wanted(possible.proposal.hypotheses.linear, words, model)
     choice = _choice(design, wanted, VAGUE if purpose == "health" else 1.0)
     rows = choice.best(poses)
     commands = _commands(some, rows, purpose)
     if purpose == "discrimination":
         random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
         return PosePlan(purpose, commands, model, noise, where, told=tuple(_told(design, choice, wanted, rows, random)))
-    planned, chosen = _possible(Earlier(model), _taken(some, rows), how, scope, orientation)
-    bench = Bench(chosen.hypotheses, share_unexplained(planned, how))
-    level = threshold(bench, PRIORS.named_alarms * false_alarm, DRAWS, rng)
-    smallest = tuple(smallest_changes(bench, level, POWER, POWER_DRAWS, rng))
+    sampler = _possible(Earlier(model), some.take(rows), how, scope, orientation).sampler
+    level = threshold(sampler, PRIORS.named_alarms * false_alarm, DRAWS, rng)
+    smallest = smallest_changes(sampler, level, POWER, rng)
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)
 
 
@@ -247,16 +246,11 @@ def _for_calibration(
     return PosePlan("calibration", commands, model, noise, frame, information=information)
 
 
-def _possible(
-    earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool
-) -> tuple[Design, Changes]:
-    """The linear problem of measuring candidates, and the changes that it could test."""
+def _possible(earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool) -> Changes:
+    """The changes that measuring candidates could test."""
     kinematics = earlier.model.kinematics
     seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
-    measured = Measured(some.q, seen.T, seen.R if orientation else None)
-    since = Since.of(some.covariates, earlier, how.temperature, len(some), PRIORS.warmer)
-    design = expectation(earlier, measured, some.covariates, how, since.covariates)
-    return design, changes(design, scope, since.assumed)
+    return Changes.of(earlier, Measured(some.q, seen.T, seen.R if orientation else None), some.covariates, how, scope)
 
 
 def checked_first() -> tuple[str, ...]:
@@ -264,9 +258,8 @@ def checked_first() -> tuple[str, ...]:
     return tuple(effect.id for effect in catalogue() if effect.first_checked)
 
 
-def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypothesis]:
+def _wanted(tested: Sequence[Hypothesis], words: Sequence[str], model: Model) -> list[Hypothesis]:
     """The hypotheses that ``words`` name, each ``effect`` or ``effect@site``; all, where there are no words."""
-    tested = possible.hypotheses.linear
     found = [h for h in tested if not words or h.effect.id in words or str(h) in words]
     for word in words:
         if not any(word in (h.effect.id, str(h)) for h in tested):
@@ -312,10 +305,6 @@ def _told(
         at = int(group[0])
         found.append(Told(*hypothesis.place, name, float(planned[at]) * typical, float(others[at]) * typical, unit))
     return found
-
-
-def _taken(some: Candidates, rows: npt.NDArray[np.intp]) -> Candidates:
-    return Candidates(some.q[rows], {n: v[rows] for n, v in some.covariates.items()}, some.set_by_plan)
 
 
 def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Commands:

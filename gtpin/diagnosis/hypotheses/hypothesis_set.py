@@ -71,10 +71,12 @@ class HypothesisSet:
         Gives the probability of a false alarm, and the priors.
     untestable
         Effects that can't be tested: those that lack a covariate may have a proxy.
-    threshold
-        Log prior odds against a first named cause, nats; by default ln(number of hypotheses / ``scope.false_alarm``).
     of_sessions
         Additional log prior odds against explanations that depend on the session, nats.
+    proxied
+        Whether effects that lack a covariate have proxies.
+
+    ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
     """
 
     def __init__(
@@ -85,8 +87,9 @@ class HypothesisSet:
         smooth: Iterable[tuple[SmoothTerm, Basis]],
         scope: Scope,
         untestable: Sequence[Hypothesis] = (),
-        threshold: float | None = None,
+        *,
         of_sessions: float = 0.0,
+        proxied: bool = True,
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
         self.untestable, self.priors = tuple(untestable), scope.priors
@@ -98,9 +101,8 @@ class HypothesisSet:
             found.append(term)
             self.groups.add(term, design.columns(basis))
         self.smooth = tuple(found)
-        usual = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
-        self.threshold = usual if threshold is None else threshold
-        self.of_sessions = of_sessions
+        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        self.of_sessions, self.proxied = of_sessions, proxied
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
@@ -122,10 +124,18 @@ class HypothesisSet:
     @cached_property
     def proxies(self) -> tuple[Proxy, ...]:
         """Effects with a proxy of a covariate that was not recorded; never in a model, only alternatives to its causes."""
+        if not self.proxied:
+            return ()
         found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
         return found
+
+    def at_threshold(self, threshold: float) -> HypothesisSet:
+        """The same explanations, with other log prior odds, nats, against a first named cause."""
+        other = copy(self)
+        other.threshold, other.lined, other.grown, other._costs = threshold, {}, {}, {}
+        return other
 
     def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
         """The same explanations without the hypotheses at some places (effect, site)."""

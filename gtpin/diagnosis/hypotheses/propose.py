@@ -20,7 +20,9 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed, gain
 from gtpin.diagnosis.priors import Priors
+from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable, as_untestable
+from gtpin.model.fit_conditions import TEMPERATURES
 from gtpin.typing import Floats
 
 FEWEST = 2
@@ -48,23 +50,30 @@ class Proposal:
         return self.hypotheses.design
 
 
-def propose(design: Design, scope: Scope) -> Proposal:
-    """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
-    at = design.situation
-    marginal = Marginal(design.B)
+def propose(design: Design, scope: Scope, *, changes: bool = False) -> Proposal:
+    """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't.
+
+    ``changes``: of effects since an earlier model, whose uncertainty B has; without smooth terms, proxies and scans.
+    """
+    at, marginal = design.situation, Marginal(design.B)
     linear: list[Hypothesis] = []
     scanned: list[Hypothesis] = []
     untested: list[Untested] = []
     for hypothesis in scope.hypotheses(at.robot):
         effect, site = hypothesis.effect, hypothesis.site
-        reason = as_untestable(effect.untestable(at, site))
-        many = reason is None and len(effect.nonlinear_values(at, site)) > 0
-        if reason is None and not many and _absorbed(design, marginal, hypothesis, scope.priors):
-            reason = Untestable("absorbed")
+        reason = _no_change(at, hypothesis) if changes else as_untestable(effect.untestable(at, site))
+        many = not changes and reason is None and len(effect.nonlinear_values(at, site)) > 0
+        if reason is None and not many:
+            # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
+            X = design.columns(hypothesis.basis(at)) * scope.priors.large
+            if float(np.trace(marginal.product(X, X))) <= scope.priors.shows:
+                reason = Untestable("uncertain" if changes else "absorbed")
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:
             (scanned if many else linear).append(hypothesis)
+    if changes:
+        return Proposal(HypothesisSet(design, linear, (), (), scope, proxied=False), tuple(untested))
     design, odds = merged_sessions(design, marginal, linear, scope.priors)
     at = design.situation
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
@@ -73,10 +82,17 @@ def propose(design: Design, scope: Scope) -> Proposal:
     return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others, of_sessions=odds), tuple(untested))
 
 
-def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
-    """Whether the geometry absorbs nearly all of an effect, even of one ``priors.large`` times its typical size."""
-    X = design.columns(hypothesis.basis(design.situation)) * priors.large
-    return float(np.trace(marginal.product(X, X))) <= priors.shows
+def _no_change(at: Situation, hypothesis: Hypothesis) -> Untestable | None:
+    """Why a check can't test an effect as a change; temperatures that do not vary are no reason."""
+    effect = hypothesis.effect
+    if effect.since_a_model:
+        return None
+    if effect.has_nonlinear:
+        return Untestable("not_searched")
+    reason = as_untestable(effect.untestable(at, hypothesis.site))
+    if reason is not None and reason.kind == "constant" and reason.covariate in TEMPERATURES:
+        return None
+    return reason
 
 
 def merged_sessions(

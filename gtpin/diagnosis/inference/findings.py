@@ -167,7 +167,7 @@ Reason = Literal[
 ``scatter``
     Visits scatter, and columns that could show the reason contradict each other (``scatter.py``).
 ``chi_square``
-    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``gtpin/health/check.py``).
+    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``against/check.py``).
 """
 
 
@@ -181,3 +181,23 @@ class Doubt:
     reason: Reason
     site: str = ""
     over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest change of an effect at a site that a check finds with a given power.
+
+    Parameters
+    ----------
+    effect, site
+        The effect that changes, and its site.
+    parameter, value, unit
+        The size of the change, as the effect's first parameter. Where the effect has several coefficients: the median over
+        changes of random shape. ``value`` is None where not even 1,000 times the typical size is found.
+    """
+
+    effect: str
+    site: str
+    parameter: str
+    value: float | None
+    unit: str

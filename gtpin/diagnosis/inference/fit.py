@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from gtpin.diagnosis.inference.digits import with_full_digits
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
+from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
@@ -23,17 +23,14 @@ from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.two_groups import with_one_measurement
 from gtpin.diagnosis.inference.two_valued import with_two_valued
 from gtpin.diagnosis.inference.unexplained import unexplained
-from gtpin.diagnosis.inference.unseen_sessions import as_unseen
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import Gap, gap
+from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
 from gtpin.noise.repeats import LEAST_CONTRASTS
 from gtpin.typing import Floats
-
-Place = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -97,11 +94,15 @@ def fit(
         found = without_impossible(hypotheses, found, asked.impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
-    whole, shares = _gaps(settled, found, shown, "region", rng)
-    checked = whole
-    if hold_out != "region":
-        whole, shares = _gaps(settled, found, shown, hold_out, rng)
-    takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
+    floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
+
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+        blocks = blocks_of(searched, which, rng)
+        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
+
+    checked, takes = gaps_by("region")
+    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
@@ -147,38 +148,6 @@ def _floor(settled: Settled) -> Floats:
         return np.zeros(len(design.whitening))
     covariance = settled.observed.noise.covariance(design.command_jacobian, design.components)
     return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
-
-
-def _gaps(
-    settled: Settled, found: Conclusion, shown: ShownNoise, hold_out: HoldOut, rng: np.random.Generator
-) -> tuple[Gap, dict[Place, Gap]]:
-    """The gap with all causes; and, by cause, with all causes but this one."""
-    hypotheses, searched = settled.hypotheses, settled.searched
-    floor, inferred_floor = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
-    design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
-    columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
-    unseen = {
-        c.place: as_unseen(design, c, hypotheses.groups.columns(c), blocks) * found.scale[c] for c in found.classes
-    }
-
-    def shrunk(places: Iterable[Place]) -> Gap:
-        places = tuple(places)
-        none = np.zeros((len(design.y), 0))
-        causes, seen = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
-        said = gap(
-            design,
-            causes,
-            floor,
-            blocks,
-            rng,
-            None if np.array_equal(causes, seen) else seen,
-            hold_out == "session",
-            inferred_floor,
-        )
-        return replace(said, hold_out=hold_out, blocks=len(blocks), sessions=n_sessions(searched))
-
-    whole = shrunk(columns)
-    return whole, {place: shrunk(p for p in columns if p != place) for place in columns}
 
 
 def held_out(

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.common_motions import COMMON
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -46,20 +45,13 @@ class Where:
     region: tuple[tuple[Floats, float], ...]
 
 
-def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list[npt.NDArray[np.bool_]]) -> Where:
-    """Divide the gap into shares.
+def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Mask]) -> Where:
+    """Divide the gap that the geometry alone leaves into shares.
 
-    Parameters
-    ----------
-    design
-        The linear problem.
-    left
-        (N c,) whitened residual after the geometry alone was fitted.
-    alone
-        Gain in log evidence of each hypothesis and smooth term as the only one.
-    blocks
-        (N,) masks of the poses of each region.
+    ``alone``: gain in log evidence of each term as the only one. ``blocks``: (N,) masks of the poses of each region.
     """
+    design = hypotheses.design
+    left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     c = design.components
     whitened = left.reshape(-1, c)
     excess = whitened**2 - design.independent

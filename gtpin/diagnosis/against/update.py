@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect
-from gtpin.health.earlier import Earlier
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.rotations import exp
 from gtpin.model.fitted_instrument import FittedInstrument

@@ -14,11 +14,11 @@ from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
+from gtpin.diagnosis.against.expectation import Conditions
+from gtpin.diagnosis.against.readings import noise_of_readings, usable_readings
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
-from gtpin.health.expectation import Conditions
-from gtpin.health.readings import noise_of_readings, usable_readings
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.model.unexplained import EXPLAINED

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.readings import with_unknowns
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, Situation
-from gtpin.health.earlier import Earlier
-from gtpin.health.readings import with_unknowns
 from gtpin.instruments.readings import Readings
 from gtpin.model.unexplained import EXPLAINED, Unexplained
 from gtpin.noise.noise import Noise
@@ -83,7 +83,7 @@ def expectation(
     how
         Noise, frame and temperature.
     since
-        The covariates on which changes depend: see :class:`~gtpin.health.changes.Since`.
+        The covariates on which changes depend: see :meth:`Earlier.since`.
 
     Raises
     ------
