@@ -22,7 +22,7 @@ from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outliers
 from gtpin.diagnosis.inference.settle import Settled, settle
-from gtpin.diagnosis.inference.understated_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.hold_out import HoldOut, check_hold_out
 from gtpin.diagnosis.planning.experiment import Experiment

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.diagnosis.hypotheses.common_motions import common_motions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.scope import Scope
@@ -77,7 +76,7 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Proposal:
     design, odds = merged_sessions(design, marginal, linear, scope.priors)
     at = design.situation
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
-    smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
+    smooth = tuple(smooth_terms(at, scope.priors, scaled))
     others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
     return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others, of_sessions=odds), tuple(untested))
 

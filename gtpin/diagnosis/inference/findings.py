@@ -161,11 +161,11 @@ Reason = Literal[
 ``visits``
     Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
 ``two_groups``
-    What looks like noise comes from two groups of rows (``two_groups.py``).
+    What looks like noise comes from two groups of rows (``suspicious_data.py``).
 ``two_valued``
-    What looks like scatter of a drive has two values (``two_valued.py``).
+    What looks like scatter of a drive has two values (``suspicious_data.py``).
 ``scatter``
-    Visits scatter, and columns that could show the reason contradict each other (``scatter.py``).
+    Visits scatter, and columns that could show the reason contradict each other (``suspicious_data.py``).
 ``chi_square``
     Poses of a check are farther from the earlier model than noise and its uncertainty allow (``against/check.py``).
 """

@@ -10,18 +10,21 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.digits import with_full_digits
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
-from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.strongest_line import strongest_first
-from gtpin.diagnosis.inference.two_groups import with_one_measurement
-from gtpin.diagnosis.inference.two_valued import with_two_valued
+from gtpin.diagnosis.inference.suspicious_data import (
+    hidden_in_scatter,
+    with_full_digits,
+    with_one_measurement,
+    with_scatter,
+    with_two_valued,
+)
 from gtpin.diagnosis.inference.unexplained import unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.cross_validation import Gap

@@ -10,10 +10,16 @@ from scipy.special import expit
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
-from gtpin.diagnosis.inference.classes import contenders, temperature, unnamed
+from gtpin.diagnosis.inference.classes import (
+    contenders,
+    exchanged_for_two,
+    temperature,
+    unnamed,
+    with_two_exchanged,
+    with_two_instead,
+)
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.inference.two_instead import exchanged_for_two, with_two_exchanged, with_two_instead
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.common_motions import COMMON
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
+from gtpin.diagnosis.hypotheses.smooth_terms import COMMON
 from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
 from gtpin.typing import Floats, Mask

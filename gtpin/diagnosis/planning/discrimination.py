@@ -9,14 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
+from gtpin.diagnosis.hypotheses.smooth_terms import COMMON, smooth_terms
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.linear.posterior import gain as best_gain
-from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
+from gtpin.diagnosis.planning.expected_bayes_factor import (
+    HypothesisPair,
+    Prediction,
+    Rivals,
+    expected_gain,
+    most_telling,
+    rounds_needed,
+)
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.planning.settling import Rivals, rounds_needed
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.basis import Basis
@@ -122,7 +128,11 @@ def _smooth(trials: Trials, others: Floats, of: CauseClass) -> tuple[list[Predic
     share = dict(of.smooth)
     if not share:
         return [], []
-    found = [(t, basis) for t, basis in smooth_terms(trials.design.situation, of.priors) if t in share]
+    found = [
+        (t, basis)
+        for t, basis in smooth_terms(trials.design.situation, of.priors)
+        if t in share and t.motion not in COMMON
+    ]
     return [_prediction(trials, others, basis) for _, basis in found], [share[term] for term, _ in found]
 
 
