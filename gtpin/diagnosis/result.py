@@ -167,7 +167,7 @@ class Diagnosis(Findings, Shown):
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
         """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
 
-        ``after``: True for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
+        ``after``: true for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
         of schema 2: the size of each reading's residual over its sigma.
         """
         figure: Figure = present(self).workspace(view, after=after)

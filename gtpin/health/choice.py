@@ -51,24 +51,12 @@ def candidates(
 ) -> Candidates:
     """Poses to choose from, each actuator approaching from a side drawn at random.
 
-    Parameters
-    ----------
-    model
-        The machine's model.
-    q
-        (N, n) commands, m or rad; None: about 300 that fill the workspace. Obstacles are not known.
-    rng
-        Source of the random draws.
-    moving
-        True: a half of the poses, drawn at random, is measured in motion, and a half with a payload. False: all at rest without
-        payload.
-    seed
-        Seed of the default commands of a robot without rods.
+    ``model``: the machine's model. ``q``: (N, n) commands, m or rad; None: about 300 that fill the workspace. Obstacles are not
+    known. ``rng``: source of the random draws. ``moving``: True: a half of the poses, drawn at random, is measured in motion,
+    and a half with a payload. False: all at rest without payload. ``seed``: seed of the default commands of a robot without
+    rods.
 
-    Raises
-    ------
-    ModelError
-        If none of the commands can be reached.
+    Raises `ModelError` if none of the commands can be reached.
     """
     robot = model.robot
     if q is None:
@@ -106,14 +94,8 @@ class Choice:
     The score of a set of poses is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the
     covariance (1 / prior + J'J)^-1 after these poses are measured (Ds-optimality, one value for each group).
 
-    Parameters
-    ----------
-    J
-        (N, c, D) derivatives of the N poses' whitened components by D unknowns with priors of mean zero.
-    prior
-        (D,) prior variances.
-    groups
-        Indices of the wanted unknowns, by group.
+    ``J``: (N, c, D) derivatives of the N poses' whitened components by D unknowns with priors of mean zero. ``prior``: (D,)
+    prior variances. ``groups``: indices of the wanted unknowns, by group.
     """
 
     def __init__(self, J: Floats, prior: Floats, groups: Sequence[Sequence[int]]) -> None:

@@ -47,13 +47,9 @@ For effects that are to be distinguished it is 1: the others are not larger than
 class Told:
     """How well an effect is distinguished from all others.
 
-    Parameters
-    ----------
-    effect, site, parameter
-        The effect's first parameter; where the effect has several coefficients, the first core coefficient.
-    sigma, sigma_random
-        Its standard deviation, in ``unit``, after the planned poses, and after as many random poses. All other effects of the
-        plan and the geometry are unknown too.
+    ``effect``, ``site``, ``parameter``: the effect's first parameter; where the effect has several coefficients, the first core
+    coefficient. ``sigma``, ``sigma_random``: its standard deviation, in ``unit``, after the planned poses, and after as many
+    random poses. All other effects of the plan and the geometry are unknown too.
     """
 
     effect: str
@@ -68,12 +64,8 @@ class Told:
 class Information:
     """The result to expect of a calibration with the planned poses and, in ``..._random``, with as many random poses.
 
-    Parameters
-    ----------
-    nats, nats_random
-        Information about the geometry, nats.
-    error, error_random
-        Position error of the calibrated model, m, root mean square.
+    ``nats``, ``nats_random``: information about the geometry, nats. ``error``, ``error_random``: position error of the
+    calibrated model, m, root mean square.
     """
 
     nats: float

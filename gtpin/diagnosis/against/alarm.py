@@ -31,16 +31,9 @@ NAMED = 60
 class Axes:
     """A hypothesis, and the axes along which its coefficients are independent.
 
-    Parameters
-    ----------
-    hypothesis
-        The hypothesis.
-    values, vectors
-        (c,) eigenvalues and (c, c) eigenvectors of its c columns' inner products, with the earlier model marginalised.
-    core
-        Indices of the columns that are the core; empty where all are.
-    weights
-        (N c, c) the numbers by which a residual is multiplied for its inner products along the axes.
+    ``values``, ``vectors``: (c,) eigenvalues and (c, c) eigenvectors of its c columns' inner
+    products, with the earlier model marginalised. ``core``: indices of the columns that are the core; empty where all are.
+    ``weights``: (N c, c) the numbers by which a residual is multiplied for its inner products along the axes.
     """
 
     hypothesis: Hypothesis
@@ -53,12 +46,8 @@ class Axes:
 class GainSampler:
     """Gains in log evidence, nats, of every hypothesis alone, for residuals of simulated checks.
 
-    Parameters
-    ----------
-    hypotheses
-        The hypotheses of a check.
-    unexplained
-        Share of the earlier model's unexplained errors in the variance of the whitened residuals.
+    ``hypotheses``: the hypotheses of a check. ``unexplained``: share of the earlier model's unexplained errors in the variance
+    of the whitened residuals.
     """
 
     def __init__(self, hypotheses: HypothesisSet, unexplained: float = 0.0) -> None:

@@ -48,14 +48,8 @@ at least). Assumed."""
 class Changes:
     """The linear problem of a check, with the changes that it can name and those that it can't test.
 
-    Parameters
-    ----------
-    proposal
-        The changes, and those that can't be tested.
-    sampler
-        Their gains on a machine that has not changed.
-    assumed
-        Names of the temperatures whose change since the earlier model is not known and therefore assumed.
+    ``proposal``: the changes, and those that can't be tested. ``sampler``: their gains on a machine that has not changed.
+    ``assumed``: names of the temperatures whose change since the earlier model is not known and therefore assumed.
     """
 
     proposal: Proposal

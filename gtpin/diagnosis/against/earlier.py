@@ -25,10 +25,7 @@ SINCE = "since the model"
 class Earlier:
     """An earlier model, without the effects that do not last: drift of the instrument, and its shifts between sessions.
 
-    Parameters
-    ----------
-    model
-        The model as it was identified.
+    ``model``: the model as it was identified.
     """
 
     model: Model
@@ -76,10 +73,7 @@ class Earlier:
     def predicted(self, q: Floats, covariates: Mapping[str, Column], plain: Poses) -> Poses:
         """Poses (N) that the model predicts at commands q (N, n), base frame; ``plain`` are those of its geometry alone.
 
-        Raises
-        ------
-        ModelError
-            If a covariate is missing that an effect needs.
+        Raises `ModelError` if a covariate is missing that an effect needs.
         """
         with unheard():  # sessions of a check are never those of the model
             try:

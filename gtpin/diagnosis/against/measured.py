@@ -61,10 +61,7 @@ def places(dataset: Dataset) -> npt.NDArray[np.int64]:
 def usable(dataset: Dataset, model: Model) -> Usable:
     """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
-    Raises
-    ------
-    DatasetError
-        If the dataset does not match the model, or has too few poses.
+    Raises `DatasetError` if the dataset does not match the model, or has too few poses.
     """
     check_actuators(model.robot, dataset)
     if dataset.readings is not None:

@@ -28,16 +28,9 @@ T = TypeVar("T", bound=Term)
 class Gain(NamedTuple):
     """Gain by one more explanation.
 
-    Parameters
-    ----------
-    value
-        Gain in log evidence, nats.
-    term
-        The explanation, with its nonlinear parameter estimated.
-    further
-        For a periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first.
-    more
-        Additional gain by these lines less the prior odds against them, nats.
+    ``value``: gain in log evidence, nats. ``term``: the explanation, with its nonlinear parameter estimated. ``further``: for a
+    periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first. ``more``:
+    additional gain by these lines less the prior odds against them, nats.
     """
 
     value: float
@@ -57,24 +50,11 @@ class HypothesisSet:
     A hypothesis with another value of its nonlinear parameter is another hypothesis. So a model that a search rejects does
     not change the models that it keeps.
 
-    Parameters
-    ----------
-    design
-        The linear problem.
-    linear
-        Hypotheses without a nonlinear parameter.
-    scanned
-        Hypotheses whose nonlinear parameter is scanned, without a value of it.
-    smooth
-        Smooth terms with their displacements.
-    scope
-        Gives the probability of a false alarm, and the priors.
-    untestable
-        Effects that can't be tested: those that lack a covariate may have a proxy.
-    of_sessions
-        Additional log prior odds against explanations that depend on the session, nats.
-    proxied
-        Whether effects that lack a covariate have proxies.
+    ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
+    nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
+    the probability of a false alarm, and the priors. ``untestable``: effects that can't be tested: those that lack a covariate
+    may have a proxy. ``of_sessions``: additional log prior odds against explanations that depend on the session, nats.
+    ``proxied``: whether effects that lack a covariate have proxies.
 
     ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
     """

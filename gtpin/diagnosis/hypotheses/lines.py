@@ -34,13 +34,9 @@ def further_lines(
 
     The gain is in worth, nats, to first order. None where no line gains.
 
-    Parameters
-    ----------
-    terms
-        Only these of its periodic errors.
-    last
-        Gains of each periodic error in an earlier, smaller model, by place; they are updated here. A line seldom gains more
-        in a larger model, so those that gained less than the best one now are not computed again.
+    ``terms``: only these of its periodic errors. ``last``: gains of each periodic error in an earlier, smaller model, by place;
+    they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
+    computed again.
     """
     if hypotheses.design.situation.robot.rods:
         return None

@@ -104,10 +104,7 @@ def merged_sessions(
     coefficients. Two neighbours are merged where equal sets are more probable than different ones (Savage-Dickey density
     ratio), first those of the largest ratio.
 
-    Parameters
-    ----------
-    hypotheses
-        The hypotheses that can be tested.
+    ``hypotheses``: the hypotheses that can be tested.
 
     Returns
     -------

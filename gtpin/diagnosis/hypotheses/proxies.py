@@ -39,17 +39,9 @@ SPELLS = 12
 class Proxy:
     """A hypothesis with a proxy in the place of a covariate that was not recorded.
 
-    Parameters
-    ----------
-    hypothesis
-        The hypothesis.
-    columns
-        (N c, m) whitened displacements, computed with the proxy.
-    odds
-        Prior odds of the hypothesis relative to a testable one.
-    reason
-        For a hypothesis that the recorded columns can test: why it could be the cause although that test does not show it. None
-        for an untestable one.
+    ``columns``: (N c, m) whitened displacements, computed with the proxy. ``odds``: prior odds
+    of the hypothesis relative to a testable one. ``reason``: for a hypothesis that the recorded columns can test: why it could
+    be the cause although that test does not show it. None for an untestable one.
     """
 
     hypothesis: Hypothesis

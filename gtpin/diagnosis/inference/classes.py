@@ -29,14 +29,8 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
 class Ranking:
     """Everything that could be in the place of a cause, the most probable first.
 
-    Parameters
-    ----------
-    named
-        Every hypothesis with its probability.
-    smooth
-        Smooth terms with the probability of each if it were the only one.
-    heat
-        The temperature by which gains in log evidence were divided.
+    ``named``: every hypothesis with its probability. ``smooth``: smooth terms with the probability of each if it were the only
+    one. ``heat``: the temperature by which gains in log evidence were divided.
     """
 
     named: tuple[Contender, ...]
@@ -160,12 +154,7 @@ def with_two_instead(
 
     Each of the two has half of the probability of both, so that the probabilities of a class sum to at most 1.
 
-    Parameters
-    ----------
-    model
-        A model that has the cause.
-    members
-        The class of the cause: one hypothesis at a time in its place.
+    ``model``: a model that has the cause. ``members``: the class of the cause: one hypothesis at a time in its place.
     """
     if not hypotheses.design.situation.robot.rods:
         return members

@@ -85,18 +85,8 @@ class Considered:
 class Question:
     """A parameter of a cause whose value is outside the range that its effect states as plausible or usual.
 
-    Parameters
-    ----------
-    effect, site, parameter
-        The parameter.
-    value, sigma, unit
-        Its estimate.
-    low, high
-        The range, in ``unit``.
-    why
-        The reason for this range.
-    believed
-        Whether the cause is named in spite of it.
+    ``effect``, ``site``, ``parameter``: the parameter. ``value``, ``sigma``, ``unit``: its estimate. ``low``, ``high``: the
+    range, in ``unit``. ``why``: the reason for this range. ``believed``: whether the cause is named in spite of it.
     """
 
     effect: str
@@ -115,16 +105,10 @@ class Question:
 class Unexplained:
     """What is left after the causes.
 
-    Parameters
-    ----------
-    share
-        Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1.
-    p_value
-        Probability that noise alone gives a larger chi-square.
-    correlates
-        Site, coordinates and p-value of the smooth terms that correlate with the residuals; five at most.
-    could_be
-        Effect and site of untestable effects whose proxies explain the residuals about as well as the best smooth term.
+    ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
+    probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
+    that correlate with the residuals; five at most. ``could_be``: effect and site of untestable effects whose proxies explain
+    the residuals about as well as the best smooth term.
     """
 
     share: float

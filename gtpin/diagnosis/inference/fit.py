@@ -40,22 +40,10 @@ from gtpin.typing import Floats
 class Fitted:
     """The final conclusion, with the fitted causes.
 
-    Parameters
-    ----------
-    conclusion
-        The conclusion, with the doubts that the fit and left-out poses raise.
-    model
-        The geometry and the causes, fitted together.
-    causes
-        The causes; the one that explains most of the gap is the first.
-    gap
-        Errors on left-out poses, without and with the causes.
-    unexplained
-        What the causes do not explain.
-    questions
-        Parameters whose values are not plausible or not usual.
-    noise_source
-        Where the noise floor comes from.
+    ``conclusion``: the conclusion, with the doubts that the fit and left-out poses raise. ``model``: the geometry and the
+    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``gap``: errors on
+    left-out poses, without and with the causes. ``unexplained``: what the causes do not explain. ``questions``: parameters
+    whose values are not plausible or not usual. ``noise_source``: where the noise floor comes from.
     """
 
     conclusion: Conclusion
@@ -160,10 +148,7 @@ def held_out(
 
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
 
-    Parameters
-    ----------
-    whole
-        The gap on left-out poses with all causes.
+    ``whole``: the gap on left-out poses with all causes.
     """
     if found.doubts or shown.source == "residuals":
         return found

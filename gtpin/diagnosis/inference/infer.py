@@ -40,17 +40,10 @@ def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothes
 class FittedLines:
     """Errors of one drive at its different commands, and the lines that were fitted to them.
 
-    Parameters
-    ----------
-    errors, variance
-        (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a command; and their
-        variance by the noise.
-    lines
-        For each line its (n, p) deviations of the travel less what the geometry and the other causes fit of them, m or rad.
-    tried
-        Number of periods that were tried.
-    taken
-        Effective number of the errors that the geometry and the other causes fit: this many are missing in what is left.
+    ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
+    command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
+    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried. ``taken``: Effective
+    number of the errors that the geometry and the other causes fit: this many are missing in what is left.
     """
 
     errors: Floats
@@ -136,10 +129,7 @@ def _taken(hat: Floats) -> float:
 def infer(settled: Settled, barred: Collection[tuple[str, str]] = ()) -> Conclusion:
     """Search, compare named causes with smooth terms, and look for an actuator whose errors change too fast for these terms.
 
-    Parameters
-    ----------
-    barred
-        Effects and sites that cannot be causes.
+    ``barred``: effects and sites that cannot be causes.
     """
     hypotheses = settled.hypotheses
     found, scattered = _without_chance_lines(settled, barred)

@@ -32,10 +32,7 @@ hypotheses."""
 def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     """Search with and without smooth terms, compare both models, and conclude which causes are named.
 
-    Parameters
-    ----------
-    guess
-        A model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
+    ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
     """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
     start = NOTHING if hypotheses.design.situation.robot.rods else guess
@@ -139,12 +136,7 @@ def without_redundant(
     explain the rest. If the first cause may be the effect with the missing covariate, the second has nothing to explain. The
     same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy.
 
-    Parameters
-    ----------
-    named
-        The model of the named causes.
-    members
-        Function that gives the class of a cause of a model.
+    ``named``: the model of the named causes. ``members``: function that gives the class of a cause of a model.
     """
     strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
     for cause in sorted(strength, key=lambda c: -strength[c]):

@@ -95,10 +95,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
     A real cause acts at other poses as well. A false cause may only replace a change of the geometry that the tolerances make
     improbable: it gains evidence, but does not improve predictions.
 
-    Parameters
-    ----------
-    blocks
-        (N,) masks of the poses left out together, a partition.
+    ``blocks``: (N,) masks of the poses left out together, a partition.
     """
     design, groups = hypotheses.design, hypotheses.groups
     columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
@@ -120,12 +117,8 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     the position errors of the geometry alone are at the noise floor, and for robots without rods, whose wrist can rotate the
     tool and hardly shift it.
 
-    Parameters
-    ----------
-    blocks
-        (N,) masks of the poses left out together, a partition.
-    floor
-        (N,) expected squared length of each pose's position noise, m^2.
+    ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N,) expected squared length of each pose's
+    position noise, m^2.
     """
     if not found.classes:
         return found

@@ -59,11 +59,8 @@ def without_impossible(
 ) -> Conclusion:
     """The conclusion without impossible causes, with a doubt: an unknown cause looks like them.
 
-    Parameters
-    ----------
-    sure
-        Effects and sites that a search without the impossible causes names with confidence. Other causes are not named: they
-        may explain the data only together with an impossible one.
+    ``sure``: effects and sites that a search without the impossible causes names with confidence. Other causes are not named:
+    they may explain the data only together with an impossible one.
     """
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))

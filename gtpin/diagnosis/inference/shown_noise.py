@@ -38,12 +38,8 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     The estimate is the smaller of two: from the residuals after a search, and, where there are repeated visits, from their
     differences. An effect that depends on the pose is in the residuals, but not in these differences.
 
-    Parameters
-    ----------
-    prepared
-        The data, and their calibration with the declared noise.
-    scope
-        The effects that may explain part of the residuals.
+    ``prepared``: the data, and their calibration with the declared noise. ``scope``: the effects that may explain part of the
+    residuals.
     """
     baseline = prepared.baseline
     declared = {
@@ -105,19 +101,11 @@ Source = Literal["declared", "repeats", "residuals"]
 class ShownNoise:
     """The noise of a diagnosis's rows by declaration and visits.
 
-    Parameters
-    ----------
-    noise
-        The noise: declared sigmas, and repeatability and undeclared sigmas from visits.
-    most
-        The same with the largest repeatability that the visits allow.
-    source
-        ``declared``, ``repeats``, or ``residuals`` where a sigma was neither declared nor shown by visits: an assumption.
-    visits
-        Number of repeated visits, beyond the first of each pose.
-    contradicted
-        Whether the visits scatter otherwise than the declared noise and drives do: with other sigmas, a fifth larger at least,
-        their scatter is much likelier. Something then changes between visits.
+    ``noise``: declared sigmas, and repeatability and undeclared sigmas from visits. ``most``: the same with the
+    largest repeatability that the visits allow. ``source``: ``declared``, ``repeats``, or ``residuals`` where a sigma was
+    neither declared nor shown by visits: an assumption. ``visits``: number of repeated visits, beyond the first of each pose.
+    ``contradicted``: whether the visits scatter otherwise than the declared noise and drives do: with other sigmas, a fifth
+    larger at least, their scatter is much likelier. Something then changes between visits.
     """
 
     noise: ReadingNoise
@@ -132,12 +120,8 @@ class ShownNoise:
     ) -> ShownNoise:
         """The noise of the rows of a search.
 
-        Parameters
-        ----------
-        guess
-            A model of everything that is not noise, for the scatter between visits.
-        declared
-            Declared sigma of each group of numbers, m or rad; None where none is declared, or the data show less.
+        ``guess``: a model of everything that is not noise, for the scatter between visits. ``declared``: declared sigma of each
+        group of numbers, m or rad; None where none is declared, or the data show less.
         """
         design, inferred = hypotheses.design, observed.noise
         known = np.array([sigma is not None for sigma in declared])

@@ -35,15 +35,9 @@ VARIOUS = 0.5
 def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
     """The conclusion; without causes where the verdict is ``unknown`` and the errors are as small as the commands' last digit.
 
-    Parameters
-    ----------
-    dataset
-        The rows that were searched.
+    ``dataset``: the rows that were searched.
 
-    Warns
-    -----
-    GtpinWarning
-        Names the step of the commands.
+    Warns (`GtpinWarning`): names the step of the commands.
     """
     step = next((s for s in DIGITS if _multiples(dataset.q, s)), None)
     if found.verdict != "unknown" or step is None:
@@ -84,12 +78,8 @@ class Groups:
 def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> Groups | None:
     """Two groups of rows with different frames; None where residuals with one frame for all rows are hardly larger.
 
-    Parameters
-    ----------
-    left
-        (N, c) whitened residual of the geometry and the causes.
-    sigma
-        The instrument's noise of positions and orientations, m and rad, with which residuals are whitened.
+    ``left``: (N, c) whitened residual of the geometry and the causes. ``sigma``: the instrument's noise of positions and
+    orientations, m and rad, with which residuals are whitened.
     """
     c = design.components
     scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
@@ -118,15 +108,9 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
 def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
     """The conclusion, with a doubt where apparent noise comes from two groups of rows.
 
-    Parameters
-    ----------
-    dataset
-        The rows that were searched.
+    ``dataset``: the rows that were searched.
 
-    Warns
-    -----
-    GtpinWarning
-        Lists the rows of the smaller group by their lines in the file.
+    Warns (`GtpinWarning`): Lists the rows of the smaller group by their lines in the file.
     """
     if found.doubts:
         return found
@@ -173,10 +157,7 @@ def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Reading
 
     Nothing is changed where causes of the drive explain most of these errors.
 
-    Parameters
-    ----------
-    noise
-        Noise of the poses; only its instrument's part is used.
+    ``noise``: noise of the poses; only its instrument's part is used.
     """
     whole = drive_errors(hypotheses, found.model, noise)
     if whole is None or found.doubts:
@@ -264,10 +245,7 @@ def hidden_in_scatter(
     Where no cause was found and the scatter is large relative to the instrument's noise, such an effect may cause the
     scatter. The verdict ``none`` would say that it was tested.
 
-    Parameters
-    ----------
-    scatter
-        Ratio of the drives' repeatability to the instrument's noise.
+    ``scatter``: ratio of the drives' repeatability to the instrument's noise.
     """
     if found.verdict != "none" or scatter <= priors.scatters:
         return ()

@@ -17,12 +17,7 @@ CORRELATES = 5
 def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
     """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
-    Parameters
-    ----------
-    model
-        The named causes.
-    unknown
-        Whether something unknown is assumed as well.
+    ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = marginal_power(hypotheses, model)

@@ -15,14 +15,8 @@ from gtpin.diagnosis.priors import SURE
 class Contender:
     """A hypothesis that could be the cause, with its probability.
 
-    Parameters
-    ----------
-    hypothesis, probability
-        The hypothesis, and how probable it is.
-    recorded
-        False where only a proxy shows it.
-    beside
-        Another hypothesis, where only both together could be in the place of the cause.
+    ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
+    ``beside``: another hypothesis, where only both together could be in the place of the cause.
     """
 
     hypothesis: Hypothesis
@@ -35,18 +29,9 @@ class Contender:
 class Conclusion:
     """The conclusion from the evidence: causes, their classes, and doubts.
 
-    Parameters
-    ----------
-    model
-        The causes that are named.
-    classes
-        For each cause its class with the cause itself, the most probable member first.
-    doubts
-        Reasons for which something unknown is assumed in addition to the causes.
-    alone
-        Gain in log evidence of every hypothesis and smooth term as the only one.
-    beside
-        Smooth terms that are needed beside the causes.
+    ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
+    first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
+    of every hypothesis and smooth term as the only one. ``beside``: smooth terms that are needed beside the causes.
     """
 
     model: Model

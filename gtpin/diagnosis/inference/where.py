@@ -24,18 +24,11 @@ class Where:
 
     Shares sum to 1, or are all zero where there is no gap.
 
-    Parameters
-    ----------
-    rod, axis
-        By name: shares of the gap's mean square beyond noise. ``rod``: in the closure residuals of the rods. ``axis``: in the
-        whitened components of the pose or the readings.
-    site
-        By name: shares of the largest gain in log evidence at each site, by an effect or a smooth term alone. Common
-        motions and proxies are left out.
-    covariate
-        By name: the largest gain in log evidence of a smooth term over it, relative to the best covariate; not shares.
-    region
-        Boxes (2, 3), m, base frame, and the share of the gap's mean square beyond noise in each.
+    ``rod``, ``axis``: by name: shares of the gap's mean square beyond noise. ``rod``: in the closure residuals of the rods.
+    ``axis``: in the whitened components of the pose or the readings. ``site``: by name: shares of the largest gain in log
+    evidence at each site, by an effect or a smooth term alone. Common motions and proxies are left out. ``covariate``: by name:
+    the largest gain in log evidence of a smooth term over it, relative to the best covariate; not shares. ``region``: boxes (2,
+    3), m, base frame, and the share of the gap's mean square beyond noise in each.
     """
 
     rod: dict[str, float]

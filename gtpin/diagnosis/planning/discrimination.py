@@ -48,19 +48,11 @@ HOPELESS = 0.1
 class CauseClass:
     """A cause with its class.
 
-    Parameters
-    ----------
-    cause, scale
-        The fitted cause, and its scale.
-    members
-        The class, with probabilities; the cause is one of the members. Where the cause is alone in its class and not sure, the
-        next hypothesis in probability is added.
-    heat
-        The temperature by which the diagnosis divides log Bayes factors to compute these probabilities.
-    smooth
-        The most probable smooth terms in the place of the cause, each with its probability if it were the only one.
-    priors
-        The priors of the diagnosis.
+    ``cause``, ``scale``: the fitted cause, and its scale. ``members``: the class, with probabilities; the cause is one of the
+    members. Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``heat``: the
+    temperature by which the diagnosis divides log Bayes factors to compute these probabilities. ``smooth``: the most probable
+    smooth terms in the place of the cause, each with its probability if it were the only one. ``priors``: the priors of the
+    diagnosis.
     """
 
     cause: Hypothesis

@@ -24,12 +24,8 @@ IGNORED = 3e-3
 class Prediction:
     """The predictive distribution of M further rows with c whitened numbers each, under a hypothesis, given the measured rows.
 
-    Parameters
-    ----------
-    mean
-        (M, c) mean.
-    spread
-        (M, c, r) root of the covariance without noise: that of rows i and j is spread[i] @ spread[j]'. The noise adds I.
+    ``mean``: (M, c) mean. ``spread``: (M, c, r) root of the covariance without noise: that of rows i and j is spread[i] @
+    spread[j]'. The noise adds I.
     """
 
     mean: Floats
@@ -126,10 +122,8 @@ class _Race:
     def steps(self, inverse: Floats, logs: Floats) -> Floats:
         """(M,) gain by measuring each row next.
 
-        Parameters
-        ----------
-        inverse, logs
-            (M, c, c) inverse of the rival's covariance, and (M,) log of its determinant over that of the true hypothesis.
+        ``inverse``, ``logs``: (M, c, c) inverse of the rival's covariance, and (M,) log of its determinant over that of the
+        true hypothesis.
         """
         c = self.shift.shape[1]
         trace = (inverse * (np.eye(c) + self.spread @ np.swapaxes(self.spread, 1, 2))).sum(axis=(1, 2))
@@ -163,14 +157,9 @@ MOST_ROUNDS = 10
 class Rivals:
     """The hypotheses of a class, and the smooth terms in their place, with their predictions and probabilities.
 
-    Parameters
-    ----------
-    named, probabilities
-        Predictions of two or more hypotheses, and how probable each is now.
-    smooth, smooth_probabilities
-        The same for smooth terms. Only the most probable of them counts, as in the diagnosis.
-    heat
-        The temperature of the diagnosis.
+    ``named``, ``probabilities``: predictions of two or more hypotheses, and how probable each is now. ``smooth``,
+    ``smooth_probabilities``: the same for smooth terms. Only the most probable of them counts, as in the diagnosis. ``heat``:
+    the temperature of the diagnosis.
     """
 
     named: Sequence[Prediction]

@@ -35,12 +35,8 @@ class _Plan:
 def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
     """A dense experiment along the coordinates that an unknown effect depends on.
 
-    Parameters
-    ----------
-    site, coordinates
-        Site and coordinates of the smooth term that explains it best.
-    poses
-        Approximate number of visits.
+    ``site``, ``coordinates``: site and coordinates of the smooth term that explains it best. ``poses``: approximate number of
+    visits.
     """
     plan = _plan(known, site, coordinates, poses)
     return Experiment("map_unknown", known.robot, (), plan.q, plan.covariates, visits=plan.visits)
