@@ -17,12 +17,12 @@ from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against.check import check
 from gtpin.diagnosis.against.readings import reading_model
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.candidates import considered
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outliers
 from gtpin.diagnosis.inference.settle import Settled, settle
 from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.inference.verdict import considered
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.hold_out import HoldOut, check_hold_out
 from gtpin.diagnosis.planning.experiment import Experiment

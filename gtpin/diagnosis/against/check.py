@@ -19,13 +19,12 @@ from gtpin.diagnosis.against.update import pose_chi2, updated
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.candidates import considered
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.findings import Doubt
-from gtpin.diagnosis.inference.named_causes import decide
+from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import gaps
 from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
-from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.inference.verdict import Conclusion, considered
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import Priors

@@ -56,8 +56,9 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
-    odds = _odds(hypotheses, rest, gains, mine)
-    log = {h: (gain.value - odds[h]) / heat for h, gain in gains.items()}
+    # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
+    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*gains, mine)}
+    log = {h: (gain.value - (costs[h] - costs[mine])) / heat for h, gain in gains.items()}
     likeliest, by_proxy = max(log.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / heat + float(np.log(proxy.odds))
@@ -71,20 +72,9 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
     whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
     every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
-    named = tuple(sorted(every, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+    named = _ordered(every, cause)
     shares = ((term, float(np.exp(value - whole))) for term, value in smooth.items())
     return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), heat)
-
-
-def _odds(
-    hypotheses: HypothesisSet, rest: Model, others: Iterable[Hypothesis], cause: Hypothesis
-) -> dict[Hypothesis, float]:
-    """Log prior odds, nats, against the model ``rest`` with each hypothesis, less those against ``rest`` with ``cause``.
-
-    They differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
-    """
-    whole = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*others, cause)}
-    return {h: value - whole[cause] for h, value in whole.items()}
 
 
 def _with_lines(
@@ -141,72 +131,61 @@ def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
         return model
     for cause in causes(model):
         rest = without(hypotheses.groups, model, cause, sweeps=1)
-        found = _best(hypotheses, rest, (cause,), LEAST_SHARE * (model.log_evidence - rest.log_evidence))
+        found = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * (model.log_evidence - rest.log_evidence))
         if found is not None and hypotheses.worth(found[0]) > hypotheses.worth(model) + 1e-9:
             return exchanged_for_two(hypotheses, found[0])
     return model
 
 
-def with_two_instead(
-    hypotheses: HypothesisSet, model: Model, cause: Hypothesis, members: tuple[Contender, ...]
-) -> tuple[Contender, ...]:
-    """The class of a cause with the two hypotheses that could together be in its place, where they are probable enough.
+def with_two_instead(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
+    """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
 
-    Each of the two has half of the probability of both, so that the probabilities of a class sum to at most 1.
-
-    ``model``: a model that has the cause. ``members``: the class of the cause: one hypothesis at a time in its place.
-    """
-    if not hypotheses.design.situation.robot.rods:
-        return members
-    rest = without(hypotheses.groups, model, cause, sweeps=1)
-    own = model.log_evidence - rest.log_evidence
-    found = _best(hypotheses, rest, (cause,), LEAST_SHARE * own)
-    if found is None:
-        return members
-    two, firsts = found
-    odds = _odds_of_two(hypotheses, two, model, own)
-    leader = next(m.probability for m in members if m.hypothesis.place == cause.place)
-    whole = 1.0 + odds * leader
-    each = odds * leader / whole / 2.0
-    if 2.0 * each < CLASS_SHARE * max(m.probability for m in members) / whole:
-        return members
-    known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-    for hypothesis, other in (firsts, firsts[::-1]):
-        alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
-        known[hypothesis.place] = replace(alone, probability=alone.probability + each)
-    return tuple(sorted(known.values(), key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
-
-
-def with_two_exchanged(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
-    """The classes with two other hypotheses in the place of two causes at once, where they are probable enough.
-
-    Each of the two is added to the class of the cause whose place it takes, with the probability of both. Classes in which one
-    cause is exchanged at a time do not show that two causes together can be two others.
+    Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
+    of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
+    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
     """
     if not hypotheses.design.situation.robot.rods:
         return classes
     found = dict(classes)
+    for cause, members in classes.items():
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
+        if best is None:
+            continue
+        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        whole = 1.0 + odds * leader
+        each = odds * leader / whole / 2.0
+        if 2.0 * each < CLASS_SHARE * max(m.probability for m in members) / whole:
+            continue
+        known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
+        for hypothesis, other in (best[1], best[1][::-1]):
+            alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
+            known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+        found[cause] = _ordered(known.values(), cause)
     for pair in combinations(causes(model), 2):
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
-        best = _best(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
-        if best is None:
-            continue
-        odds = _odds_of_two(hypotheses, best[0], model, own)
-        for cause, other in zip(pair, best[1], strict=True):
-            found[cause] = _joined(found[cause], cause, other, odds)
+        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
+        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
+        for cause, other in zip(pair, best[1] if best else (), strict=False):
+            members = found[cause]
+            if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
+                continue
+            leader = _own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            kept = [replace(m, probability=m.probability / whole) for m in members]
+            found[cause] = _ordered([*kept, Contender(other, odds * leader / whole)], cause)
     return found
 
 
-def _joined(members: tuple[Contender, ...], cause: Hypothesis, other: Hypothesis, odds: float) -> tuple[Contender, ...]:
-    """A class with ``other`` added, whose odds over the cause are ``odds``; unchanged where these are too small."""
-    leader = next(m.probability for m in members if m.hypothesis.place == cause.place)
-    if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
-        return members
-    whole = 1.0 + odds * leader
-    kept = [replace(m, probability=m.probability / whole) for m in members]
-    kept.append(Contender(other, odds * leader / whole))
-    return tuple(sorted(kept, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+def _own_probability(members: Iterable[Contender], cause: Hypothesis) -> float:
+    return next(m.probability for m in members if m.hypothesis.place == cause.place)
+
+
+def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender, ...]:
+    """Members by probability, the largest first; of equal ones the cause."""
+    return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
 def _odds_of_two(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
@@ -215,7 +194,7 @@ def _odds_of_two(hypotheses: HypothesisSet, other: Model, model: Model, own: flo
     return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
 
 
-def _best(
+def _best_two(
     hypotheses: HypothesisSet, rest: Model, out: Sequence[Hypothesis], least: float
 ) -> tuple[Model, tuple[Hypothesis, Hypothesis]] | None:
     """The model of largest worth with two hypotheses beside ``rest``, and these two.

@@ -132,7 +132,7 @@ Reason = Literal[
 """Why something unknown is inferred:
 
 ``smooth_term``
-    Smooth nonparametric terms are likelier than the named causes alone (``named_causes.py``).
+    Smooth nonparametric terms are likelier than the named causes alone (``infer.py``).
 ``restless``
     Errors of an actuator differ from pose to pose by more than repeated visits scatter (``reestimate_noise.py``).
 ``impossible``

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.lines import strongest_first
 from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
@@ -17,7 +18,6 @@ from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, with
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
-from gtpin.diagnosis.inference.strongest_line import strongest_first
 from gtpin.diagnosis.inference.suspicious_data import (
     hidden_in_scatter,
     with_full_digits,

@@ -40,14 +40,6 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
 
 
-def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
-    """Probability that noise, geometry within its tolerances and the causes of a model give a larger chi-square.
-
-    y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y has a chi-square distribution with as many degrees of freedom as y has numbers.
-    """
-    return float(chi2.sf(marginal_power(hypotheses, model), hypotheses.design.dof))
-
-
 def marginal_power(hypotheses: HypothesisSet, model: Model) -> float:
     """Chi-square of the residual with geometry and a model's causes marginalised: y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y."""
     moment = np.concatenate([np.zeros(0), *(hypotheses.groups.moment(n) for n in model.terms)])
