@@ -196,7 +196,7 @@ def plan(
         how = Conditions(least, where == "free", unexplained=left, noise_known=False)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
     possible = _possible(Earlier(model), some, how, scope, orientation)
-    design, words = possible.proposal.design, checked_first() if purpose == "health" else tuple(between)
+    design, words = possible.proposal.hypotheses.design, checked_first() if purpose == "health" else tuple(between)
     wanted = _wanted(possible.proposal.hypotheses.linear, words, model)
     choice = _choice(design, wanted, VAGUE if purpose == "health" else 1.0)
     rows = choice.best(poses)

@@ -76,13 +76,15 @@ def fit(
     found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
-    if asked.impossible and (other := with_possible(hypotheses, found, asked.impossible)):
+    impossible = [question for question in asked if not question.believed]
+    if impossible and (other := with_possible(hypotheses, found, impossible)):
         model, causes = _fitted(prepared, settled, other)
         again = questions(other, causes, hypotheses.priors)
-        found, asked = (found, asked) if again.impossible else (other, again)
-    if asked.impossible:
-        other = infer(settled, {(q.effect, q.site) for q in asked.impossible})
-        found = without_impossible(hypotheses, found, asked.impossible, {c.place for c in other.sure()})
+        if all(question.believed for question in again):
+            found, asked, impossible = other, again, []
+    if impossible:
+        other = infer(settled, {(q.effect, q.site) for q in impossible})
+        found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
     floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
@@ -107,7 +109,7 @@ def fit(
         causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
         gap=whole,
         unexplained=replace(remaining, could_be=could_be),
-        questions=(*asked.impossible, *asked.unusual),
+        questions=tuple(asked),
         noise_source=shown.source,
     )
 

@@ -12,7 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import Gap, LeftOut, gap, leave_out
+from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.effects.situation import Situation
@@ -124,18 +124,13 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
         return found
     columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
-    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole, floor)):
+    compared = [(alone.errors, whole.errors)]
+    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
+    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
+        compared.append((alone.turned, whole.turned))
+    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
-
-
-def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut, floor: Floats) -> list[tuple[Floats, Floats]]:
-    """Errors without and with causes, of positions and of orientations, of which one must be smaller with causes."""
-    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    found = [(alone.errors, whole.errors)]
-    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
-        found.append((alone.turned, whole.turned))
-    return found
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
