@@ -154,22 +154,17 @@ class HypothesisSet:
         """Log prior odds against each explanation of a model, nats."""
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
-            self._costs[templates] = self._costs_of(templates)
+            alone, found = {term: self.alone(term) for term in templates}, []
+            for term in templates:
+                stronger = [self.share(term, t) * alone[t] for t in templates if alone[t] > alone[term]]
+                third = self.priors.third if len(stronger) > 1 else 0.0
+                found.append(self.cost(term) + max(stronger, default=0.0) + third)
+            self._costs[templates] = tuple(found)
         lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
         return {
             term: cost + self.priors.line * more
             for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
         }
-
-    def _costs_of(self, terms: Sequence[Term]) -> tuple[float, ...]:
-        """As :meth:`costs`, for explanations with one line each."""
-        alone = {term: self.alone(term) for term in terms}
-        found = []
-        for term in terms:
-            stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
-            third = self.priors.third if len(stronger) > 1 else 0.0
-            found.append(self.cost(term) + max(stronger, default=0.0) + third)
-        return tuple(found)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of an explanation as the only one, with the best value of its nonlinear parameter."""

@@ -22,7 +22,6 @@ from gtpin.diagnosis.inference.suspicious_data import (
     hidden_in_scatter,
     with_full_digits,
     with_one_measurement,
-    with_scatter,
     with_two_valued,
 )
 from gtpin.diagnosis.inference.unexplained import unexplained
@@ -100,7 +99,8 @@ def fit(
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
-    found = with_scatter(found, hidden)
+    if hidden:
+        found = found.doubted(Doubt("scatter", hidden[0].site))
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
     return Fitted(

@@ -39,8 +39,14 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
 
     Warns (`GtpinWarning`): names the step of the commands.
     """
-    step = next((s for s in DIGITS if _multiples(dataset.q, s)), None)
-    if found.verdict != "unknown" or step is None:
+    if found.verdict != "unknown":
+        return found
+    for step in DIGITS:  # multiples of a step, with too many distinct ones for a grid chosen on purpose
+        counts = dataset.q / step
+        various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(counts)
+        if various and np.abs(counts - np.round(counts)).max() < EXACT:
+            break
+    else:
         return found
     left = left_over(hypotheses, NOTHING)[0]
     errors = np.linalg.solve(hypotheses.design.whitening, left[..., None])[:, :3, 0]
@@ -51,13 +57,6 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
         "export more digits"
     )
     return found.only(hypotheses, [])
-
-
-def _multiples(q: Floats, step: float) -> bool:
-    """Whether commands are multiples of a step (m or rad), with too many distinct ones for a grid chosen on purpose."""
-    counts = q / step
-    various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(q)
-    return various and bool(np.abs(counts - np.round(counts)).max() < EXACT)
 
 
 SWEEPS = 30
@@ -81,10 +80,10 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
     ``left``: (N, c) whitened residual of the geometry and the causes. ``sigma``: the instrument's noise of positions and
     orientations, m and rad, with which residuals are whitened.
     """
-    c = design.components
+    c, T = design.components, design.model.seen(design.situation.poses).T
     scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
     errors = np.linalg.solve(design.whitening, left[..., None])[..., 0]
-    y, F = errors / scale, _motions(design)[:, :c] / scale[:, None]
+    y, F = errors / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
     centred = y - y.mean(axis=0)
     first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0.0
     for _ in range(SWEEPS):
@@ -134,12 +133,6 @@ def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
     flat = F[group].reshape(-1, 6)
     motion: Floats = np.asarray(np.linalg.lstsq(flat, y[group].ravel(), rcond=None)[0], dtype=np.float64)
     return y - F @ motion, motion
-
-
-def _motions(design: Design) -> Floats:
-    """(N, 6, 6) motions of the poses by shifts, m, and rotations, rad, of the frame about the mean position."""
-    T = design.model.seen(design.situation.poses).T
-    return frame_motions(T - T.mean(axis=0))
 
 
 WIDTHS = np.linspace(0.3, 2.0, 18)
@@ -254,8 +247,3 @@ def hidden_in_scatter(
         for hypothesis in untestable
         if any(_MOVES.fullmatch(name) and name in at.unusable for name in hypothesis.covariates(at.robot))
     )
-
-
-def with_scatter(found: Conclusion, hidden: tuple[Hypothesis, ...]) -> Conclusion:
-    """The conclusion, with a doubt where there are effects ``hidden`` that may cause the scatter."""
-    return found.doubted(Doubt("scatter", hidden[0].site)) if hidden else found

@@ -81,9 +81,8 @@ def discriminate(
     if len(members) == 1:
         predictions.append(Prediction.of(trials, others))
         probabilities.append(1.0 - probabilities[0])
-    weights = (
-        probabilities[1:] if len(probabilities) > 2 else [1.0]
-    )  # the probability of a single alternative can be zero
+    # The probability of a single alternative can be zero.
+    weights = probabilities[1:] if len(probabilities) > 2 else [1.0]
     pairs = [HypothesisPair(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
     effects = tuple(hypothesis.place for hypothesis, _ in members)
