@@ -57,11 +57,7 @@ class Changes:
 
     @staticmethod
     def of(
-        earlier: Earlier,
-        measured: Measured | Readings,
-        covariates: Mapping[str, Column],
-        how: Conditions,
-        scope: Scope,
+        earlier: Earlier, measured: Measured | Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
     ) -> Changes:
         """The changes of some poses or readings since an earlier model."""
         since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)

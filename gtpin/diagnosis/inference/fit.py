@@ -55,11 +55,7 @@ class Fitted:
 
 
 def fit(
-    prepared: Prepared,
-    settled: Settled,
-    found: Conclusion,
-    rng: np.random.Generator,
-    hold_out: HoldOut = "region",
+    prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
 ) -> Fitted:
     """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
 

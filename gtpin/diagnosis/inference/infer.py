@@ -12,13 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, relate
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.chance_lines import chance_lines
-from gtpin.diagnosis.inference.classes import (
-    contenders,
-    exchanged_for_two,
-    temperature,
-    unnamed,
-    with_two_instead,
-)
+from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, temperature, unnamed, with_two_instead
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search

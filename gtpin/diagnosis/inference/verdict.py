@@ -74,10 +74,7 @@ class Conclusion:
 
 
 def considered(
-    hypotheses: HypothesisSet,
-    found: Conclusion,
-    untested: Iterable[Untested],
-    could_be: Collection[tuple[str, str]],
+    hypotheses: HypothesisSet, found: Conclusion, untested: Iterable[Untested], could_be: Collection[tuple[str, str]]
 ) -> tuple[Considered, ...]:
     """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
     members = [m for contenders in found.classes.values() for m in contenders]

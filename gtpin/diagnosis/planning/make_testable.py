@@ -43,11 +43,7 @@ class _Group:
 
 
 def make_testable(
-    known: Known,
-    classes: Sequence[CauseClass],
-    untestable: Sequence[Untested],
-    poses: int,
-    rng: np.random.Generator,
+    known: Known, classes: Sequence[CauseClass], untestable: Sequence[Untested], poses: int, rng: np.random.Generator
 ) -> list[Experiment]:
     """An experiment for each reason why effects are untestable; the largest expected gain first, those without poses last.
 
@@ -80,11 +76,7 @@ def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
 
 
 def _experiments(
-    group: _Group,
-    known: Known,
-    classes: Sequence[CauseClass],
-    poses: int,
-    rng: np.random.Generator,
+    group: _Group, known: Known, classes: Sequence[CauseClass], poses: int, rng: np.random.Generator
 ) -> list[Experiment]:
     """The poses that show a group's effects, and what to do about those that no poses make testable."""
     robot, lacking, found = known.robot, group.lacking, list[Experiment]()
