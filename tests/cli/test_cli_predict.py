@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import gtpin
-from gtpin.bench.simulator.instruments.plain import simulate_measured
+from gtpin.bench.simulator.instruments.build import simulate_measured
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id

@@ -28,10 +28,7 @@ SETTLED = 1e-3
 def reading_model(model: Model, dataset: Dataset) -> Model:
     """The model with the passive joints measured that the dataset's encoders read; itself for the poses of a tracker.
 
-    Raises
-    ------
-    DatasetError
-        For a joint that can't be read.
+    Raises `DatasetError` for a joint that can't be read.
     """
     if dataset.readings is None:
         return model
@@ -42,10 +39,7 @@ def reading_model(model: Model, dataset: Dataset) -> Model:
 def usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
     """The readings of a dataset that a check of a model can use, one row for each; impossible ones are left out.
 
-    Raises
-    ------
-    DatasetError
-        If the readings can't be those of this robot, or an instrument's noise is not declared.
+    Raises `DatasetError` if the readings can't be those of this robot, or an instrument's noise is not declared.
     """
     robot = model.robot
     check_extremes(dataset)
@@ -76,17 +70,10 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
 
     The linear problem of a check is about these values, because the unknown place of an instrument may be off by decimetres.
 
-    Parameters
-    ----------
-    J
-        (N, 6 + k, n) derivative of the poses, base frame, by the commands.
-    poses
-        (N) poses that the earlier model predicts, base frame.
+    ``J``: (N, 6 + k, n) derivative of the poses, base frame, by the commands. ``poses``: (N) poses that the earlier model
+    predicts, base frame.
 
-    Raises
-    ------
-    ConvergenceError
-        If they have not converged.
+    Raises `ConvergenceError` if they have not converged.
     """
     found = readings.at(readings.start(poses))
     if not len(found.sigma):

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect
-from gtpin.health.earlier import Earlier
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument, Frame, Model, inverse_root
@@ -21,12 +21,8 @@ from gtpin.typing import Floats
 class Linear:
     """The Gaussian posterior of all k unknowns of a check, in units of their prior standard deviations.
 
-    Parameters
-    ----------
-    mean, covariance
-        (k,) and (k, k), for the model's unknowns, then the instrument's pose, then the changes' coefficients.
-    left
-        (N, c) whitened residuals at the mean.
+    ``mean``, ``covariance``: (k,) and (k, k), for the model's unknowns, then the instrument's pose, then the changes'
+    coefficients. ``left``: (N, c) whitened residuals at the mean.
     """
 
     mean: Floats
@@ -61,16 +57,8 @@ def updated(
 ) -> tuple[Model, tuple[ActiveEffect, ...]]:
     """The earlier model with the changes added, fitted again with the check's poses; and the changes with their coefficients.
 
-    Parameters
-    ----------
-    earlier
-        The earlier model.
-    design
-        The linear problem of the check.
-    causes, scale
-        The changes, and the scale of each.
-    columns
-        (N c, m) whitened displacements of all changes at these scales.
+    ``design``: the linear problem of the check. ``causes``, ``scale``: the changes, and the
+    scale of each. ``columns``: (N c, m) whitened displacements of all changes at these scales.
     """
     found, k = Linear.of(design, columns), earlier.root.shape[1]
     after = design.B.shape[1]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.readings import with_unknowns
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, Situation
-from gtpin.health.earlier import Earlier
-from gtpin.health.readings import with_unknowns
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED, Unexplained
 from gtpin.noise.noise import Noise
@@ -22,19 +22,11 @@ from gtpin.noise.reading_noise import ReadingNoise
 class Conditions:
     """The conditions under which a check is measured.
 
-    Parameters
-    ----------
-    noise
-        Noise of the check's poses or readings.
-    free_frame
-        Whether the pose of the instrument is unknown.
-    temperature
-        Reference temperature, degC, at which the geometry holds.
-    unexplained
-        What the earlier model left unexplained of its own data: a part of the uncertainty of every prediction.
-    noise_known
-        Whether ``noise`` was declared, or repeated visits showed it. Otherwise it is as small as noise can be, and what was
-        left of the earlier fit is all in ``unexplained``.
+    ``noise``: noise of the check's poses or readings. ``free_frame``: whether the pose of the instrument is unknown.
+    ``temperature``: reference temperature, degC, at which the geometry holds. ``unexplained``: what the earlier model left
+    unexplained of its own data: a part of the uncertainty of every prediction. ``noise_known``: whether ``noise`` was declared,
+    or repeated visits showed it. Otherwise it is as small as noise can be, and what was left of the earlier fit is all in
+    ``unexplained``.
     """
 
     noise: Noise | ReadingNoise
@@ -72,23 +64,11 @@ def expectation(
     model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
     or by the unknowns of the instruments, scaled by the sigmas of their priors.
 
-    Parameters
-    ----------
-    earlier
-        The earlier model.
-    measured
-        The poses or readings of the check.
-    covariates
-        The covariates as they were recorded.
-    how
-        Noise, frame and temperature.
-    since
-        The covariates on which changes depend: see :class:`~gtpin.health.changes.Since`.
+    ``measured``: the poses or readings of the check. ``covariates``: the covariates as they
+    were recorded. ``how``: noise, frame and temperature. ``since``: the covariates on which changes depend: see
+    :meth:`Earlier.since`.
 
-    Raises
-    ------
-    ModelError
-        If a covariate is missing that an effect of the model needs.
+    Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
     kinematics, q = earlier.model.kinematics, measured.q
     plain = kinematics.forward(q)

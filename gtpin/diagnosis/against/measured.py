@@ -14,11 +14,11 @@ from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
+from gtpin.diagnosis.against.expectation import Conditions
+from gtpin.diagnosis.against.readings import noise_of_readings, usable_readings
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
-from gtpin.health.expectation import Conditions
-from gtpin.health.readings import noise_of_readings, usable_readings
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
@@ -61,10 +61,7 @@ def places(dataset: Dataset) -> npt.NDArray[np.int64]:
 def usable(dataset: Dataset, model: Model) -> Usable:
     """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
-    Raises
-    ------
-    DatasetError
-        If the dataset does not match the model, or has too few poses.
+    Raises `DatasetError` if the dataset does not match the model, or has too few poses.
     """
     check_actuators(model.robot, dataset)
     if dataset.readings is not None:

@@ -13,6 +13,7 @@ from gtpin.effects.lasting import lasts
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError, unheard
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import TEMPERATURES
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -24,10 +25,7 @@ SINCE = "since the model"
 class Earlier:
     """An earlier model, without the effects that do not last: drift of the instrument, and its shifts between sessions.
 
-    Parameters
-    ----------
-    model
-        The model as it was identified.
+    ``model``: the model as it was identified.
     """
 
     model: Model
@@ -75,10 +73,7 @@ class Earlier:
     def predicted(self, q: Floats, covariates: Mapping[str, Column], plain: Poses) -> Poses:
         """Poses (N) that the model predicts at commands q (N, n), base frame; ``plain`` are those of its geometry alone.
 
-        Raises
-        ------
-        ModelError
-            If a covariate is missing that an effect needs.
+        Raises `ModelError` if a covariate is missing that an effect needs.
         """
         with unheard():  # sessions of a check are never those of the model
             try:
@@ -115,6 +110,27 @@ class Earlier:
         if any(name in active.effect.covariates(robot, active.site) for active in self.effects):
             return reference
         return None if fit is None else {"temp_frame": fit.temp_frame, "temp_link": fit.temp_link}[name]
+
+    def since(
+        self, covariates: Mapping[str, Column], reference: float, count: int, warmer: float
+    ) -> tuple[dict[str, Column], tuple[str, ...]]:
+        """Covariates (N,) by name for effects that describe changes since the model, and the names of assumed temperatures.
+
+        Sessions are left out: a change is the same at all poses of a check. Temperatures are those of the check less the one at
+        which the model holds, plus ``reference``, degC. Where that change is not known, a rise by ``warmer``, K, is assumed:
+        coefficients may have either sign, so that this includes a fall. ``count`` is N.
+        """
+        since = {name: values for name, values in covariates.items() if name != "session"}
+        assumed = []
+        for name in TEMPERATURES:
+            then = self.temperature(name, reference)
+            now = np.asarray(covariates[name], dtype=float) if name in covariates else np.zeros(count)
+            if then is None or name not in covariates:
+                assumed.append(name)
+                since[name] = now - now.mean() + reference + warmer
+            else:
+                since[name] = now - then + reference
+        return since, tuple(assumed)
 
     def moved(self, deviation: Floats, covariance: Floats) -> Model:
         """The model with another geometry and other coefficients of the lasting effects.
