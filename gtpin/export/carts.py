@@ -193,7 +193,7 @@ def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
     rods = rods_of(at, site)
     carrier_joints = shift + np.cross(turn, _levers(at, site))
     stretch = np.einsum("nki,nki->nk", at.along[:, rods], carrier_joints)
-    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :, rods], stretch))
+    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :6, rods], stretch))
 
 
 def _levers(at: Situation, site: str) -> Floats:

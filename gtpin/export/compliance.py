@@ -62,7 +62,7 @@ def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
 def _at_tcp(model: Model, active: ActiveEffect, compliance: Floats, rest: Floats) -> Floats:
     """(N, 6) motion of the TCP, m and rad, by rods that stretch by ``rest`` (k,) and in proportion to their load."""
     at = conditions(model, active)
-    return np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
+    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :6], rest + compliance * at.force))
 
 
 def geometric_scales(model: Model) -> dict[str, float]:
