@@ -170,7 +170,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
-    links = [rod.name for rod in rod_kinematics(model).geometry.robot.rods]
+    links = rod_kinematics(model).names
     if set(costs) != set(links) or poses < 1 or not all(0.0 <= cost < np.inf for cost in costs.values()):
         raise ModelError(
             "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"

@@ -184,7 +184,7 @@ class _Costs:
 
     def changes(self, parameter: str, link: str, step: float) -> tuple[float, float]:
         """Exact and linear sums over poses and signs of the changes of a rod's own squared closure."""
-        rod = [rod.name for rod in self.kinematics.geometry.robot.rods].index(link)
+        rod = self.kinematics.names.index(link)
         change = rod_step(self.kinematics, self.q, parameter, rod)
         assert change is not None
         return _cost(change, self.ends, self.seen, step, None if self.sigmas is None else float(self.sigmas[rod]))

@@ -146,7 +146,7 @@ def filled_workspace(model: Model, seed: int = 0) -> Workspace:
 
 def space_of(model: Model, q: Floats, seed: int = 0) -> Workspace:
     """The workspace for maps: with rods the box of the TCP's positions at commands q (N, n), else all that is reached."""
-    if not model.robot.rods:
+    if not model.robot.rod_sites:
         return filled_workspace(model, seed)
     T = model.kinematics.forward(q).T
     return workspace(model, T.min(axis=0), T.max(axis=0), COUNTS)
@@ -172,7 +172,7 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
         If a robot with rods reaches hardly any of its range even near home.
     """
     robot = model.robot
-    if not robot.rods:
+    if not robot.rod_sites:
         return _filling(model, count or POSES[1], seed)
     lower, upper = _ranges(model)
     size = 1.0

@@ -94,17 +94,11 @@ def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Bas
 
 def rods_of(at: Situation, site: str) -> list[int]:
     """Indices of the rods of a site: the rods on a cart, one rod, or all rods for ``arm``."""
-    rods = at.robot.rods
-    if site == "arm":
-        return list(range(len(rods)))
-    if site in at.robot.sites:
-        actuator = at.robot.sites.index(site)
-        return [i for i, rod in enumerate(rods) if actuator in (rod.carrier, rod.extension)]
-    return [i for i, rod in enumerate(rods) if rod.site == site]
+    return at.robot.rods_at(site)
 
 
 def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -> Basis:
     """Basis of changes (N, len(rods), m) of the lengths of some rods, m."""
-    length = np.zeros((len(at), len(at.robot.rods), columns.shape[2]))
+    length = np.zeros((len(at), len(at.robot.rod_sites), columns.shape[2]))
     length[:, rods] = columns
     return Basis(sigma, length=length)

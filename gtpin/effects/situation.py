@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.effects.sites import joints
 from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.protocol import Bodies, Kinematics
@@ -211,31 +212,25 @@ class Situation:
         time = self.covariate("time") if self.has("time") else np.zeros(1)
         sessions = tuple(sorted({str(s) for s in self.covariates["session"]})) if self.has("session") else ()
         start, span = float(time.min()), max(float(np.ptp(time)), 1e-9)
-        known = tuple(sorted(self.covariates))
-        if not self.robot.rods:
-            nothing = np.zeros(0), np.zeros(0)
-            loads = self.joint_loads
-            return References(
-                self.temperature,
-                (start, span),
-                sessions,
-                nothing,
-                (np.zeros((0, 3)), np.zeros(0)),
-                known,
-                (self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
-                (loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
-                _measured_angles(self.q, self.robot.revolute),
-            )
         mean = self.along.mean(axis=0)
         mean /= np.linalg.norm(mean, axis=1)[:, None]
         spread = np.sqrt(((self.along - mean) ** 2).sum(axis=2).mean(axis=0))
-        return References(
+        found = References(
             temperature=self.temperature,
             time=(start, span),
             sessions=sessions,
             force=(self.force.mean(axis=0), np.maximum(self.force.std(axis=0), 1e-9)),
             direction=(mean, np.maximum(spread, 1e-9)),
-            covariates=known,
+            covariates=tuple(sorted(self.covariates)),
+        )
+        if not joints(self.robot):
+            return found
+        loads = self.joint_loads
+        return replace(
+            found,
+            commands=(self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
+            joints=(loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
+            angles=_measured_angles(self.q, self.robot.revolute),
         )
 
     @cached_property
@@ -252,7 +247,7 @@ class Situation:
         range: from the smallest to the largest command of the fit.
         """
         lower, upper = self.robot.lower, self.robot.upper
-        if not self.robot.rods:
+        if joints(self.robot):
             lower, upper = self.references.commands
         lower = np.where(np.isfinite(lower), lower, -np.pi)
         upper = np.where(np.isfinite(upper), upper, np.pi)

@@ -45,6 +45,11 @@ class RodGeometry:
         """The robot, at its nominal geometry."""
         return self.geometry.robot
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(k,) names of the rods."""
+        return tuple(rod.name for rod in self._rods)
+
     @cached_property
     def P(self) -> Floats:
         """(k, 3) joints on the platform, TCP frame, m."""
