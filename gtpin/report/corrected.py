@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gtpin.compensation.corrections import correctable
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.sure_causes import SURE
+from gtpin.report.phrases import SURE
 from gtpin.report.words import site_words
 
 

@@ -13,8 +13,7 @@ from gtpin.diagnosis.inference.findings import Cause, Considered, Member
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.effect import Effect
 from gtpin.report.page import Table
-from gtpin.report.phrases import clause, sentence
-from gtpin.report.reasons import reason_words
+from gtpin.report.phrases import clause, reason_words, sentence
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 from gtpin.robot.robot import Robot
 

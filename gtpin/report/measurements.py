@@ -10,7 +10,7 @@ from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.planning.settling import MOST_ROUNDS
 from gtpin.effects.situation import Column
-from gtpin.report.reasons import reason_words
+from gtpin.report.phrases import reason_words
 from gtpin.report.words import joined
 from gtpin.robot.robot import Robot
 

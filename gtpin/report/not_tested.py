@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from gtpin.diagnosis.inference.findings import Considered
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.phrases import reason_words, sure_and_doubtful
 from gtpin.report.quality import scatters
-from gtpin.report.reasons import reason_words
-from gtpin.report.sure_causes import sure_and_doubtful
 from gtpin.report.words import joined, site_words
 
 LISTED = 3

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from gtpin.diagnosis.inference.findings import Cause, Question
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.doubts import doubt_words
 from gtpin.report.gap_words import beyond, beyond_noise, gap_words
 from gtpin.report.not_tested import could_be, may_hide, not_recorded
-from gtpin.report.phrases import clause, remedy, sentence
+from gtpin.report.phrases import clause, doubt_words, remedy, sentence, sure_and_doubtful
 from gtpin.report.quality import scatters
-from gtpin.report.sure_causes import sure_and_doubtful
 from gtpin.report.words import (
     chance,
     coordinate_words,

@@ -22,7 +22,7 @@ from gtpin.report.embedded import Choice, Plot, Shared, key_of
 from gtpin.report.figure import Drawing
 from gtpin.report.page import render
 from gtpin.report.palette import DARK, DATA, FIT, LIGHT
-from gtpin.report.reasons import reason_words
+from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
 

@@ -20,7 +20,6 @@ from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
-from gtpin.report.show.table_figure import table_figure
 from gtpin.report.unseen_words import unseen_words
 from gtpin.report.words import length, quantity
 
@@ -94,11 +93,11 @@ class CalibrationPresentation(Presentation):
     def parameters(self) -> Figure:
         """The report's table of all parameters."""
         _, every = geometry_tables(self.calibration)
-        return table_figure(every, "Parameters of the geometry")
+        return every.figure("Parameters of the geometry")
 
-    def write(self, folder: Path) -> None:
-        """Write the files of ``gtpin calibrate``."""
-        write_calibration(self.calibration, folder)
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin calibrate``; return the content of the JSON."""
+        return write_calibration(self.calibration, folder)
 
     def unseen(self) -> tuple[str, ...]:
         """A sentence for each direction that readings do not show."""

@@ -25,7 +25,6 @@ from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
-from gtpin.report.show.table_figure import table_figure
 from gtpin.report.words import chance, percent, quantity
 
 if TYPE_CHECKING:
@@ -120,11 +119,11 @@ class DiagnosisPresentation(Presentation):
             for name, e in c.parameters.items()
         ]
         head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
-        return table_figure(Table(head, rows), "Parameters of the causes")
+        return Table(head, rows).figure("Parameters of the causes")
 
-    def write(self, folder: Path) -> None:
-        """Write the files of ``gtpin diagnose``."""
-        write_diagnosis(self.diagnosis, folder)
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin diagnose``; return the content of the JSON."""
+        return write_diagnosis(self.diagnosis, folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
