@@ -30,9 +30,8 @@ from gtpin.health.check import check
 from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.corrected import sure_corrections
-from gtpin.report.diagnosis_text import diagnosis_summary
-from gtpin.report.files import DIAGNOSIS, write_diagnosis
+from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
+from gtpin.report.diagnosis_page import sure_corrections
 from gtpin.report.health import HealthPresentation
 from gtpin.report.history import history as history_of
 
@@ -98,10 +97,11 @@ def diagnose(
                 seed=seed,
                 progress=progress,
             )
-        result = write_diagnosis(found, folder)
+        shown = DiagnosisPresentation(found)
+        result = shown.write(folder)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
     text = rendered(
-        diagnosis_summary(found),
+        shown.terminal(),
         *corrections_hint(found, output),
         f"Written: {written}",
         f"Open {output / 'report.html'}",

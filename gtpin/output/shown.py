@@ -61,12 +61,12 @@ class Presentation(ABC):
 
 PRESENTATIONS = {
     "Accuracy": "show.accuracy",
-    "Calibration": "show.calibration",
+    "Calibration": "calibration",
     "Certificate": "certificate",
     "Comparison": "comparison",
     "Dataset": "dataset",
-    "Diagnosis": "show.diagnosis",
-    "Experiment": "show.experiment",
+    "Diagnosis": "diagnosis",
+    "Experiment": "next_experiment",
     "HealthCheck": "health",
     "PosePlan": "plan",
     "Poses": "poses",

@@ -10,11 +10,10 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.drawing import drawing
-from gtpin.report.evidence import Bar
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.maps import maps
-from gtpin.report.page import Table, render
+from gtpin.report.page import Bar, Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
 from gtpin.report.reading_maps import reading_maps

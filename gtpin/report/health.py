@@ -17,11 +17,10 @@ from gtpin.health.result import HealthCheck
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
 from gtpin.output.shown import Presentation
+from gtpin.report.diagnosis import DIAGNOSIS
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.drawing import drawing
-from gtpin.report.experiments import FOLDER
-from gtpin.report.files import DIAGNOSIS
-from gtpin.report.gap_words import gap_words
+from gtpin.report.next_experiment import FOLDER
 from gtpin.report.page import Items, Lead, Section, Table, report
 from gtpin.report.phrases import (
     cause_rows,
@@ -35,7 +34,7 @@ from gtpin.report.phrases import (
     sure_and_doubtful,
 )
 from gtpin.report.provenance import provenance
-from gtpin.report.verdict import BADGES
+from gtpin.report.verdict import BADGES, gap_words
 from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread
 

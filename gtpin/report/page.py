@@ -160,6 +160,8 @@ class Plots:
         The value at the end of the colour scale, with its unit; empty: no scale is shown.
     legend
         Whether there is one legend for all plots.
+    drawn
+        Whether the plots are drawn; otherwise only what is above them.
     """
 
     plots: Sequence[Plot]
@@ -167,6 +169,7 @@ class Plots:
     choices: Sequence[Choice] = ()
     ramp: str = ""
     legend: bool = False
+    drawn: bool = True
     kind: ClassVar[str] = "plots"
 
 

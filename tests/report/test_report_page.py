@@ -211,7 +211,7 @@ def test_a_page_finds_every_colour_of_its_figures_by_its_value():
 
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
     with pytest.raises(Exception, match="undefined"):
-        render("diagnosis.html", title="nothing")
+        render("report.html", title="nothing")
 
 
 @pytest.mark.slow
