@@ -15,11 +15,12 @@ from gtpin.report.residual_plots import selection
 from gtpin.report.residuals import Residuals
 
 CIRCLES = (
-    "Deviations of the radius along circles about a station, magnified, with the quantities of ISO 230-4: the circular "
-    "deviation G is the range of the deviations of one direction, the bidirectional G(b) that of both together; F are "
-    "the radial deviations, least to largest, positive away from the centre. Counterclockwise goes from the plane's first axis to "
-    "its second (XY: from X to Y). As measured: about the least-squares circle of both directions. Left by geometry: measured less "
-    "predicted, without another centring. The grey circle is no deviation."
+    "Deviations of the radius along circles about a station, magnified, with the quantities of ISO 230-4: the "
+    "circular deviation G is the range of the deviations of one direction, the bidirectional G(b) that of both "
+    "together; F are the radial deviations, least to largest, positive away from the centre. Counterclockwise goes "
+    "from the plane's first axis to its second (XY: from X to Y). As measured: about the least-squares circle of both "
+    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is no "
+    "deviation."
 )
 
 
