@@ -9,7 +9,6 @@ from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.report.ball_bar_plot import circular_tests
-from gtpin.report.drawing import drawing
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.maps import maps
@@ -19,6 +18,7 @@ from gtpin.report.quality import cannot_judge, quality, scatters
 from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
 from gtpin.report.residuals import Residuals
+from gtpin.report.sketch import drawing
 from gtpin.report.words import counted, joined, length, percent, quantity, whole
 
 CONTENTS = (

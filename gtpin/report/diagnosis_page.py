@@ -17,7 +17,6 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.effect import Effect
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
-from gtpin.report.drawing import drawing
 from gtpin.report.effect_curves import Curve, curves
 from gtpin.report.embedded import Choice
 from gtpin.report.geometry_table import geometry_tables
@@ -37,6 +36,7 @@ from gtpin.report.residual_sections import (
     map_section,
 )
 from gtpin.report.residuals import Residuals
+from gtpin.report.sketch import drawing
 from gtpin.report.verdict import gap_words, verdict
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
 

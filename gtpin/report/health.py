@@ -19,7 +19,6 @@ from gtpin.output.json_text import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.diagnosis import DIAGNOSIS
 from gtpin.report.diagnosis_json import diagnosis_json
-from gtpin.report.drawing import drawing
 from gtpin.report.next_experiment import FOLDER
 from gtpin.report.page import Items, Lead, Section, Table, report
 from gtpin.report.phrases import (
@@ -34,6 +33,7 @@ from gtpin.report.phrases import (
     sure_and_doubtful,
 )
 from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
 from gtpin.report.verdict import BADGES, gap_words
 from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread

@@ -12,9 +12,9 @@ from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.chain_sensitivity import PARAMETERS as OF_PLACEMENTS
 from gtpin.accuracy.chain_sensitivity import ChainSensitivity
 from gtpin.accuracy.steps import PARAMETERS, STEP
-from gtpin.report.drawing import drawing
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
 from gtpin.typing import Floats
