@@ -23,8 +23,7 @@ from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.parts import Part, joint_places, parts
-from gtpin.view.shapes import robot_as_modelled, shapes
+from gtpin.view.shapes import Part, joint_places, parts, robot_as_modelled, shapes
 
 
 class Scene:

@@ -23,10 +23,8 @@ from gtpin.report.palette import ACCENT, FIT, GOOD, WARN, ZERO
 from gtpin.report.skeleton import Kind, Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
-from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
-from gtpin.view.parts import joint_places, platform_name
-from gtpin.view.shapes import robot_as_modelled
+from gtpin.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
