@@ -1,18 +1,94 @@
-"""A proposed measurement in one or two sentences."""
+"""Proposed measurements: in one or two sentences, on the page, and as tables of commands."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from gtpin.data import Commands, Dataset
+from gtpin.data.ids import normal_ids
 from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
-from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with_nights
+from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.situation import Column
-from gtpin.report.reasons import reason_words
-from gtpin.report.words import joined
+from gtpin.report.page import Block, Fold, Note, Small, Table
+from gtpin.report.phrases import reason_words
+from gtpin.report.words import covariate_unit, joined, typeset, whole, with_unit
 from gtpin.robot.robot import Robot
+
+FOLDER = "next_experiment"
+NEARLY = 0.9
+"""Fraction of a plan's gain from which random poses count as equally good."""
+
+
+@dataclass(frozen=True)
+class ExperimentPresentation:
+    """A proposed experiment."""
+
+    experiment: Experiment
+
+    def short(self) -> str:
+        """What to measure, in a sentence or two."""
+        return measure_words(self.experiment)
+
+
+present = ExperimentPresentation
+
+
+def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
+    """Write the commands of each experiment as a table, with the conditions to set and usual values of all other covariates.
+
+    ``gtpin predict`` can read the tables. The folder is made even if it is empty, so that it replaces an older one.
+    """
+    (folder / FOLDER).mkdir()
+    for i, experiment in enumerate(d.next_experiment):
+        count = len(experiment.poses)
+        if count:
+            ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
+            covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
+            if "time" not in experiment.covariates:
+                covariates = with_nights(covariates, dataset.conditions.reference_temperature)
+            Commands(ids, experiment.poses, covariates).write(folder / FOLDER / f"{i + 1}.csv")
+
+
+def experiment_notes(d: Diagnosis) -> Iterator[Note]:
+    """Proposed measurements, the most informative first: what to do, its expected gain, and the commands."""
+    for i, e in enumerate(d.next_experiment):
+        content: list[Block] = [typeset(e.measure)]
+        if worth := _worth(e):
+            content.append(Small(worth))
+        head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
+        head += [with_unit(name, covariate_unit(name)) for name in e.covariates]
+        rows = [
+            [*(whole(f"{value:.4f}") for value in q), *(_cell(values[k]) for values in e.covariates.values())]
+            for k, q in enumerate(e.poses)
+        ]
+        if rows:
+            title = f"{len(rows)} commands, also in {FOLDER}/{i + 1}.csv"
+            content.append(Fold(title, [Table(head, rows, range(len(head)))]))
+        yield Note(content)
+
+
+def _worth(e: Experiment) -> str:
+    expected, random = e.expected_gain, e.random_gain
+    if expected is None:
+        return ""
+    words = f"Expected gain in log evidence: {expected:.1f}"
+    if random is None:
+        words += "."
+    elif random >= NEARLY * expected:
+        words += f". Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
+    else:
+        words += f", compared with {random:.1f} for as many random poses."
+    return words if e.settles is None else f"{words} Probability that they settle the question: {e.settles:.0%}."
+
+
+def _cell(value: float | str) -> str:
+    return value if isinstance(value, str) else whole(f"{value:.4g}")
 
 
 def measure_words(e: Experiment) -> str:

@@ -1,4 +1,4 @@
-"""How a calibration is shown."""
+"""A calibration as text, table, figures and files."""
 
 from __future__ import annotations
 
@@ -12,20 +12,25 @@ from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
+from gtpin.model.model_folder import write_model
+from gtpin.output.json_text import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
-from gtpin.report.calibration_text import calibration_text
-from gtpin.report.files import CALIBRATION, write_calibration
+from gtpin.report.calibration_page import calibration_page
+from gtpin.report.calibration_text import calibration_summary, calibration_text
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
-from gtpin.report.show.table_figure import table_figure
 from gtpin.report.unseen_words import unseen_words
 from gtpin.report.words import length, quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
+
+CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
+"""Names of the files of a calibration's folder."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,10 @@ class CalibrationPresentation(Presentation):
     def text(self) -> str:
         """The content of ``report.txt``."""
         return calibration_text(self.calibration)
+
+    def terminal(self) -> str:
+        """The fit, the noise, and the number of observable directions."""
+        return calibration_summary(self.calibration)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -94,11 +103,16 @@ class CalibrationPresentation(Presentation):
     def parameters(self) -> Figure:
         """The report's table of all parameters."""
         _, every = geometry_tables(self.calibration)
-        return table_figure(every, "Parameters of the geometry")
+        return every.figure("Parameters of the geometry")
 
-    def write(self, folder: Path) -> None:
-        """Write the files of ``gtpin calibrate``."""
-        write_calibration(self.calibration, folder)
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write ``model/``, ``calibration.json``, ``report.txt`` and ``report.html``; return the content of the JSON."""
+        c, result = self.calibration, self.calibration.to_json()
+        write_model(c.model, folder / "model")
+        (folder / "calibration.json").write_text(json_text(result), encoding="utf-8")
+        (folder / "report.txt").write_text(calibration_text(c), encoding="utf-8")
+        (folder / "report.html").write_text(calibration_page(c, c.dataset), encoding="utf-8")
+        return result
 
     def unseen(self) -> tuple[str, ...]:
         """A sentence for each direction that readings do not show."""

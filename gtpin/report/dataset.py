@@ -1,4 +1,4 @@
-"""How a dataset is shown."""
+"""A dataset as text, table and map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gtpin.data.names import ORIENTATION, POSITION, command_names
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
-from gtpin.report.show.positions import position_map
+from gtpin.report.poses import position_map
 from gtpin.report.words import covariate_unit, with_unit
 
 if TYPE_CHECKING:

@@ -1,8 +1,13 @@
-"""Definition of each number of a certificate: its formula, and the clause of the standard, in our own words."""
+"""Terms of a certificate: what each number is, by formula and clause of the standard in our own words, and why it is blank."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from gtpin.certificate.pose_accuracy import CYCLES
+from gtpin.certificate.positioning import APPROACHES, TARGETS
+from gtpin.certificate.quantity import Missing
+from gtpin.noise.repeats import LEAST_CONTRASTS
 
 ISO_9283 = "ISO 9283:1998"
 ISO_230_2 = "ISO 230-2:2014"
@@ -23,6 +28,9 @@ class Definition:
 AP = "distance of the mean measured pose of a command from the commanded pose"
 NOMINAL = "The commanded pose is that of the nominal geometry: the machine before correction."
 CORRECTED = "The commanded pose is what the model predicts: the machine after correction."
+ANGLE = (
+    "θ is the rotation vector between the mean and the commanded orientation; the standard has one angle for each axis."
+)
 RMS = "Root mean square over all poses, less the part of the scatter, tr(S) / n for n visits of covariance S."
 MOST = "The largest over all poses. Of a pose with few visits it contains their noise."
 POOLED = (
@@ -36,35 +44,24 @@ DEFINITIONS = {
         f"The {AP}, position. The largest over the poses.",
         f"{ISO_9283}, 7.2.1",
     ),
-    "AP_p_nominal_rms": Definition(
-        "position accuracy, not corrected, RMS", "sqrt(mean(AP_p²))", f"{NOMINAL} {RMS}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_p_nominal_max": Definition(
-        "position accuracy, not corrected, largest", "max(AP_p)", f"{NOMINAL} {MOST}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_p_corrected_rms": Definition(
-        "position accuracy, corrected, RMS", "sqrt(mean(AP_p²))", f"{CORRECTED} {RMS}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_p_corrected_max": Definition(
-        "position accuracy, corrected, largest", "max(AP_p)", f"{CORRECTED} {MOST}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_o_nominal_rms": Definition(
-        "orientation accuracy, not corrected, RMS",
-        "sqrt(mean(|θ|²))",
-        "θ is the rotation vector between the mean and the commanded orientation; the standard has one angle for each "
-        f"axis. {NOMINAL} {RMS}",
-        f"{ISO_9283}, 7.2.1",
-        True,
-    ),
-    "AP_o_nominal_max": Definition(
-        "orientation accuracy, not corrected, largest", "max(|θ|)", f"{NOMINAL} {MOST}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_o_corrected_rms": Definition(
-        "orientation accuracy, corrected, RMS", "sqrt(mean(|θ|²))", f"{CORRECTED} {RMS}", f"{ISO_9283}, 7.2.1", True
-    ),
-    "AP_o_corrected_max": Definition(
-        "orientation accuracy, corrected, largest", "max(|θ|)", f"{CORRECTED} {MOST}", f"{ISO_9283}, 7.2.1", True
-    ),
+    **{
+        f"AP_{part}_{which}_{size}": Definition(
+            f"{what} accuracy, {'' if which == 'corrected' else 'not '}corrected, {'RMS' if size == 'rms' else 'largest'}",
+            f"sqrt(mean({symbol}²))" if size == "rms" else f"max({symbol})",
+            " ".join(
+                [
+                    *((ANGLE,) if (part, which, size) == ("o", "nominal", "rms") else ()),
+                    NOMINAL if which == "nominal" else CORRECTED,
+                    RMS if size == "rms" else MOST,
+                ]
+            ),
+            f"{ISO_9283}, 7.2.1",
+            True,
+        )
+        for part, what, symbol in (("p", "position", "AP_p"), ("o", "orientation", "|θ|"))
+        for which in ("nominal", "corrected")
+        for size in ("rms", "max")
+    },
     "RP_l": Definition(
         "position repeatability",
         "RP_l = mean(l) + 3 s(l)",
@@ -132,3 +129,45 @@ SOURCES = (
     "M. Slamani, A. Nubiola, I. Bonev: Assessment of the positioning performance of an industrial robot. Industrial Robot 39 "
     "(2012) 57-68.",
 )
+WHY: dict[Missing, str] = {
+    "few_cycles": f"no pose was visited {CYCLES} times, as ISO 9283 asks; the most are {{have}}",
+    "few_visits": f"fewer than {LEAST_CONTRASTS} repeated visits ({{have}}) say too little of the scatter",
+    "few_targets": f"no {TARGETS} targets on a line of this actuator, the others at rest, each approached {APPROACHES} times "
+    "from both sides; the longest line has {have}",
+    "within_noise": "the scatter of the visits is no larger than the instrument's own noise",
+    "no_orientation": "orientation was not measured",
+    "no_approach": "the direction of approach was not recorded, or hardly varies",
+    "free_target": "where the target sits on the platform is not known beforehand",
+    "too_many_drives": "the measured pose does not determine the travel of each actuator",
+    "known_in_mean": "errors at left-out poses are known as a mean only; measure new poses and certify them with --model",
+    "fitted_poses": "the model was fitted to these poses; certify new poses, or leave --model out",
+    "not_declared": "the instrument's noise was not declared, so that the scatter of visits can't be divided between "
+    "instrument and machine",
+    "not_stated": "not stated: give the standard uncertainty of the instrument's certificate with --instrument-uncertainty",
+    "no_effects": "the model has no effects",
+    "frame_is_base": "the instrument measures in the base frame",
+}
+ROWS = {
+    "geometry": "geometry, its posterior",
+    "effects": "effects, their posterior",
+    "correlation": "correlation of geometry and effects",
+    "frame": "pose of the instrument's frame",
+    "repeatability": "repeatability of the actuators",
+    "unexplained": "unexplained by the model",
+    "instrument": "systematic error of the instrument",
+}
+HOW = {
+    "geometry": "covariance of the fit: the noise of the readings, and the tolerances where the poses say nothing",
+    "effects": "covariance of the joint fit",
+    "correlation": "2 J_g Σ_ge J_e' (JCGM 100, 5.2); a negative value lessens the sum",
+    "frame": "least squares over the measured poses, given the other unknowns",
+    "repeatability": "maximum likelihood from repeated visits, at most the excess of all errors",
+    "unexplained": "excess of the errors of the corrected machine over noise and the other contributions, with its own doubt",
+    "instrument": "stated by the user",
+}
+BASES = {
+    "left_out": "The model was identified from these poses. Errors of the corrected machine are those at poses that were left "
+    "out of the fit in turn.",
+    "new": "The model was identified before. These poses are new to it.",
+    "fitted": "The model was fitted to these very poses. Residuals are smaller than errors; the budget allows for that.",
+}

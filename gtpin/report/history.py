@@ -11,11 +11,11 @@ from typing import Any
 
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.health.history import Changed, Entry, HistoryFiles, read_history, written_history
+from gtpin.health.history import Entry, HistoryFiles, read_history, written_history
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing
-from gtpin.report.page import Table, render
+from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
 from gtpin.report.words import counted, length, quantity
 
@@ -63,59 +63,6 @@ def history_page(entries: Sequence[Entry]) -> str:
     """A history of checks as one self-contained HTML file."""
     last = entries[-1]
     changed = sum(entry.verdict != "none" for entry in entries)
-    return render(
-        "history.html",
-        title=f"{last.robot}: checks",
-        plots={"errors": Plot("errors", "Position error of each check over time", partial(history_drawing, entries))},
-        robot=last.robot,
-        headline=f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}.",
-        table=_table(entries),
-    )
-
-
-def history_drawing(entries: Sequence[Entry]) -> Drawing:
-    """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
-    dates = [entry.date for entry in entries]
-    noise: dict[str, Any] = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": dates,
-        "y": [1e6 * entry.noise_floor for entry in entries],
-        "name": "noise alone",
-        "line": {"color": SOFT, "dash": "dot"},
-    }
-    ways: dict[str, Any] = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": dates,
-        "y": [1e6 * entry.position_rms for entry in entries],
-        "showlegend": False,
-        "hoverinfo": "skip",
-        "line": {"color": LINE, "width": 1},
-    }
-    traces = [ways, noise]
-    for verdict, color in COLORS.items():
-        some = [entry for entry in entries if entry.verdict == verdict]
-        if some:
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "markers",
-                    "x": [entry.date for entry in some],
-                    "y": [1e6 * entry.position_rms for entry in some],
-                    "text": [_changes(entry) or "no change" for entry in some],
-                    "name": WORDS[verdict],
-                    "marker": {"color": color, "size": 9},
-                }
-            )
-    layout = {
-        "yaxis": {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"},
-        "xaxis": {"type": "date"},
-    }
-    return Drawing(traces, layout)
-
-
-def _table(entries: Sequence[Entry]) -> Table:
     rows = [
         [
             entry.time.strftime("%Y-%m-%d %H:%M"),
@@ -128,13 +75,48 @@ def _table(entries: Sequence[Entry]) -> Table:
         ]
         for entry in reversed(entries)
     ]
-    return Table(("date (UTC)", "verdict", "changes", "error, RMS", "noise", "poses", "dataset"), rows)
+    head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise", "poses", "dataset")
+    plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
+    return report(
+        f"{last.robot}: checks",
+        Lead(
+            f"Checks over time · {last.robot}",
+            f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}.",
+        ),
+        [
+            Section("errors", "Position error of the earlier model", [Plots([plot])]),
+            Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
+        ],
+        contents=False,
+    )
+
+
+def history_drawing(entries: Sequence[Entry]) -> Drawing:
+    """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
+
+    def trace(some: Sequence[Entry], mode: str, key: str = "position_rms", **look: Any) -> dict[str, Any]:
+        y = [1e6 * getattr(entry, key) for entry in some]
+        return {"type": "scatter", "mode": mode, "x": [entry.date for entry in some], "y": y} | look
+
+    traces = [
+        trace(entries, "lines", showlegend=False, hoverinfo="skip", line={"color": LINE, "width": 1}),
+        trace(entries, "lines", "noise_floor", name="noise alone", line={"color": SOFT, "dash": "dot"}),
+    ]
+    for verdict, color in COLORS.items():
+        some = [entry for entry in entries if entry.verdict == verdict]
+        if some:
+            texts = [_changes(entry) or "no change" for entry in some]
+            look: dict[str, Any] = {"text": texts, "name": WORDS[verdict], "marker": {"color": color, "size": 9}}
+            traces.append(trace(some, "markers", **look))
+    layout = {
+        "yaxis": {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"},
+        "xaxis": {"type": "date"},
+    }
+    return Drawing(traces, layout)
 
 
 def _changes(entry: Entry) -> str:
-    return "; ".join(map(_change, entry.changes))
-
-
-def _change(change: Changed) -> str:
-    name = change.parameter.replace("_", " ")
-    return f"{change.effect} at {change.site}, {name} {quantity(change.value, change.unit)}"
+    return "; ".join(
+        f"{one.effect} at {one.site}, {one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
+        for one in entry.changes
+    )
