@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.planning import plan_poses
-from gtpin.calibration.problem import Measured
 from gtpin.data import Commands
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.scope import Scope
@@ -27,6 +26,7 @@ from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import Conditions, expectation, share_unexplained
 from gtpin.health.measured import FEWEST, least_scatter
 from gtpin.health.power import Smallest, smallest_changes
+from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
@@ -253,7 +253,7 @@ def _possible(
     """The linear problem of measuring candidates, and the changes that it could test."""
     kinematics = earlier.model.kinematics
     seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
-    measured = Measured(some.q, seen.T, seen.R if orientation else None)
+    measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, earlier.model.robot)
     since = Since.of(some.covariates, earlier, how.temperature, len(some), PRIORS.warmer)
     design = expectation(earlier, measured, some.covariates, how, since.covariates)
     return design, changes(design, scope, since.assumed)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gtpin.kinematics.chunks import chunks
 from gtpin.noise.noise import Noise, sight_shape
+from gtpin.noise.sight import line_of_sight
 from gtpin.typing import Floats
 
 
@@ -68,6 +69,11 @@ class ReadingNoise:
             noise.source,
             noise.dof,
         )
+
+    def towards(self, position: Floats, station: Floats) -> ReadingNoise:
+        """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
+        sight, reach = line_of_sight(position, station)
+        return replace(self, sight=sight, reach=reach)
 
     @property
     def along_drives(self) -> float:

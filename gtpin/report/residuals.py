@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import in_frame, measured_poses
+from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
@@ -18,7 +18,7 @@ from gtpin.data.names import command_names
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
+from gtpin.model.model import Model, in_frame
 from gtpin.report.embedded import escaped
 from gtpin.typing import Floats, Indices
 
