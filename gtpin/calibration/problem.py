@@ -180,7 +180,7 @@ class Problem:
             motion = frame_motions(model.seen(poses).T - self.pivot - shift)
             motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
             parts.append(FRAME_UNIT * measured.by_motion(model.seen(poses)) @ motion)
-        return self._whitened(np.concatenate(parts, axis=2), rows, weight)
+        return self._whitened(np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0], rows, weight)
 
     def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
         """(M, c, m) motions (M, 6 + j, m) of some rows' poses, base frame, and of measured joints, as whitened readings."""

@@ -105,7 +105,8 @@ class Tracker(Instrument):
         """The poses of the targets in the instrument's frame."""
         t, mount, shift, turn = self._split(u)
         R = poses.R @ exp(mount.reshape(-1, 3))[self.targets.of] if len(mount) else poses.R
-        return Poses(self.targets.positions(poses, t), R).moved(shift, exp(turn))
+        seen = Poses(self.targets.positions(poses, t), R)
+        return seen.moved(shift, exp(turn)) if self.table.frame == "free" else seen
 
     def looked_at(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) the targets, base frame, m."""
