@@ -22,6 +22,7 @@ from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
+from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import present
 from gtpin.typing import Floats, Mask
@@ -212,12 +213,12 @@ def calibration_of(
     )
     if measured.tracked:
         conditions = FitConditions.of(
-            settled.noise.as_poses(), settled.chi2, settled.dof, dataset.covariates, unexplained
+            Noise.of(settled.noise), settled.chi2, settled.dof, dataset.covariates, unexplained
         )
         return replace(
             found,
             model=replace(found.model, fit=conditions),
-            noise=settled.noise.as_poses(),
+            noise=Noise.of(settled.noise),
             left_out=lengths(out),
             floor=lengths(np.sqrt(variance)) if known else None,
         )

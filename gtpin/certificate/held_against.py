@@ -17,7 +17,6 @@ from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model, in_frame
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 
@@ -92,7 +91,7 @@ class HeldAgainst:
         if len(found) < LEAST_CONTRASTS:
             return None
         J = by_commands(self.model, self.at)[rows]
-        noise = ReadingNoise.of_poses(replace(self.noise, repeatability=0.0, estimated=(False, False)), *found.shape)
+        noise = replace(self.noise, repeatability=0.0, estimated=(False, False)).rows(*found.shape)
         return likeliest(noise, found, J, np.ones(len(found))).repeatability
 
     def fitted(self, posterior: Posterior) -> bool:

@@ -17,7 +17,6 @@ from gtpin.report.maps import maps
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
-from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import counted, joined, length, percent, quantity, whole
@@ -45,7 +44,7 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
     residuals = Residuals.of(dataset, calibration)
     seen, component = components(residuals, residuals.first_component)
     against = against_columns(residuals, {}, seen, (component, ONE_LAYER))
-    views = maps(residuals, ONE_LAYER) if residuals.of_poses else reading_maps(residuals, ONE_LAYER)
+    views = maps(residuals, ONE_LAYER)
     tests = circular_tests(residuals, False)
     absent = {"instruments"} if residuals.of_poses else set[str]()
     absent |= set() if tests else {"circles"}

@@ -28,7 +28,6 @@ from gtpin.report.maps import maps
 from gtpin.report.page import render
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import nominal_words, quality
-from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_columns import View, commanded, leading
 from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two, selection
 from gtpin.report.residuals import Residuals
@@ -74,7 +73,7 @@ def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> 
     seen, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
     layers = LAYERS if named else ONE_LAYER
     against = against_columns(residuals, diagnosis.where.covariate, seen, (component, layers))
-    views = maps(residuals, layers) if residuals.of_poses else reading_maps(residuals, layers)
+    views = maps(residuals, layers)
     tests = circular_tests(residuals, bool(named))
     by_cause = {c.key: curve_plots(c.key, own_curves.get((c.effect, c.site), ())) for c in named}
     bars, others = evidence_bars(diagnosis)

@@ -18,7 +18,6 @@ from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.instruments.readings import Readings
-from gtpin.noise.reading_noise import ReadingNoise
 
 Floats = np.ndarray
 
@@ -73,7 +72,7 @@ def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibrat
     observed = Observed(
         Readings.of(case.dataset, baseline.model.robot),
         case.dataset.covariates,
-        ReadingNoise.of_poses(replace(baseline.noise, repeatability=0.0), len(case.dataset), 6),
+        replace(baseline.noise, repeatability=0.0).rows(len(case.dataset), 6),
         np.ones(len(case.dataset)),
         20.0,
         False,

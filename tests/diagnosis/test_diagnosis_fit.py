@@ -20,7 +20,6 @@ from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
@@ -53,7 +52,7 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     seen = true.predict(observed.measured.q, observed.covariates)
     T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
     R = exp(ORIENTATION * rng.standard_normal(seen.T.shape)) @ seen.R
-    noise = ReadingNoise.of_poses(Noise(POSITION, ORIENTATION), len(T), 6)
+    noise = Noise(POSITION, ORIENTATION).rows(len(T), 6)
     return true, replace(observed, measured=Readings.of_poses(observed.measured.q, T, R, true.robot), noise=noise)
 
 

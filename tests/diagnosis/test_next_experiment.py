@@ -26,7 +26,6 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings
-from gtpin.noise.reading_noise import ReadingNoise
 
 PAIRS = [
     ("linearity@cart2", "straightness@cart2"),
@@ -54,7 +53,7 @@ def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
         Readings.of(dataset, baseline.model.robot),
         dataset.covariates,
-        ReadingNoise.of_poses(baseline.noise, len(dataset), 6),
+        baseline.noise.rows(len(dataset), 6),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",

@@ -65,7 +65,7 @@ class Observed:
         if isinstance(baseline, ReadingsCalibration):
             noise = replace(baseline.noise, group=measured.group, row_sigma=measured.row_sigma)
         else:
-            poses = ReadingNoise.of_poses(_without_repeatability(dataset, baseline), len(dataset), measured.components)
+            poses = _without_repeatability(dataset, baseline).rows(len(dataset), measured.components)
             noise = replace(poses, estimated=np.array([sigma is None for sigma in measured.declared]))
         if measured.station is not None:
             noise = noise.towards(measured.poses[0], measured.station)

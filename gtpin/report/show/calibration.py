@@ -17,7 +17,7 @@ from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import calibration_text
 from gtpin.report.files import CALIBRATION, write_calibration
 from gtpin.report.geometry_table import geometry_tables
-from gtpin.report.reading_maps import workspace_figure
+from gtpin.report.maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.show.table_figure import table_figure

@@ -20,8 +20,8 @@ from gtpin.report.effect_curves import curves
 from gtpin.report.figure import alone
 from gtpin.report.files import DIAGNOSIS, write_diagnosis
 from gtpin.report.gap_words import gap_words
+from gtpin.report.maps import workspace_figure
 from gtpin.report.page import Table
-from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
