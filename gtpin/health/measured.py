@@ -20,8 +20,8 @@ from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.health.expectation import Conditions
 from gtpin.health.readings import noise_of_readings, usable_readings
 from gtpin.instruments.readings import Readings
+from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.reading_noise import ReadingNoise
 

@@ -27,8 +27,8 @@ from gtpin.health.earlier import Earlier
 from gtpin.health.expectation import Conditions, expectation, share_unexplained
 from gtpin.health.measured import FEWEST, least_scatter
 from gtpin.health.power import Smallest, smallest_changes
+from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread

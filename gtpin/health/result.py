@@ -14,8 +14,8 @@ from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import effect_of
 from gtpin.effects.effect import Effect
 from gtpin.health.power import Smallest
+from gtpin.model.fit_conditions import Unexplained as LeftBefore
 from gtpin.model.model import Model
-from gtpin.model.unexplained import Unexplained as LeftBefore
 from gtpin.output.shown import Shown, present
 
 

@@ -1,4 +1,4 @@
-"""Compliance of robots without rods as springs: of drives, of bearings, and of links that bend."""
+"""Compliance as springs: of rods; and, of robots without rods, of drives, of bearings, and of links that bend."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, 
 from gtpin.effects.drives import own_load
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.export.lines import STIFFEST, line
+from gtpin.export.curves import STIFFEST, line
 from gtpin.export.loss import conditions
 from gtpin.export.mechanism import Body, Joint, Mechanism, Spring
+from gtpin.kinematics.posture import home
 from gtpin.model.model import Model
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.robot import Robot
+from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 
@@ -31,10 +34,7 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
     bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending and g in torsion,
     1/(N m^2).
 
-    Returns
-    -------
-    mechanism, shown
-        The same as for :func:`~gtpin.export.drives.with_drives`.
+    Returns the same as for :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     if model.robot.rods or model.robot.constraints:
@@ -194,3 +194,69 @@ def _home(model: Model, active: ActiveEffect | None = None) -> Situation:
     return Situation(
         kinematics, model.robot.home_q[None], kinematics.home, {}, fixed=None if active is None else active.references
     )
+
+
+def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+    """Rods with the compliance of a model's ``link_compliance``, fitted as linear in the loads at its conditions.
+
+    The rod's end on the carrier, with the part of the rod's mass that the carrier supports, slides along the rod on a spring.
+
+    Returns ``mechanism``: the mechanism with an additional body ``LINK_end`` for each such link. ``shown``: by name, for
+    each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
+    """
+    active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
+    if not active or not robot.rods:  # links of robots without rods bend: with_joint_springs
+        return mechanism, {}
+    laws = {effect.name: _lines(model, effect) for effect in active}
+    compliance, rest = np.sum(list(laws.values()), axis=0)
+    soft = np.flatnonzero(compliance > STIFFEST)
+    tcp = home(robot).tcp
+    for i in soft:
+        rod = robot.rods[i]
+        spring = Spring(1.0 / float(compliance[i]), float(rest[i]))
+        mechanism = _sprung(mechanism, robot, rod, spring, tcp.act(rod.P))
+    rigid = {rod.site for i, rod in enumerate(robot.rods) if i not in soft}
+    held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
+    shown = {}  # of rods that stretch by the rest and in proportion to their load
+    for e in held:
+        at, (compliance, rest) = conditions(model, e), laws[e.name]
+        shown[e.name] = np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
+    return mechanism, shown
+
+
+def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
+    """(k,) compliances of the rods, m/N, and (k,) their stretch without a load, m."""
+    at = conditions(model, active)
+    length = active.basis(at).length
+    assert length is not None
+    stretch = length @ active.coefficients
+    found = [
+        line(force, own, 0.0) if own.any() else (0.0, 0.0) for force, own in zip(at.force.T, stretch.T, strict=True)
+    ]
+    compliance, rest = np.array(found).T
+    return compliance, rest
+
+
+def _sprung(mechanism: Mechanism, robot: Robot, rod: Rod, spring: Spring, root: Floats) -> Mechanism:
+    """A rod whose end slides along it on a spring; ``root`` (3,) is its joint on the platform, base frame."""
+    loop = robot.description.loops[rod.loop].name
+    end = mechanism.loops[loop][rod.rod_end]
+    placements = mechanism.placements()
+    place = placements[end.body]
+    along = place.act(end.point) - root
+    length = float(np.linalg.norm(along))
+    axis = place.rotation.T @ along / length
+    old = mechanism.body(end.body)
+    # The part of the rod's mass whose weight the carrier bears is on the carrier's side of the spring. The spring then bears
+    # the force at the rod's middle, as in the effect.
+    beyond = float(np.clip(1.0 - (end.point - old.inertia.lever) @ axis / length, 0.0, 0.99))
+    joint = Joint(f"{rod.site}_stretch", "slide", axis, np.zeros(3), 0.0, spring=spring)
+    sprung = mechanism.on_springs(f"{rod.site}_end", [(loop, rod.rod_end)], [joint])
+    inertia = old.inertia
+    near = pin.Inertia(inertia.mass * (1.0 - beyond), inertia.lever, inertia.inertia * (1.0 - beyond))
+    far = pin.Inertia(inertia.mass * beyond, inertia.lever - end.point, inertia.inertia * beyond)
+    bodies = tuple(
+        replace(body, inertia={old.name: near, f"{rod.site}_end": far}.get(body.name, body.inertia))
+        for body in sprung.bodies
+    )
+    return replace(sprung, bodies=bodies)
