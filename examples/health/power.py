@@ -20,7 +20,7 @@ from scipy.stats import beta
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
 from gtpin.diagnosis.against.check import Changes
 from gtpin.diagnosis.against.earlier import Earlier

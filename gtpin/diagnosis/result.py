@@ -15,8 +15,8 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
+from gtpin.model.fit_conditions import Unexplained as LeftBefore
 from gtpin.model.model import Model
-from gtpin.model.unexplained import Unexplained as LeftBefore
 from gtpin.output.shown import Shown, present
 
 if TYPE_CHECKING:

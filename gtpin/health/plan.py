@@ -27,8 +27,8 @@ from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError
 from gtpin.health.choice import Candidates, Choice, candidates
+from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.kinematics.bodies import bodies, index_of
-from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.model.model import Model
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import moving_links
@@ -55,10 +54,9 @@ class ChainSkeleton:
 
 def chain_skeleton(model: Model, q: Floats | None = None) -> ChainSkeleton | None:
     """The skeleton at a command (n,), by default home; None for robots with rods, or if the pose can't be reached."""
-    kinematics = model.kinematics
-    if not isinstance(kinematics, ChainKinematics):
+    if model.robot.rod_sites:
         return None
-    robot = kinematics.robot
+    robot = model.kinematics.robot
     at = bodies(robot, (robot.home_q if q is None else q)[None])
     R, T = at.R[0], at.T[0]
     if not np.isfinite(T).all():

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 from gtpin.robot.chain import Actuator
 from gtpin.typing import Floats
@@ -58,22 +57,23 @@ class Skeleton:
 def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     """The skeleton at a command (n,), by default mid-range; None without rods, or if the pose can't be reached."""
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
+    if not robot.rod_sites:
         return None
     if q is None:
         q = standing(model)
     pose = kinematics.forward(q[None])
     if not pose.reached.all():
         return None
-    ends = kinematics.ends(q[None])
-    joints = np.broadcast_to(ends.P, (1, *ends.P.shape[-2:]))[0] @ pose.R[0].T + pose.T[0]
+    d, RP = kinematics.rod_vectors(q[None], pose)
+    joints = RP[0] + pose.T[0]
+    seats = joints - d[0]
     tracks, carts, anchors, rods_of = {}, {}, {}, {}
     for j, actuator in enumerate(robot.actuators):
         carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == j]
         rods_of[actuator.site] = tuple(i for i, rod in enumerate(robot.rods) if j in (rod.carrier, rod.extension))
         if not carried:
             continue
-        middle = ends.C[0, carried].mean(axis=0)
+        middle = seats[carried].mean(axis=0)
         carts[actuator.site] = middle
         if actuator.revolute:
             away = middle - actuator.origin
@@ -82,13 +82,13 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
             tracks[actuator.site] = _track(actuator, float(q[j]), middle)
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
-    return Skeleton(ends.C[0], joints, pose.T[0], tracks, carts, anchors, rods_of, up)
+    return Skeleton(seats, joints, pose.T[0], tracks, carts, anchors, rods_of, up)
 
 
 def standing(model: Model) -> Floats:
     """(n,) default command of a drawing, m or rad: for a robot with rods mid-range, where it can be reached; else home."""
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
+    if not robot.rod_sites:
         return robot.home_q
     middle = (robot.lower + robot.upper) / 2.0
     if np.isfinite(middle).all() and kinematics.forward(middle[None]).reached.all():

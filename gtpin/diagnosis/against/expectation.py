@@ -13,7 +13,7 @@ from gtpin.diagnosis.against.readings import with_unknowns
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, Situation
 from gtpin.instruments.readings import Readings
-from gtpin.model.unexplained import EXPLAINED, Unexplained
+from gtpin.model.fit_conditions import EXPLAINED, Unexplained
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 

@@ -20,8 +20,8 @@ from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings
+from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.model.unexplained import EXPLAINED
 from gtpin.noise.noise import SMALLEST, Noise
 from gtpin.noise.reading_noise import ReadingNoise
 

@@ -10,8 +10,7 @@ from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.readable_sockets import check_sockets
 from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
-from gtpin.data.extremes import check_extremes
-from gtpin.data.sane import sane_rows
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import VAGUE, Readings, single
 from gtpin.kinematics.poses import Poses

@@ -13,9 +13,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.rotations import exp
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Frame, Model
-from gtpin.model.posterior import inverse_root
+from gtpin.model.model import FittedInstrument, Frame, Model, inverse_root
 from gtpin.typing import Floats
 
 

@@ -67,7 +67,7 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     if not at.robot.rods or not design.tracked:
         return {}
     seen = np.linalg.inv(design.whitening)
-    to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
+    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : design.components] @ seen
     power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.files import FILES, write_accuracy
+from gtpin.accuracy.figures import FILES, write_accuracy
 from gtpin.output.shown import Presentation
 from gtpin.report.accuracy_text import accuracy_text
 from gtpin.report.sensitivity_page import sensitivity_page, step_table
