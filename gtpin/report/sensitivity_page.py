@@ -9,9 +9,9 @@ import numpy as np
 
 from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.sensitivity import Sensitivity
-from gtpin.report.drawing import drawing
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
 from gtpin.typing import Floats

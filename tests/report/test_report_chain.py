@@ -20,10 +20,10 @@ from gtpin.compensation.corrections import correctable, corrections
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
-from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.effect_curves import curves
 from gtpin.report.residuals import Residuals
+from gtpin.report.skeleton import skeleton
 
 ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
 ARM = gtpin.load_robot(ARM_FILE)
@@ -130,11 +130,11 @@ def test_a_notebook_shows_it(found: Diagnosis) -> None:
 
 
 def test_the_skeleton_goes_through_the_joints_to_the_tcp() -> None:
-    machine = chain_skeleton(gtpin.Model(gtpin.Geometry.nominal(ARM)), np.zeros(6))
+    machine = skeleton(gtpin.Model(gtpin.Geometry.nominal(ARM)), np.zeros(6))
     assert machine is not None
-    np.testing.assert_allclose(machine.joints["elbow"], [0.0, 0.02, 0.52], atol=1e-12)
+    np.testing.assert_allclose({spot.site: spot.at for spot in machine.spots}["elbow"], [0.0, 0.02, 0.52], atol=1e-12)
     np.testing.assert_allclose(machine.tcp, [0.0, 0.2, 1.0], atol=1e-12)
-    ends = list(machine.links.values())
+    ends = [line.ends for line in machine.of("link")]
     for one, other in itertools.pairwise(ends):
         np.testing.assert_array_equal(one[1], other[0])
     np.testing.assert_array_equal(ends[-1][1], machine.tcp)

@@ -22,8 +22,7 @@ from gtpin.instruments.instrument import Instrument, Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument
-from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.patches import patch
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import skeleton
 from gtpin.view.reading_gap import ReadingGap, gap_with_instruments
 from gtpin.view.still import still
