@@ -13,7 +13,7 @@ from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.poses import VIEWS
 from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import pose_names, shown
+from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
 from gtpin.typing import Floats
 
@@ -141,7 +141,7 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool) -> Drawi
             "cmax": scale.top,
             "color": length,
         },
-        "text": pose_names(residuals, rows),
+        "text": residuals.names[rows],
         "hovertemplate": f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>",
     }
     layout = {

@@ -12,7 +12,7 @@ from gtpin.report.figure import Drawing, alone
 from gtpin.report.maps import Maps, residual_map
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.poses import VIEWS
-from gtpin.report.residual_plots import pose_names, shown
+from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
 from gtpin.typing import Floats
 
@@ -81,7 +81,7 @@ def _map(residuals: Residuals, view: str, top: float, after: bool, instrument: s
     rows = mine[shown(len(mine))]
     x, y = view[0], view[1]
     T = residuals.poses.T[rows]
-    said = pose_names(residuals, rows)
+    said = residuals.names[rows]
     if len(names) > 1:
         said = np.array([f"{words}, {names[i]}" for words, i in zip(said, of[rows], strict=True)], dtype=object)
     points: dict[str, Any] = {
