@@ -12,10 +12,9 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.certificate.budget import Contribution
+from gtpin.certificate.budget import COVERAGE, Contribution
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
-from gtpin.certificate.unexplained import COVERAGE
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.json_text import json_text
 from gtpin.output.shown import Presentation

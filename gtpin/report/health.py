@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.health.power import Smallest
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.inference.findings import Smallest
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
 from gtpin.output.shown import Presentation

@@ -9,8 +9,6 @@ from typing import Literal
 import numpy as np
 
 from gtpin.kinematics.bodies import bodies, index_of
-from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import moving_links
@@ -82,15 +80,14 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     q = standing(model) if q is None else q
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
-    if isinstance(kinematics, ChainKinematics):
+    if not robot.rod_sites:
         return _of_chain(kinematics.robot, q, up)
-    if not isinstance(kinematics, RodKinematics):
-        return None
     pose = kinematics.forward(q[None])
     if not pose.reached.all():
         return None
-    ends = kinematics.ends(q[None])
-    seats, joints = ends.C[0], np.broadcast_to(ends.P, (1, *ends.P.shape[-2:]))[0] @ pose.R[0].T + pose.T[0]
+    d, RP = kinematics.rod_vectors(q[None], pose)
+    joints = RP[0] + pose.T[0]
+    seats = joints - d[0]
     lines = [Line("rod", site, np.stack(pair)) for site, *pair in zip(robot.rod_sites, seats, joints, strict=True)]
     spots, on_base = [], set(range(len(seats)))
     for j, actuator in enumerate(robot.actuators):
@@ -117,7 +114,7 @@ def standing(model: Model) -> Floats:
     """(n,) default command of a drawing, m or rad: for a robot with rods mid-range, where it can be reached; else home."""
     kinematics, robot = model.kinematics, model.robot
     middle = (robot.lower + robot.upper) / 2.0
-    known = isinstance(kinematics, RodKinematics) and np.isfinite(middle).all()
+    known = bool(robot.rod_sites) and np.isfinite(middle).all()
     return np.asarray(middle) if known and kinematics.forward(middle[None]).reached.all() else robot.home_q
 
 
