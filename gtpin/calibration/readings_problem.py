@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.problem import FARTHEST, FRAME_UNIT, Point
 from gtpin.instruments.readings import VAGUE, Readings
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 

@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.export.cart_gives import Give, give
 from gtpin.export.curves import NOTHING, SAME, Curve, fitted
 from gtpin.export.lines import STIFFEST, WORTH

@@ -10,9 +10,8 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import drive_load, smooth_cosines, smooth_orders
 from gtpin.effects.joint_compliance import loaded
-from gtpin.effects.sessions import session_columns
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
+from gtpin.effects.smooth import cosines, session_columns
 from gtpin.typing import Floats
 
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]

@@ -20,10 +20,9 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
 from gtpin.effects.drives import drive_sizes
-from gtpin.effects.frames import frame_twist
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
+from gtpin.effects.smooth import cosines, frame_twist
 from gtpin.typing import Floats
 
 

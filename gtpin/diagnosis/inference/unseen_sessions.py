@@ -17,7 +17,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
     """Whitened displacements (N c, m) at each pose as predicted by a model that was fitted without the pose's block.
 
     A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
-    :func:`~gtpin.effects.sessions.session_columns`.
+    :func:`~gtpin.effects.smooth.session_columns`.
 
     Parameters
     ----------

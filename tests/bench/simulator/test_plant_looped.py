@@ -17,7 +17,7 @@ from gtpin.bench.simulator.looped.situation import LoopedSituation
 from gtpin.bench.simulator.poses import Poses
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.joint_loads import joint_loads
+from gtpin.kinematics.statics import joint_loads
 
 NAMES = tuple(ROBOTS)
 
