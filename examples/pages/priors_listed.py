@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 from gtpin.diagnosis import priors
@@ -27,6 +28,15 @@ def _listed(file: Path, values: object) -> str:
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             assert isinstance(text, ast.Expr)
             assert isinstance(text.value, ast.Constant)
-            words = " ".join(str(text.value.value).split()).replace("|", "\\|")
+            words = _short(" ".join(str(text.value.value).split())).replace("|", "\\|")
             lines.append(f"| `{field.target.id}` | {getattr(values, field.target.id):g} | {words} |")
     return "\n".join(lines)
+
+
+def _short(text: str) -> str:
+    """What the number is, and the sentence of its source; the file has the reasons between them."""
+    sentences = re.split(r"(?<=\.) (?=[A-Z])", text)
+    if len(sentences) < 3:
+        return text
+    source = next((s for s in sentences[1:] if s.startswith(("Assumed", "Derived", "Measured"))), sentences[-1])
+    return f"{sentences[0]} {source}"

@@ -65,7 +65,7 @@ class UnexplainedRecord(Record):
 
 
 class ModelFile(Record):
-    """The whole of ``model.json``; docs/model.md explains the keys."""
+    """The whole of ``model.json``; docs/export.md explains the keys."""
 
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
