@@ -23,20 +23,18 @@ def modulation_listed() -> str:
 def _listed(file: Path, values: object) -> str:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     (numbers,) = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    lines = ["| number | value | what it is, and its source |", "|---|---|---|"]
+    lines = ["| number | value | source |", "|---|---|---|"]
     for field, text in zip(numbers.body, numbers.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             assert isinstance(text, ast.Expr)
             assert isinstance(text.value, ast.Constant)
-            words = _short(" ".join(str(text.value.value).split())).replace("|", "\\|")
+            words = _source(" ".join(str(text.value.value).split())).replace("|", "\\|")
             lines.append(f"| `{field.target.id}` | {getattr(values, field.target.id):g} | {words} |")
     return "\n".join(lines)
 
 
-def _short(text: str) -> str:
-    """What the number is, and the sentence of its source; the file has the reasons between them."""
+def _source(text: str) -> str:
+    """The sentences that say where the number is from; what it is stands in the docstring, and in the reference."""
     sentences = re.split(r"(?<=\.) (?=[A-Z])", text)
-    if len(sentences) < 3:
-        return text
-    source = next((s for s in sentences[1:] if s.startswith(("Assumed", "Derived", "Measured"))), sentences[-1])
-    return f"{sentences[0]} {source}"
+    found = [sentence for sentence in sentences if sentence.startswith(("Assumed", "Derived", "Measured"))]
+    return " ".join(found or sentences[-1:])
