@@ -11,7 +11,7 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Measured
 from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
-from gtpin.model.unexplained import Unexplained
+from gtpin.model.fit_conditions import Unexplained
 
 Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]

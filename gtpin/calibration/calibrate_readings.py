@@ -20,8 +20,7 @@ from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
-from gtpin.data.extremes import check_extremes
-from gtpin.data.sane import sane_rows
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.instruments.up import up_of

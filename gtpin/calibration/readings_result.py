@@ -19,7 +19,7 @@ from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
-from gtpin.model.unexplained import Unexplained
+from gtpin.model.fit_conditions import Unexplained
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import present
 from gtpin.typing import Floats

@@ -26,7 +26,6 @@ from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
-from gtpin.health.check import check
 from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
@@ -128,7 +127,7 @@ def changed_since(
         if log is not None:
             refuse_readings(read)
         with progress_of("checking") as progress:
-            found = check(read, earlier, progress=progress, **options)
+            found = run_diagnosis(read, against=earlier, progress=progress, **options)
         result = write_check(found, folder)
         if add is not None:
             add(found)

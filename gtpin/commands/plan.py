@@ -20,8 +20,8 @@ from gtpin.commands.terminal import (
     write_json,
 )
 from gtpin.data import Commands
+from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.errors import ModelError
-from gtpin.health.check import FALSE_ALARM
 from gtpin.health.plan import Place, Purpose
 from gtpin.health.plan import plan as run_plan
 from gtpin.model.model import Model

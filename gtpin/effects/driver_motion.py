@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from gtpin.data.driver import MOTIONS
+from gtpin.data.description import MOTIONS
 from gtpin.effects.basis import Basis, along_track, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.sites import sliding_carts

@@ -17,17 +17,15 @@ from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import Machine, parts
 from gtpin.errors import GtpinError, ModelError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
-from gtpin.export.compliance import drive_scales, with_link_springs
-from gtpin.export.drives import with_drives
-from gtpin.export.joint_springs import with_joint_springs
+from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.printers import printer_files
 from gtpin.export.sdf import to_sdf
-from gtpin.export.tables_for import TablesFor, Written
-from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts, check_any
+from gtpin.export.springs import with_joint_springs, with_link_springs
+from gtpin.export.tables_for import POINTS, Left, TablesFor, Written, both_approaches, by_parts, check_any
 from gtpin.export.text import numbers, xml_text
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
@@ -188,11 +186,8 @@ def _format(file: Path) -> Format:
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
 
-    Parameters
-    ----------
-    carried
-        Parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single rods``,
-        ``measured tracks``, ``instrument's frame``.
+    ``carried``: parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single
+    rods``, ``measured tracks``, ``instrument's frame``.
     """
     geometry = model.geometry
     moved = {(p.kind, p.per) for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0}
@@ -245,11 +240,8 @@ def _reduction(root: Element, transmission: Element | None, joint: str) -> Eleme
 def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Written:
     """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
 
-    Raises
-    ------
-    GtpinError
-        If the robot has too many actuators for such a table, or one without a range; if temperatures are given and no effect
-        depends on one; or if there is nothing to correct.
+    Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are
+    given and no effect depends on one; or if there is nothing to correct.
     """
     if wanted.box is not None or wanted.firmware is not None:
         raise ModelError("a table over commands takes no --box and no --firmware", hint="leave them out")

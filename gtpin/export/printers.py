@@ -15,15 +15,14 @@ from gtpin.compensation.plane_tables import PlaneTables, plane_tables
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
 from gtpin.compensation.towers import Drives, TowerController, Towers, drives_of, fitted_towers
 from gtpin.errors import GtpinError, ModelError
-from gtpin.export.tables_for import TablesFor, Written
-from gtpin.export.tables_left import POINTS, Left, both_approaches, by_parts, check_any
+from gtpin.export.tables_for import POINTS, Left, TablesFor, Written, both_approaches, by_parts, check_any
+from gtpin.importers.klipper import TOWERS, tower_dimensions
 from gtpin.importers.klipper_config import needed, read_config
-from gtpin.importers.klipper_delta import TOWERS, tower_dimensions
-from gtpin.importers.rrf_config import read_rrf_delta
+from gtpin.importers.rrf import read_rrf_delta
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
-AXES = 3
+PRINTER_AXES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +36,11 @@ class _Present:
 def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
     """Klipper's configuration, or RepRapFirmware's macro with a height map for each temperature.
 
-    Raises
-    ------
-    GtpinError
-        If the robot does not have three actuators, a box is missing or can't be reached, the firmware's file does not fit the
-        robot, or there is nothing to correct.
+    Raises `GtpinError` if the robot does not have three actuators, a box is missing or can't be reached, the firmware's
+    file does not fit the robot, or there is nothing to correct.
     """
     robot, box = model.robot, wanted.box
-    if robot.n_actuators != AXES:
+    if robot.n_actuators != PRINTER_AXES:
         what = f"{robot.name} has {robot.n_actuators} actuators, and tables of a printer's firmware move three axes"
         raise ModelError(what, hint="write corrected commands with --commands")
     if box is None:

@@ -17,8 +17,7 @@ from gtpin.instruments import BUILT_IN
 from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
 from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Indices
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from gtpin.certificate.budget import COVERAGE
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
-from gtpin.certificate.unexplained import COVERAGE
 from gtpin.model.model_folder import model_json
 from gtpin.report.certificate_definitions import DEFINITIONS, SOURCES
 from gtpin.report.certificate_words import BASES, HOW, limits, statement, why

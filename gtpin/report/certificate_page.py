@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from gtpin.certificate.budget import COVERAGE
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
-from gtpin.certificate.unexplained import COVERAGE
 from gtpin.model.model_folder import model_json
 from gtpin.report.certificate_definitions import DEFINITIONS, SOURCES
 from gtpin.report.certificate_json import MODEL

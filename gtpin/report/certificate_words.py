@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.certificate.budget import Contribution
+from gtpin.certificate.budget import COVERAGE, Contribution
+from gtpin.certificate.pose_accuracy import CYCLES
 from gtpin.certificate.positioning import APPROACHES, TARGETS
 from gtpin.certificate.quantity import Missing, Quantity
-from gtpin.certificate.repeatability import CYCLES
 from gtpin.certificate.result import Certificate
-from gtpin.certificate.unexplained import COVERAGE
 from gtpin.noise.repeats import LEAST_CONTRASTS
 from gtpin.report.words import counted, joined, percent, quantity, whole
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.report.diagnosis_json import diagnosis_json
 
 

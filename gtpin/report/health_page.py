@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
 from gtpin.report.drawing import drawing

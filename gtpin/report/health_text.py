@@ -6,7 +6,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.report.health_words import advice, headline, power_words
 from gtpin.report.words import chance, quantity
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from gtpin.diagnosis.inference.findings import Cause
-from gtpin.health.power import Smallest
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.inference.findings import Cause, Smallest
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.report.doubts import doubt_words
 from gtpin.report.gap_words import gap_words
 from gtpin.report.phrases import clause, remedy, sentence

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
 from gtpin.health.history import Changed, Entry, HistoryFiles, read_history, written_history
-from gtpin.health.result import HealthCheck
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing

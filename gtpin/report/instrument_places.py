@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.data.instrument_tables import PlaneTable, RangeTable, SocketTable, TiltTable, TrackerTable
 from gtpin.kinematics.rotations import exp
-from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import FittedInstrument
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
 from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.planning.settling import MOST_ROUNDS
 from gtpin.effects.situation import Column
 from gtpin.report.reasons import reason_words
 from gtpin.report.words import joined

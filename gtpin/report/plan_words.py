@@ -8,8 +8,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 
+from gtpin.diagnosis.inference.findings import Smallest
 from gtpin.health.plan import PosePlan, checked_first
-from gtpin.health.power import Smallest
 from gtpin.report.words import length, percent, quantity
 
 SHOWN = 12

@@ -13,9 +13,8 @@ from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.measured_robot import check_same_robot, measuring
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.words import quantity
 from gtpin.typing import Floats
 from gtpin.view.gap import Gap, gap_of, whose

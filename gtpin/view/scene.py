@@ -13,8 +13,7 @@ import pinocchio as pin
 
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.camera import Camera, Drawable
 from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.instrument_places import InstrumentPlaces

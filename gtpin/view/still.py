@@ -13,8 +13,7 @@ import pinocchio as pin
 from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
 from gtpin.report.camera import ELEVATION, Camera, Drawable

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.diagnosis.inference.infer import FittedLines, _taken
+from gtpin.diagnosis.inference.chance_lines import FittedLines
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
@@ -78,7 +78,7 @@ def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_
         H = part * directions @ directions.T
         apart = np.eye(POSES) - H
         shapes = np.einsum("ij,fjk->fik", apart, waves(rng.uniform(0.0, RANGE, POSES)))
-        found = searched(shapes, apart @ rng.standard_normal(POSES), np.full(POSES, 1e-4), 1, _taken(H))
+        found = searched(shapes, apart @ rng.standard_normal(POSES), np.full(POSES, 1e-4), 1, np.trace(2.0 * H - H @ H))
         significant += found.chance() <= 0.05
     assert significant <= 14
 

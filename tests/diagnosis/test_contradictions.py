@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.diagnosis.preparation.prepare import without_contradictions
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning

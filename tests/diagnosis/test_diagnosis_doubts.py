@@ -14,7 +14,7 @@ from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference import predictive
-from gtpin.diagnosis.inference.named_causes import decide
+from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed

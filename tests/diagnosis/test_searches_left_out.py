@@ -6,7 +6,7 @@ from diagnosed import machine
 import gtpin
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference import understated_noise as check
+from gtpin.diagnosis.inference import shown_noise as check
 from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.model.measured_robot import robot_of

@@ -11,10 +11,10 @@ from every_effect import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.reestimate_noise import left_over
-from gtpin.diagnosis.inference.two_groups import two_groups
+from gtpin.diagnosis.inference.suspicious_data import two_groups
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.errors import GtpinWarning

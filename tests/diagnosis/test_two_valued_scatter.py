@@ -10,8 +10,8 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.diagnosis.inference.two_valued import two_values
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.diagnosis.inference.suspicious_data import two_values
 from gtpin.report.verdict import verdict
 
 STILL = Conditions(rest=1.0)

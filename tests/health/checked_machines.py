@@ -9,7 +9,7 @@ import numpy as np
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 
 POSES = 10
 

@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, RangeTable, SocketTable, TiltTable
-from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import FittedInstrument
 from gtpin.report.camera import HEIGHT, WIDTH
 from gtpin.report.drawing import drawing
 

@@ -9,7 +9,7 @@ import pytest
 
 import gtpin
 from gtpin.data.instrument_tables import EncoderTable
-from gtpin.model.fitted_instrument import FittedInstrument
+from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
 from gtpin.view.still import still

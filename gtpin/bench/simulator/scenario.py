@@ -14,9 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gtpin.bench.simulator.build import build, capacity, known_robot
 from gtpin.bench.simulator.case import Case, energies
 from gtpin.bench.simulator.causes.kinds import kind
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.recipe import Recipe, Wanted
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe, Wanted
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import GtpinError
 from gtpin.references import is_path

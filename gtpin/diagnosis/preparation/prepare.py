@@ -17,8 +17,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
-from gtpin.data.extremes import check_extremes
-from gtpin.data.sane import sane_rows
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single

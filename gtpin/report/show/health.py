@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from gtpin.health.result import HealthCheck
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.output.shown import Presentation
 from gtpin.report.health_json import health_json
 from gtpin.report.health_page import CHECK, write_check
