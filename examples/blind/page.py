@@ -67,8 +67,6 @@ def page(folder: Path | None) -> str:
         _markdown(figure_table(result)),
         "### By effect\n",
         _markdown(effect_table(result)),
-        "### What single effects were named as\n",
-        _confusion(result["confusion"]),
         "### Probabilities\n",
         _markdown(reliability_table(result)),
         "### Power\n",
@@ -130,14 +128,6 @@ def _rows(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         return "None.\n"
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
-
-
-def _confusion(told: dict[str, dict[str, int]]) -> str:
-    rows = []
-    for true, said in told.items():
-        words = [f"{word} {count}" for word, count in sorted(said.items(), key=lambda item: -item[1]) if word != true]
-        rows.append((true, str(sum(said.values())), str(said.get(true, 0)), ", ".join(words)))
-    return _rows(("effect", "cases", "named", "named instead"), rows)
 
 
 def _power(told: list[dict[str, Any]]) -> str:
