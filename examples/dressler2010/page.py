@@ -102,7 +102,7 @@ def block(b: Block) -> str:
     spreads = np.zeros_like(b.ours) if b.spread is None else b.spread
     for name, printed, ours, spread in zip(b.rows, b.printed, b.ours, spreads, strict=True):
         about = [f" ± {s:.2g}" if s else "" for s in spread]
-        cells = (f"{p:.3g} / {o:.3g}{s}" for p, o, s in zip(printed, ours, about, strict=True))
+        cells = (f"{p:.3g}/{o:.3g}{s}" for p, o, s in zip(printed, ours, about, strict=True))
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -130,7 +130,7 @@ def twin(draws: Draws, from_table2: float) -> str:
     for held in closures.held:
         if held.model in (3, 4) and held.closure_cost is not None:
             scaled = held.closure_cost * told.measurement.calibration_poses / len(held.position)
-            cells = (f"{p:.2g} / {o:.2g} ({o / p:.2f})" for p, o in zip(told.costs(held.model), scaled, strict=True))
+            cells = (f"{p:.2g}/{o:.2g} ({o / p:.2f})" for p, o in zip(told.costs(held.model), scaled, strict=True))
             lines.append(f"| {held.model} | " + " | ".join(cells) + " |")
     lines += [
         "",

@@ -58,7 +58,7 @@ def cell(figure: Mapping[str, Any]) -> str:
     value, low, high = figure["value"], figure["low"], figure["high"]
     if value is None:
         return "–"
-    return f"{value:.2f}" if low is None else f"{value:.2f} ({low:.2f} .. {high:.2f})"
+    return f"{value:.2f}" if low is None else f"{value:.2f} ({low:.2f}..{high:.2f})"
 
 
 def _table(columns: Mapping[str, str]) -> str:

@@ -84,7 +84,7 @@ def page() -> str:
     entries = []
     for name, path in sources().items():
         place = path.relative_to(ROOT).as_posix()
-        entries.append(f"**{_title(path)}** (`{place}`)\n\n![{captions[name]}](gallery/{name}.svg)\n")
+        entries.append(f"`{place}`: {_title(path)}\n\n![{captions[name]}](gallery/{name}.svg)\n")
     return "\n".join(entries).rstrip()
 
 

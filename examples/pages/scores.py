@@ -68,7 +68,7 @@ def value(row: dict[str, Any]) -> str:
     """A figure with its 95 % bounds."""
     if row["value"] is None:
         return "no case"
-    bounds = "" if row["low"] is None else f" ({row['low']:.2f} to {row['high']:.2f})"
+    bounds = "" if row["low"] is None else f" ({row['low']:.2f}..{row['high']:.2f})"
     return f"{row['value']:.2f}{bounds}"
 
 

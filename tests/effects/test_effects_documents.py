@@ -34,7 +34,7 @@ def told(name: str) -> dict[str, str]:
 def test_a_section_has_the_effects_title_parameters_and_units(name: str) -> None:
     title, section = SECTIONS[name].split("\n", 1)
     assert title == f'<a id="{name}"></a>`{name}`: {EFFECTS[name].title.split(" (")[0]}'
-    assert dict(re.findall(r"^\| `([^`]+)` \| ([^|]+) \|", section, re.MULTILINE)) == told(name)
+    assert dict(re.findall(r"^- `([^`]+)`, ([^:]+):", section, re.MULTILINE)) == told(name)
     for part in ("Equation", "What happens", "Typical size", "Mistaken for", "How to distinguish"):
         assert f"**{part}.**" in section
 
