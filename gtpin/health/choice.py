@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.chain_workspace import chain_commands
 from gtpin.accuracy.workspace import default_commands
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
@@ -60,7 +59,7 @@ def candidates(
     """
     robot = model.robot
     if q is None:
-        q = default_commands(model, COUNT) if robot.rods else chain_commands(model, COUNT, seed)
+        q = default_commands(model, COUNT, seed)
     q = np.round(np.asarray(q, dtype=float), 6)
     q = q[model.kinematics.forward(q).reached]
     if not len(q):

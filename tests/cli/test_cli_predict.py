@@ -105,7 +105,7 @@ def test_sensitivity_is_the_geometry_s_and_asks_for_no_covariates(run, folder, m
     def stop(*_, **__):
         raise gtpin.GtpinError("the commands were taken")
 
-    monkeypatch.setattr("gtpin.commands.sensitivity.write_sensitivity", stop)
+    monkeypatch.setattr("gtpin.commands.sensitivity.analyse", stop)
     write(folder / "c.csv", session=None, payload=None)
     ran = run("sensitivity", folder / "model", "--poses", folder / "c.csv", "-o", folder / "accuracy")
     assert "the commands were taken" in ran.failed()

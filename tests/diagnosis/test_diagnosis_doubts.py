@@ -20,7 +20,7 @@ from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
-from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
 
 pytestmark = pytest.mark.slow
@@ -86,7 +86,7 @@ def test_a_question_reaches_summary_and_file():
     (question,) = found.to_json()["unexplained"]["questions"]
     assert (question["effect"], question["parameter"], question["believed"]) == ("servo_lag", "lag", True)
     assert question["expected"] == [0.0, None]
-    assert any("unusual" in str(part) for part in diagnosis_summary(found).renderables)
+    assert any("unusual" in str(part) for part in present(found).terminal().renderables)
 
 
 def test_an_instrument_beside_the_base_makes_no_cause():

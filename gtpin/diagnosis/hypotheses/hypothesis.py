@@ -141,7 +141,7 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
     basis = hypothesis.basis(at)
     ways = {
         "along": basis.command,
-        "aside": basis.carrier_joints if at.robot.rods else basis.placements or None,
+        "aside": basis.placements or None,
         "length": basis.length,
         "tip": basis.placements or None,
         "twist": basis.twist,

@@ -18,7 +18,6 @@ from gtpin.effects.sessions import session_columns
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, wave
-from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
 Terms = Iterator[tuple[SmoothTerm, Basis]]
@@ -68,18 +67,12 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
 
 def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
     """Two shifts across the track and, for a cart with several joints, three rotations about the mean of its joints."""
-    rods = rods_of(at, site)
-    lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
-    axis = at.robot.actuators[at.robot.sites.index(site)].axis
-    ways = [np.broadcast_to(across, lever.shape) for across in rotation_axes(axis)[:2]]
-    sizes = [priors.smooth_shift, priors.smooth_shift]
-    if len(rods) > 1:
-        ways += [np.cross(turn, lever) for turn in np.eye(3)]
-        sizes += [priors.smooth_turn] * 3
-    moved = np.einsum("nkiw,nm->nkiwm", np.stack(ways, axis=3), waves).reshape(*lever.shape, -1)
-    seat = np.zeros((len(at), len(at.robot.rods), 3, moved.shape[3]))
-    seat[:, rods] = moved
-    return Basis(np.outer(sizes, size).ravel(), carrier_joints=seat)
+    frame, turns = joint_frame(at, site), 3 if len(rods_of(at, site)) > 1 else 0
+    ways = np.zeros((6, 2 + turns))
+    ways[:3, :2], ways[3:, 2:] = frame.across.T, np.eye(3)[:, :turns]
+    sizes = [priors.smooth_shift] * 2 + [priors.smooth_turn] * turns
+    columns = np.broadcast_to(waves[:, None, :], (len(at), len(sizes), waves.shape[1]))
+    return of_joint(at, site, ways, columns, np.outer(sizes, size).ravel())
 
 
 def _of_rods(at: Situation, priors: Priors) -> Terms:

@@ -48,10 +48,8 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     c = design.components
     whitened = left.reshape(-1, c)
     excess = whitened**2 - design.independent
-    if isinstance(design.measured, Readings):
-        axis = _shares(_by_reading(design.measured, excess))
-    else:
-        axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
+    names = dict(zip(AXES[:c], excess.mean(axis=0), strict=False))
+    axis = _shares(names if design.tracked else _by_reading(design.measured, excess))
     by_pose = excess.sum(axis=1)
     T = design.situation.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
@@ -67,7 +65,7 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     if not at.robot.rods or not design.tracked:
         return {}
     seen = np.linalg.inv(design.whitening)
-    to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
+    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : design.components] @ seen
     power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
 

@@ -1,4 +1,4 @@
-"""A proposal of what to measure next, as data; ``gtpin.report.measurements`` puts it into words."""
+"""A proposal of what to measure next, as data; ``gtpin.report.next_experiment`` puts it into words."""
 
 from __future__ import annotations
 
