@@ -33,9 +33,8 @@ ASKING = frozenset(
         "effects/link_compliance.py",  # each rod has its own drive
         "effects/sites.py",  # the vocabulary of sites
         "export/carts.py",  # files have other elements for carts and rods than for joints
-        "export/compliance.py",
         "export/drives.py",
-        "export/joint_springs.py",
+        "export/springs.py",
         "export/loss.py",
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
         "model/model_folder.py",
@@ -44,6 +43,7 @@ ASKING = frozenset(
         "report/effect_motions.py",
         "report/phrases.py",
         "report/skeleton.py",
+        "report/sketch.py",
         "report/words.py",
         "view/parts.py",  # drawings
         "view/scene.py",
