@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.planning import plan_poses
-from gtpin.calibration.problem import Measured
 from gtpin.data import Commands
 from gtpin.diagnosis.against.alarm import DRAWS, smallest_changes, threshold
 from gtpin.diagnosis.against.check import POWER, Changes
@@ -27,6 +26,7 @@ from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError
 from gtpin.health.choice import Candidates, Choice, candidates
+from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
 from gtpin.noise.noise import SMALLEST, Noise
@@ -229,7 +229,13 @@ def _possible(earlier: Earlier, some: Candidates, how: Conditions, scope: Scope,
     """The changes that measuring candidates could test."""
     kinematics = earlier.model.kinematics
     seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
-    return Changes.of(earlier, Measured(some.q, seen.T, seen.R if orientation else None), some.covariates, how, scope)
+    return Changes.of(
+        earlier,
+        Readings.of_poses(some.q, seen.T, seen.R if orientation else None, earlier.model.robot),
+        some.covariates,
+        how,
+        scope,
+    )
 
 
 def checked_first() -> tuple[str, ...]:

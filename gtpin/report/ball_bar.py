@@ -143,8 +143,6 @@ def circles(residuals: Residuals) -> tuple[Circle, ...]:
 
     Rows are taken in the order of ``time``, where there is one, else in that of the table.
     """
-    if residuals.readings is None:
-        return ()
     instruments = residuals.readings.instruments
     return tuple(
         circle
@@ -156,7 +154,6 @@ def circles(residuals: Residuals) -> tuple[Circle, ...]:
 
 def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]:
     readings = residuals.readings
-    assert readings is not None
     mine = readings.rows.rows_of(index)
     away = one.away(residuals.poses[mine], readings.own(index))
     order = np.asarray(residuals.dataset.covariates.get("time", readings.rows.line), dtype=float)[mine]

@@ -19,7 +19,7 @@ from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_summary, calibration_text
 from gtpin.report.geometry_table import geometry_tables
-from gtpin.report.reading_maps import workspace_figure
+from gtpin.report.maps import workspace_figure
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.unseen_words import unseen_words

@@ -20,10 +20,10 @@ from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.effect_curves import curves
 from gtpin.report.figure import alone
+from gtpin.report.maps import workspace_figure
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Table
 from gtpin.report.phrases import cause_rows, value
-from gtpin.report.reading_maps import workspace_figure
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals

@@ -206,7 +206,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     seen = np.zeros_like(there)
     for (_, rows), line in zip(levels, made, strict=True):
         seen[rows] = np.stack([np.interp(data[rows], grid, part) for part in line.T], axis=1)
-    power, missed = (float((np.var(part, axis=0) / residuals.sigma**2).sum()) for part in (there, there - seen))
+    power, missed = (float((np.var(part, axis=0) / residuals.sigma[0] ** 2).sum()) for part in (there, there - seen))
     if not missed <= (1.0 - LINE_SHARE) * power:  # also false if the line has poses that the robot can't reach
         return None
     moved = [model.kinematics.command_jacobian(q, model.kinematics.forward(q)) for q, _ in middles]

@@ -10,7 +10,6 @@ from gtpin.report.embedded import Choice, Plot
 from gtpin.report.maps import maps
 from gtpin.report.page import Block, Fold, Heading, Plots, Section, Table
 from gtpin.report.quality import Quality
-from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_plots import selection
 from gtpin.report.residuals import Residuals
 
@@ -47,14 +46,13 @@ def circle_sections(residuals: Residuals, causes: bool) -> list[Section]:
 
 def map_section(residuals: Residuals, layers: Choice) -> Section:
     """Residuals over the workspace, without and with the causes."""
+    views = maps(residuals, layers)
     if residuals.of_poses:
-        views = maps(residuals, layers)
         words = (
             "Position residuals at the measured poses; lines show their directions, magnified "
             f"{views.magnified} times. {selection(residuals)}"
         )
     else:
-        views = reading_maps(residuals, layers)
         words = (
             "Where the TCP was at each reading, coloured by the size of what is left of the reading, in sigmas of its noise. "
             f"{selection(residuals)}"

@@ -294,7 +294,9 @@ def test_names_move_with_the_parts_and_can_be_hidden(scene):
 def test_a_single_pose_has_a_page_too(scene):
     from gtpin.view.gap_panel import GapPanel
 
-    one = replace(scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error")})
+    one = replace(
+        scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error", "name", "value", "unit")}
+    )
     panel = GapPanel(scene.server, "one", one, lambda _: "")
     assert "Pose 19 (row 2)" in panel.message.content
     assert panel.place.disabled

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.problem import Measured
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.data.duplicates import copies
@@ -57,7 +56,7 @@ class Changes:
 
     @staticmethod
     def of(
-        earlier: Earlier, measured: Measured | Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
+        earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
     ) -> Changes:
         """The changes of some poses or readings since an earlier model."""
         since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)

@@ -35,7 +35,7 @@ class Conditions:
     unexplained: Unexplained = EXPLAINED
     noise_known: bool = True
 
-    def expected(self, measured: Measured | Readings) -> Noise | ReadingNoise:
+    def expected(self, measured: Readings) -> Noise | ReadingNoise:
         """Noise and unexplained errors together, as if these were independent from pose to pose."""
         left, noise = self.unexplained, self.noise
         if left.none:
@@ -46,14 +46,13 @@ class Conditions:
                 position_sigma=float(np.hypot(noise.position_sigma, left.position)),
                 orientation_sigma=float(np.hypot(noise.orientation_sigma, left.orientation)),
             )
-        assert isinstance(measured, Readings)
         more = np.where(measured.group_turns, left.orientation, left.position)
         return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
 def expectation(
     earlier: Earlier,
-    measured: Measured | Readings,
+    measured: Readings,
     covariates: Mapping[str, Column],
     how: Conditions,
     since: Mapping[str, Column],
@@ -75,12 +74,11 @@ def expectation(
     poses = earlier.predicted(q, covariates, plain)
     model, at = earlier.model, Situation(kinematics, q, plain, since, temperature=how.temperature)
     c, noise = measured.components, how.expected(measured)
-    if isinstance(measured, Readings):
-        assert isinstance(noise, ReadingNoise)
+    if how.free_frame:
+        model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
+    elif isinstance(noise, ReadingNoise):
         measured = with_unknowns(measured, noise, at.command_jacobian, poses)
-    elif how.free_frame:
-        model = replace(model, frame=rough_frame(poses, measured))
-    W = noise.whitening(measured.scatter(at.command_jacobian, model, poses), c)
+    W = noise.whitening(measured.seen(at.command_jacobian, model, poses), c)
     by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
     unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
     B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
@@ -95,6 +93,6 @@ def share_unexplained(design: Design, how: Conditions) -> float:
     if how.unexplained.none:
         return 0.0
     measured, at = design.measured, design.situation
-    noise = how.noise.covariance(measured.scatter(at.command_jacobian, design.model, at.poses), design.components)
+    noise = how.noise.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
     W = design.whitening
     return float(np.clip(1.0 - np.einsum("nij,njk,nik->ni", W, noise, W).mean(), 0.0, 1.0))

@@ -11,7 +11,6 @@ from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.known_noise import known_noise
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
-from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.against.expectation import Conditions
@@ -34,7 +33,7 @@ class Usable:
     """The usable poses of a check, and how they were measured."""
 
     dataset: Dataset
-    measured: Measured | Readings
+    measured: Readings
     how: Conditions
 
     def without(self, row: int) -> Usable:
@@ -74,7 +73,7 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     poses = geometry.kinematics.forward(kept.q)
     kept = kept.take(plausible_rows(kept, geometry, poses)).in_order()
     _check_count(kept)
-    measured = measured_poses(replace(kept, orientation=None) if model.geometry.reduced else kept)
+    measured = Readings.of(replace(kept, orientation=None) if model.geometry.reduced else kept, model.robot)
     return Usable(kept, measured, _conditions(dataset, model, noise_of(dataset, model), free))
 
 

@@ -76,7 +76,7 @@ def updated(
     model = replace(
         earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[design.n_prior : after])
     )
-    if isinstance(design.measured, Readings):
+    if not design.measured.tracked:
         model = replace(model, instruments=_instruments(design.measured, found.mean[k:after]))
     effects = (*model.effects, *active)
     return replace(model, effects=effects, joint_covariance=covariance if effects else None), tuple(active)

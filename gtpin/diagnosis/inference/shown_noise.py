@@ -64,7 +64,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
     found = {}
     for key, value in declared.items():
-        seen = [getattr(n, key) for n in (noise.as_poses(), repeats) if n is not None]
+        seen = [getattr(n, key) for n in (Noise.of(noise), repeats) if n is not None]
         if min(seen) > most * value:
             found[key] = (value, float(min(seen)))
     return found
@@ -91,7 +91,7 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
         return None
     design = observed.design(model)
     noise = replace(observed.noise, estimated=np.ones_like(observed.noise.estimated))
-    return from_repeats(noise.take(rows), scatter, design.by_command_seen[rows]).as_poses()
+    return Noise.of(from_repeats(noise.take(rows), scatter, design.by_command_seen[rows]))
 
 
 Source = Literal["declared", "repeats", "residuals"]

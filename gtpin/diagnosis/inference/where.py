@@ -48,10 +48,8 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     c = design.components
     whitened = left.reshape(-1, c)
     excess = whitened**2 - design.independent
-    if isinstance(design.measured, Readings):
-        axis = _shares(_by_reading(design.measured, excess))
-    else:
-        axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
+    names = dict(zip(AXES[:c], excess.mean(axis=0), strict=False))
+    axis = _shares(names if design.tracked else _by_reading(design.measured, excess))
     by_pose = excess.sum(axis=1)
     T = design.situation.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})

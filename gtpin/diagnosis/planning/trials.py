@@ -117,7 +117,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     design = Design.of(
         situation,
         model,
-        measured.at_trials(rows, situation.q, model.seen(poses)),
+        measured.at_trials(rows, situation.q),
         observed.noise.take(rows),
         np.concatenate([observed.weight, np.ones(len(q))]),
         observed.free_frame,
