@@ -20,6 +20,7 @@ ASKING = frozenset(
         "certificate/budget.py",
         "comparison/closure_fit.py",
         "comparison/compare.py",
+        "diagnosis/against/measured.py",
         "diagnosis/hypotheses/hypothesis.py",  # the search is wider on joints, which have many lines: work of the diagnosis
         "diagnosis/hypotheses/hypothesis_set.py",
         "diagnosis/hypotheses/lines.py",
@@ -38,6 +39,7 @@ ASKING = frozenset(
         "export/carts.py",  # files have other elements for carts and rods than for joints
         "export/drives.py",
         "export/loss.py",
+        "export/springs.py",
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
         "model/model_folder.py",
         "report/diagnosis_json.py",
