@@ -13,7 +13,7 @@ from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.poses import VIEWS
 from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import pose_names, shown
+from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
 from gtpin.typing import Floats
 
@@ -141,7 +141,7 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
     rows = mine[shown(len(mine))]
     T = residuals.poses.T[rows]
     a, b = "xyz".index(view[0]), "xyz".index(view[1])
-    said = pose_names(residuals, rows)
+    said = residuals.names[rows]
     if len(names) > 1:
         said = np.array([f"{words}, {names[i]}" for words, i in zip(said, of[rows], strict=True)], dtype=object)
     points = {

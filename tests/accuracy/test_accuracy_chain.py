@@ -16,7 +16,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.figures import write_accuracy
 from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
-from gtpin.report.sensitivity_page import sensitivity_page
+from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.workspace_maps import slices
 from gtpin.robot.description import Description
 

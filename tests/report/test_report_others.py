@@ -13,8 +13,8 @@ from gtpin.accuracy import analysis
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
+from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.comparison import comparison_page
-from gtpin.report.sensitivity_page import sensitivity_page
 
 ROBOT = load_robot("gantry_tau")
 

@@ -79,10 +79,7 @@ def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator
 def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
     """Names of the cases, among ``names``, whose truths do not have the published digests.
 
-    Raises
-    ------
-    GtpinError
-        If a truth can't be read.
+    Raises GtpinError if a truth can't be read.
     """
     for name in names:
         if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:

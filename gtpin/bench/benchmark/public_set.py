@@ -70,13 +70,7 @@ class PublicSet(BaseModel):
         return PublicSet.model_validate_json(file.read_bytes())
 
     def chosen(self, names: Sequence[str] | None) -> list[str]:
-        """The names of some cases; None: all.
-
-        Raises
-        ------
-        GtpinError
-            If the set has no such case.
-        """
+        """The names of some cases; None: all. Raises GtpinError if the set has no such case."""
         for name in names or ():
             if name not in self.cases:
                 known = ", ".join(f"{block.name}-00 to -{block.cases - 1:02d}" for block in self.blocks)

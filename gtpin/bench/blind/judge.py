@@ -222,13 +222,7 @@ def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:
-    """(H, 3) true positions in the order of the commands.
-
-    Raises
-    ------
-    GtpinError
-        If the poses are not the same.
-    """
+    """(H, 3) true positions in the order of the commands. Raises GtpinError if the poses are not the same."""
     place = {pose: i for i, pose in enumerate(poses.pose)}
     if len(place) != len(commands) or not all(pose in place for pose in commands.pose):
         raise GtpinError(

@@ -61,10 +61,7 @@ class _TruthFile(BaseModel):
 def given(folder: Path) -> list[Given]:
     """Find all cases in a folder, ``NAME/`` and ``NAME.truth.json``, in the order of their names.
 
-    Raises
-    ------
-    GtpinError
-        If there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
+    Raises GtpinError if there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
     """
     try:
         entries = sorted(folder.iterdir())

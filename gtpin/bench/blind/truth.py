@@ -132,13 +132,7 @@ def digest_of(content: bytes) -> str:
 
 
 def opened(file: Path, digest: str) -> Truth:
-    """Read a sealed truth.
-
-    Raises
-    ------
-    SealError
-        If the file is missing, or its digest is not the published one.
-    """
+    """Read a sealed truth. Raises SealError if the file is missing, or its digest is not the published one."""
     try:
         content = read_bytes(file)
     except GtpinError as error:
@@ -164,13 +158,7 @@ def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) ->
 
 
 def read_manifest(file: Path) -> dict[str, str]:
-    """Read the digests by case name.
-
-    Raises
-    ------
-    SealError
-        If the file can't be read.
-    """
+    """Read the digests by case name. Raises SealError if the file can't be read."""
     try:
         truths = json.loads(read_bytes(file))["truths"]
         return {str(name): str(digest) for name, digest in truths.items()}

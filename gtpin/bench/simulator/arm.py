@@ -36,10 +36,7 @@ class Arm:
     def of(robot: Robot) -> Arm:
         """The arm of a robot without rods. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
 
-        Raises
-        ------
-        RobotError
-            If a joint mimics another one in a robot with loops.
+        Raises RobotError if a joint mimics another one in a robot with loops.
         """
         told = robot.tolerance
         position, rotation = (told.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))

@@ -173,10 +173,7 @@ class ArmMachine:
 
         ``near``: nearby postures to start from, where they are known.
 
-        Raises
-        ------
-        UnreachableError
-            If the loops close without the deviation but not with it.
+        Raises UnreachableError if the loops close without the deviation but not with it.
         """
         bending, driven = STRAIGHT, q
         if deviation is not None:

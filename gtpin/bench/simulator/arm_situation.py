@@ -15,6 +15,9 @@ from gtpin.bench.simulator.tree import Bending, Placed
 from gtpin.bench.simulator.visits import Visits
 from gtpin.typing import Floats
 
+SLIDING = 0.3
+"""Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
+
 
 @dataclass(frozen=True, eq=False)
 class ArmSituation(Situation):
@@ -44,6 +47,10 @@ class ArmSituation(Situation):
     def seen(self, read: tuple[str, ...]) -> Poses:
         """The target's poses, with the coordinates of the joints ``read``."""
         return self.poses.with_joints(self.machine.coordinates_of(self.bodies, read))
+
+    def driven(self, cart: int, error: Floats) -> Deviation:
+        """The error of a joint by an angle (N,), rad; of a prismatic joint by ``SLIDING`` times as many m."""
+        return self.off(travel=(cart, error * (SLIDING if self.machine.robot.slides[cart] else 1.0)))
 
     @property
     def looped(self) -> bool:

@@ -76,10 +76,7 @@ class Built:
 def assemble(recipe: Recipe) -> Built:
     """Draw the machine and the visits of a recipe.
 
-    Raises
-    ------
-    GtpinError
-        If an effect or site is not known, or there is nothing to measure.
+    Raises GtpinError if an effect or site is not known, or there is nothing to measure.
     """
     noise, conditions = recipe.noise, recipe.conditions
     if recipe.poses < 2 or recipe.held_out < 1:

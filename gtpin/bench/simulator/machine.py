@@ -80,10 +80,7 @@ class Machine(Moved, Protocol):
     def reachable(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, n) random commands all over the workspace, m or rad.
 
-        Raises
-        ------
-        UnreachableError
-            If hardly any commands can be reached.
+        Raises UnreachableError if hardly any commands can be reached.
         """
 
     def unbent(self, visits: int) -> Deviation:

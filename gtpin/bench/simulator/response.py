@@ -59,10 +59,7 @@ class Response:
     def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Any, Deviation]:
         """The situation with some causes and with ``jitter``, random deviations by the repeatability; and the total deviation.
 
-        Raises
-        ------
-        ConvergenceError
-            If the iteration of forces and deflections does not converge.
+        Raises ConvergenceError if the iteration of forces and deflections does not converge.
         """
         now = self.ideal
         for _ in range(ROUNDS):

@@ -198,10 +198,7 @@ class RodMachine:
     def close(self, start: Poses, ends: RodEnds) -> Poses:
         """(N) closed poses, base frame, from poses at a distance of less than some millimetres.
 
-        Raises
-        ------
-        UnreachableError
-            If some rods can't be closed.
+        Raises UnreachableError if some rods can't be closed.
         """
         poses, done = closed(start, ends, self.robot.size)
         if not done.all():

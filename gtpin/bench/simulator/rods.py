@@ -271,10 +271,7 @@ class Rods:
 def _assembled(nominal: Rods, ends: RodEnds) -> Poses:
     """(1) closed pose at the home commands, near the home pose in the URDF, by damped Newton steps.
 
-    Raises
-    ------
-    UnreachableError
-        If there is none near it.
+    Raises UnreachableError if there is none near it.
     """
     robot = nominal.geometry.robot
     told = robot.description.home

@@ -54,10 +54,7 @@ class Scenario(BaseModel):
 def read_scenario(file: Path | str) -> Scenario:
     """Read a scenario file. A path of a URDF in it is relative to its folder.
 
-    Raises
-    ------
-    GtpinError
-        If the file is no TOML, or has an unknown key or a value that is not allowed.
+    Raises GtpinError if the file is no TOML, or has an unknown key or a value that is not allowed.
     """
     file = Path(file)
     try:

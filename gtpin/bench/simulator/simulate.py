@@ -35,13 +35,7 @@ class TrueRobot:
 
     @cached_property
     def chain(self) -> Rods | ArmMachine | Loops:
-        """Its kinematics.
-
-        Raises
-        ------
-        ModelError
-            If the robot has rods, but not six.
-        """
+        """Its kinematics. Raises ModelError if the robot has rods, but not six."""
         robot, off = self.geometry.robot, _off_nominal(self.geometry)
         if robot.rods:
             if len(robot.rods) != 6:
@@ -111,10 +105,7 @@ def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:
 def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> Floats:
     """(count, n) commands, uniform over the part of the ranges where the machine is as well conditioned as around home.
 
-    Raises
-    ------
-    UnreachableError
-        If hardly any commands can be reached.
+    Raises UnreachableError if hardly any commands can be reached.
     """
     if isinstance(machine.chain, ArmMachine):
         return machine.chain.reachable(count, rng)
@@ -146,10 +137,7 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
 def measure(machine: TrueRobot, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Measured positions (N, 3), m, and quaternions (N, 4), scalar first, base frame, with the instrument's noise.
 
-    Raises
-    ------
-    GtpinError
-        If the instrument states no sigmas.
+    Raises GtpinError if the instrument states no sigmas.
     """
     if instrument.position_sigma is None or instrument.orientation_sigma is None:
         raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")

@@ -43,6 +43,17 @@ class Situation:
         deviation: Deviation = self.machine.unbent(len(self))
         return deviation
 
+    def off(self, **changes: tuple[Any, Floats]) -> Deviation:
+        """The deviation with some fields filled in: for each, (N, ...) values, and their index after the visit's."""
+        deviation = self.unbent()
+        for name, (at, values) in changes.items():
+            getattr(deviation, name)[:, at] = values
+        return deviation
+
+    def driven(self, cart: int, error: Floats) -> Deviation:
+        """The error (N,) of a drive: of a cart along its track, m, of an arm or a joint about its axis, rad, of a leg, m."""
+        return self.off(travel=(cart, error))
+
     @cached_property
     def motion(self) -> Floats:
         """(N, 3) unit vectors of the last move of the platform or the target, base frame."""

@@ -39,10 +39,7 @@ class Universal:
     def of(robot: Robot, rod: int) -> Universal:
         """The joint of a rod. Names are from ``robot``, numbers from the URDF's text.
 
-        Raises
-        ------
-        RobotError
-            If the rod is not connected to the platform by two revolute joints.
+        Raises RobotError if the rod is not connected to the platform by two revolute joints.
         """
         urdf = read_urdf(robot.description.xml, still=("floating",))
         loop, which = robot.description.loops[robot.rods[rod].loop], robot.rods[rod].rod_end

@@ -64,10 +64,7 @@ class Urdf:
 def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
     """Read the tree of a URDF's text; joints of the types ``still`` count as fixed.
 
-    Raises
-    ------
-    RobotError
-        If a joint has more than one degree of freedom, or the joints are no tree.
+    Raises RobotError if a joint has more than one degree of freedom, or the joints are no tree.
     """
     root = fromstring(xml.encode("utf-8"))
     elements = root.findall("joint")

@@ -140,10 +140,7 @@ def session_ids(session: Ints) -> Ids:
 def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator) -> Visits:
     """A day's visits: of ``poses`` poses, a tenth of them twice, and of ``held_out`` others in between.
 
-    Raises
-    ------
-    UnreachableError
-        If hardly any poses can be reached.
+    Raises UnreachableError if hardly any poses can be reached.
     """
     return visited(machine, machine.reachable(poses + held_out, rng), poses, poses, conditions, rng)
 

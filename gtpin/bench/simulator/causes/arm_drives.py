@@ -7,19 +7,9 @@ import numpy as np
 from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.fields import Field, curve, uneven_curve
+from gtpin.bench.simulator.fields import Field, curve
 from gtpin.bench.simulator.machine import REACH
 from gtpin.typing import Floats
-
-SLIDING = 0.3
-"""Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
-
-
-def turned(now: ArmSituation, site: Site, angle: Floats) -> Deviation:
-    """The error of a joint by an angle (N,), rad; for a prismatic joint, by ``SLIDING`` times as many m."""
-    deviation = now.unbent()
-    deviation.travel[:, site.cart] = angle * (SLIDING if now.machine.robot.slides[site.cart] else 1.0)
-    return deviation
 
 
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
@@ -30,17 +20,9 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: ArmSituation) -> Deviation:
         q, place = now.q[:, site.cart], now.places[:, site.cart]
-        deviation = now.unbent()
-        deviation.travel[:, site.cart] = sign * 1e-4 * (q + part * uneven(place))
-        return deviation
+        return now.off(travel=(site.cart, sign * 1e-4 * (q + part * uneven(place))))
 
     return cause
-
-
-def linearity(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad: smooth over the range, rough in places, sometimes with a step (absolute encoders: 20 to 100 arc seconds)."""
-    error = uneven_curve(rng, -REACH, REACH)
-    return lambda now: turned(now, site, 1e-4 * error(now.places[:, site.cart]))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
@@ -59,7 +41,7 @@ def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ..
         q = now.q[:, site.cart] * (10.0 if now.machine.robot.slides[site.cart] else 1.0)  # a turn: 0.63 m of a rack
         angle = np.multiply.outer(q, a_turn)
         wave = np.sin(angle + phases[0]) + second * np.sin(2.0 * angle + phases[1])
-        return turned(now, site, 1e-4 * (wave @ sizes) * (1.0 + depth * swell(now.places[:, site.cart])))
+        return now.driven(site.cart, 1e-4 * (wave @ sizes) * (1.0 + depth * swell(now.places[:, site.cart])))
 
     return cause
 
@@ -67,18 +49,6 @@ def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ..
 def _drawn_periods(rng: np.random.Generator) -> Floats:
     periods = np.exp(rng.uniform(0.0, np.log(100.0), int(rng.integers(1, 4))))
     return np.maximum(np.round(periods), 1.0) if rng.random() < 0.5 else periods
-
-
-def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
-    """0.1 mrad between sessions (homing, a changed battery, a crash), of which some per cent change early in a session."""
-    shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
-
-    def cause(now: ArmSituation) -> Deviation:
-        session, time = now.visits.session, now.visits.time
-        since = time - np.array([time[session == s].min() for s in session])
-        return turned(now, site, 1e-4 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
-
-    return cause
 
 
 def backlash(site: Site, rng: np.random.Generator) -> Cause:
@@ -97,7 +67,7 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
         friction = drag * now.visits.approach[:, cart] * np.tanh(np.abs(q - now.visits.before[:, cart]) / taken)
         # Friction opposes the move, so the output stays on the side from which the last move came.
         side = np.tanh((now.load(cart) / usual - friction) / soft)
-        return turned(now, site, 7e-5 * side * (1.0 + wear * worn(now.places[:, cart])))
+        return now.driven(site.cart, 7e-5 * side * (1.0 + wear * worn(now.places[:, cart])))
 
     return cause
 
@@ -110,9 +80,7 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: ArmSituation) -> Deviation:
         speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
         lag = 5e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + part * uneven(now.places[:, site.cart]))
-        deviation = now.unbent()
-        deviation.travel[:, site.cart] = -lag - inertia * acceleration
-        return deviation
+        return now.off(travel=(site.cart, -lag - inertia * acceleration))
 
     return cause
 
@@ -133,6 +101,6 @@ def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
         others = np.zeros((len(now), 2))
         others[:, : len(near)] = places[:, near]
         both = np.column_stack([others, places[:, cart]])
-        return turned(now, site, 1e-4 * (others @ slopes + 0.5 * field(others) + part * own(both)))
+        return now.driven(site.cart, 1e-4 * (others @ slopes + 0.5 * field(others) + part * own(both)))
 
     return cause

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.bench.simulator.arm_situation import ArmSituation
-from gtpin.bench.simulator.causes.arm_drives import turned
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.causes.links import hertz
 from gtpin.bench.simulator.deviation import Deviation
@@ -41,10 +40,8 @@ def axis_motion(site: Site, rng: np.random.Generator) -> Cause:
         values = values * sizes * (1.0 + lean * np.tanh(moment)[:, None] * wobble(circle)[:, None])
         shape = np.array([2e-5, 2e-5, 0.0, 5e-5, 5e-5, 5e-5]) if slides else MOTIONS
         frame = np.vstack([across(own), own])
-        deviation = now.unbent()
-        deviation.axis[:, cart, :3] = (values * shape)[:, :3] @ frame
-        deviation.axis[:, cart, 3:] = (values * shape)[:, 3:] @ frame
-        return deviation
+        shift, tilt = (values * shape)[:, :3] @ frame, (values * shape)[:, 3:] @ frame
+        return now.off(axis=(cart, np.hstack([shift, tilt])))
 
     return cause
 
@@ -67,9 +64,8 @@ def bearing_compliance(site: Site, rng: np.random.Generator) -> Cause:
         carried = moment @ across(own).T / usual
         carried = carried + mixed * carried[:, ::-1]
         tilt = 6e-5 * give * hertz(carried, exponent, 1.0) * (1.0 + part * softer(now.places[:, [cart]]))
-        deviation = now.unbent()
-        deviation.axis[:, cart, 3:] = tilt @ across(own)
-        return deviation
+        turn = tilt @ across(own)
+        return now.off(axis=(cart, np.hstack([np.zeros_like(turn), turn])))
 
     return cause
 
@@ -91,8 +87,8 @@ def joint_compliance(site: Site, rng: np.random.Generator) -> Cause:
         cart = site.cart
         load = now.load(cart) / now.machine.usual_load(cart)
         left = 1.0 - friction * now.visits.approach[:, cart] * np.sign(load)
-        return turned(
-            now, site, 1.5e-4 * left * hertz(load, exponent, 1.0) * (1.0 + part * softer(now.places[:, cart]))
+        return now.driven(
+            site.cart, 1.5e-4 * left * hertz(load, exponent, 1.0) * (1.0 + part * softer(now.places[:, cart]))
         )
 
     return cause
@@ -107,7 +103,7 @@ def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
         cart, machine = site.cart, now.machine
         load = now.load(cart) / machine.usual_load(cart)
         gap = (1.0 + wider * np.tanh(np.abs(load))) * (1.0 + part * uneven(now.places[:, cart]))
-        deviation = turned(now, site, 7e-5 * np.tanh(load / seated) * gap)
+        deviation = now.driven(site.cart, 7e-5 * np.tanh(load / seated) * gap)
         force = np.einsum("nji,nj->ni", now.bodies.seats[:, machine.robot.counted[cart]], now.borne(cart)[0])
         deviation.axis[:, cart, :3] = 2e-6 * force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-6)
         return deviation

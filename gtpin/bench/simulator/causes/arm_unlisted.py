@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.bench.simulator.arm_situation import ArmSituation
-from gtpin.bench.simulator.causes.arm_drives import turned
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import Field, curve, play
@@ -23,7 +22,7 @@ def creep(site: Site, rng: np.random.Generator) -> Cause:
         crept, wound = 0.0, np.empty(len(now))
         for i, (share, held) in enumerate(zip(kept.tolist(), load.tolist(), strict=True)):
             wound[i] = crept = share * crept + (1.0 - share) * held
-        return turned(now, site, 1e-4 * np.sign(wound) * np.abs(wound) ** 1.3)
+        return now.driven(site.cart, 1e-4 * np.sign(wound) * np.abs(wound) ** 1.3)
 
     return cause
 
@@ -38,7 +37,7 @@ def dress_pack(site: Site, rng: np.random.Generator) -> Cause:
         other = cart + 1 if cart + 1 < places.shape[1] else max(cart - 1, 0)
         lying = places[:, cart] * places[:, other] + 0.3 * places[:, other]
         dragged = (lying - play(lying, width)) / width
-        return turned(now, site, 1e-4 * (field(places[:, [cart, other]]) + stick * dragged))
+        return now.driven(site.cart, 1e-4 * (field(places[:, [cart, other]]) + stick * dragged))
 
     return cause
 
@@ -69,11 +68,10 @@ def sunny_side(site: Site, rng: np.random.Generator) -> Cause:
         work = np.cumsum(np.abs(now.q[:, link] - now.visits.before[:, link]))
         warm = warm + 1.5 * np.sin(3.0 * work / max(float(work[-1]), 1e-9))
         turn = np.multiply.outer(5e-5 * warm, way)
-        deviation = now.unbent()
-        if link in machine.robot.linked:
-            half = 0.5 * machine.robot.next_frame(machine.robot.counted[link]).p
-            deviation.tip[:, link] = np.hstack([np.cross(turn, half), turn])
-        return deviation
+        if link not in machine.robot.linked:
+            return now.unbent()
+        half = 0.5 * machine.robot.next_frame(machine.robot.counted[link]).p
+        return now.off(tip=(link, np.hstack([np.cross(turn, half), turn])))
 
     return cause
 
@@ -97,20 +95,6 @@ def loose_gripper(site: Site, rng: np.random.Generator) -> Cause:
     return cause
 
 
-def slipping_disc(site: Site, rng: np.random.Generator) -> Cause:
-    """An encoder disc that slips on its hub at reversals of long moves: 0.1 mrad in all, in random directions."""
-    slips, hard = rng.standard_normal(4096), rng.uniform(0.5, 0.8)
-
-    def cause(now: ArmSituation) -> Deviation:
-        cart = site.cart
-        approach, far = now.visits.approach[:, cart], np.abs(np.diff(now.q[:, cart], prepend=0.0))
-        reversal = (np.diff(approach, prepend=0.0) != 0.0) & (far > np.quantile(far, hard))
-        slipped = np.cumsum(slips[np.arange(len(now)) % len(slips)] * reversal)
-        return turned(now, site, 1e-4 * slipped / np.sqrt(max(int(reversal.sum()), 1) / 3.0))
-
-    return cause
-
-
 def whip(site: Site, rng: np.random.Generator) -> Cause:
     """A link that still vibrates when it is measured: 50 urad, by speed and acceleration of its joint, more when stretched."""
     lean, loose = rng.standard_normal(3), curve(rng, -REACH, REACH, 0.3)
@@ -120,12 +104,11 @@ def whip(site: Site, rng: np.random.Generator) -> Cause:
         speed, acceleration = now.visits.speed[:, link], now.visits.acceleration[:, link]
         arm = np.linalg.norm(now.poses.T - now.bodies.p[:, now.machine.robot.counted[link]], axis=1)
         size = (np.tanh(speed / 0.1) + 2.0 * acceleration) * arm * (1.0 + 0.4 * loose(now.places[:, link]))
-        deviation, turn = now.unbent(), 1e-4 * size[:, None] * lean
-        deviation.tip[:, link, 3:] = turn
+        turn, shift = 1e-4 * size[:, None] * lean, np.zeros((len(now), 3))
         if now.looped:  # the passive joint there compensates nearly all of a rotation alone
             end = now.machine.robot.next_frame(now.machine.robot.counted[link]).p
-            deviation.tip[:, link, :3] = np.cross(turn, 0.5 * end)
-        return deviation
+            shift = np.cross(turn, 0.5 * end)
+        return now.off(tip=(link, np.hstack([shift, turn])))
 
     return cause
 
@@ -139,9 +122,7 @@ def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
         came = np.einsum("ni,nij->nj", now.motion, now.poses.R)
         down = -now.poses.R[:, 2]
         moving = 1.0 + swift * np.abs(now.visits.speed).max(axis=1, keepdims=True) / 0.3
-        deviation = now.unbent()
-        deviation.target[:] = 3e-5 * (np.tanh(came / sharp) @ rock * moving + np.tanh(3.0 * down @ lean))
-        return deviation
+        return now.off(target=(..., 3e-5 * (np.tanh(came / sharp) @ rock * moving + np.tanh(3.0 * down @ lean))))
 
     return cause
 
@@ -161,8 +142,7 @@ def worn_pin(site: Site, rng: np.random.Generator) -> Cause:
         size = np.linalg.norm(pressed, axis=1)
         angle = np.arctan2(pressed[:, 1], pressed[:, 0]) + roll * now.visits.approach[:, 0]
         play = 2e-5 * np.tanh(size / (seated * scale)) * (1.0 + worn * np.cos(2.0 * (angle - way)))
-        deviation = now.unbent()
-        deviation.seat[:, site.pin, :3] = play[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) @ across(axis)
-        return deviation
+        shift = play[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) @ across(axis)
+        return now.off(seat=(site.pin, np.hstack([shift, np.zeros_like(shift)])))
 
     return cause

@@ -97,10 +97,7 @@ class Kind:
     def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
         """Draw the error of one machine at a site.
 
-        Raises
-        ------
-        GtpinError
-            If the error can't occur at the site, or ``periods`` are given and it has none.
+        Raises GtpinError if the error can't occur at the site, or ``periods`` are given and it has none.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")

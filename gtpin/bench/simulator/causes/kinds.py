@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.causes import arm_drives, arm_loads, arm_unlisted, drives, instrument, links
@@ -43,15 +44,15 @@ UNLISTED = (
     Kind("frame_bending", "frame", rod_unlisted.frame_bending),
     Kind("thermal_twist", "frame", rod_unlisted.thermal_twist, ("heat",)),
     Kind("nest_tilt", "platform", rod_unlisted.nest_tilt),
-    Kind("encoder_slip", "carts", rod_unlisted.encoder_slip),
+    Kind("encoder_slip", "carts", drives.encoder_slip),
     Kind("guide_whip", "guides", rod_unlisted.guide_whip, ("speed",)),
 )
 """Unlisted effects of robots with rods."""
 ARM_CATALOGUE = (
     Kind("encoder_scale", "joints", arm_drives.encoder_scale, largest=10.0),
-    Kind("linearity", "joints", arm_drives.linearity, largest=10.0),
+    Kind("linearity", "joints", partial(drives.linearity, size=1e-4), largest=10.0),
     Kind("rack_periodic", "joints", arm_drives.rack_periodic, largest=5.0, periodic=True),
-    Kind("zero_shift", "joints", arm_drives.zero_shift, ("session",)),
+    Kind("zero_shift", "joints", partial(drives.zero_shift, size=1e-4), ("session",)),
     Kind("backlash", "joints", arm_drives.backlash, largest=15.0),
     Kind("servo_lag", "joints", arm_drives.servo_lag, ("speed",)),
     Kind("cross_coupling", "coupled", arm_drives.cross_coupling, largest=10.0),
@@ -90,7 +91,7 @@ ARM_UNLISTED = (
     Kind("loose_foot", "frame", arm_unlisted.loose_foot, ("payload",)),
     Kind("sunny_side", "links", arm_unlisted.sunny_side, ("heat",)),
     Kind("loose_gripper", "platform", arm_unlisted.loose_gripper, ("payload",)),
-    Kind("slipping_disc", "joints", arm_unlisted.slipping_disc),
+    Kind("slipping_disc", "joints", partial(drives.encoder_slip, size=1e-4)),
     Kind("whip", "links", arm_unlisted.whip, ("speed",)),
     Kind("nest_tilt", "platform", arm_unlisted.nest_tilt),
 )
@@ -132,13 +133,7 @@ def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
 
 
 def kind(name: str, robot: Robot | Arm) -> Kind:
-    """The kind of error with a name, on a robot.
-
-    Raises
-    ------
-    GtpinError
-        If the robot has no such kind.
-    """
+    """The kind of error with a name, on a robot. Raises GtpinError if the robot has no such kind."""
     known = [one for kinds in _known(robot) for one in kinds]
     for one in known:
         if one.name == name:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.bench.simulator.causes.cause import Cause, Site
-from gtpin.bench.simulator.causes.drives import along
 from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import Field, curve
 from gtpin.bench.simulator.machine import REACH
@@ -40,12 +39,10 @@ def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
         soft = (1.0 + part * softer(now.places[:, site.cart]))[:, None]
         force = now.pull(site.cart) @ axes.T
         left = 1.0 + friction * now.visits.approach[:, [site.cart]] * np.sign(force)
-        deviation = now.unbent()
-        deviation.shift[:, site.cart] = (soft * left * give * hertz(force, exponent, scale)) @ axes
-        deviation.turn[:, site.cart] = (
-            soft * tip * hertz(now.moment(site.cart) @ axes.T, exponent, scale / 5.0)
-        ) @ axes
-        return deviation
+        return now.off(
+            shift=(site.cart, (soft * left * give * hertz(force, exponent, scale)) @ axes),
+            turn=(site.cart, (soft * tip * hertz(now.moment(site.cart) @ axes.T, exponent, scale / 5.0)) @ axes),
+        )
 
     return cause
 
@@ -61,9 +58,7 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
         force, drivers = now.forces[:, site.rods], now.machine.driver[list(site.rods)]
         left = 1.0 + friction * now.visits.approach[:, drivers]
         harder_side = np.where(force < 0.0, 1.0 - harder, 1.0)
-        deviation = now.unbent()
-        deviation.length[:, site.rods] = give * left * harder_side * hertz(force, exponent, scale)
-        return deviation
+        return now.off(length=(site.rods, give * left * harder_side * hertz(force, exponent, scale)))
 
     return cause
 
@@ -77,9 +72,7 @@ def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: RodSituation) -> Deviation:
         force = now.forces[:, rod]
         gap = (1.0 + wider * np.tanh(np.abs(force) / 200.0)) * (1.0 + part * uneven(now.along[:, rod]))
-        deviation = now.unbent()
-        deviation.length[:, rod] = 1.5e-5 * np.tanh(force / seated) * gap
-        return deviation
+        return now.off(length=(rod, 1.5e-5 * np.tanh(force / seated) * gap))
 
     return cause
 
@@ -94,9 +87,7 @@ def joint_runout(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: RodSituation) -> Deviation:
         u = now.along[:, rod]
         out = on_cart(u) + share * on_plate(np.einsum("ni,nij->nj", u, now.poses.R))
-        deviation = now.unbent()
-        deviation.length[:, rod] = 1.5e-5 * out * (1.0 + load * np.tanh(now.forces[:, rod] / 200.0))
-        return deviation
+        return now.off(length=(rod, 1.5e-5 * out * (1.0 + load * np.tanh(now.forces[:, rod] / 200.0))))
 
     return cause
 
@@ -133,6 +124,6 @@ def thermal_track(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: RodSituation) -> Deviation:
         visits, q = now.visits, now.q[:, site.cart]
         growth = (visits.day.frame_at(visits.time, delay) - visits.day.frame[0]) * (1.0 + part * local(visits.phase))
-        return along(now, site, held * STEEL * growth * (q - pinned + uneven * (q**2 - pinned**2)))
+        return now.driven(site.cart, held * STEEL * growth * (q - pinned + uneven * (q**2 - pinned**2)))
 
     return cause

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.bench.simulator.causes.cause import Cause, Site
-from gtpin.bench.simulator.causes.drives import along
 from gtpin.bench.simulator.causes.links import GIVE, STRETCH
 from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import Field, curve, play
@@ -54,10 +53,7 @@ def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
         hanging = weight * np.logaddexp(0.0, (place - level) / 0.1) * 0.2
         sticking = drag * now.visits.approach[:, cart] * (1.0 + 0.6 * tray(place)).clip(0.1)
         force = (hanging - sticking)[:, None] * track + hanging[:, None] * np.array([0.0, 0.0, -1.0])
-        deviation = now.unbent()
-        deviation.shift[:, cart] = GIVE * force
-        deviation.turn[:, cart] = 2e-6 * np.cross(arm, force)
-        return deviation
+        return now.off(shift=(cart, GIVE * force), turn=(cart, 2e-6 * np.cross(arm, force)))
 
     return cause
 
@@ -70,9 +66,7 @@ def plate_bending(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: RodSituation) -> Deviation:
         load = (now.visits.payload / 20.0) ** exponent * (1.0 + swing * now.motion[:, 2])
-        deviation = now.unbent()
-        deviation.joint[:] = load[:, None, None] * ways[: len(now.machine.robot.rods)]
-        return deviation
+        return now.off(joint=(..., load[:, None, None] * ways[: len(now.machine.robot.rods)]))
 
     return cause
 
@@ -88,9 +82,7 @@ def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
         borne = np.cumsum(np.linalg.norm(now.pull(site.cart), axis=1))
         settled = ((borne / borne[-1])[:, None] > steps) @ sizes
         share = 0.5 * (1.0 + end * now.places[:, site.cart] / REACH)
-        deviation = now.unbent()
-        deviation.shift[:, site.cart] = 6e-5 * (settled * share)[:, None] * ways
-        return deviation
+        return now.off(shift=(site.cart, 6e-5 * (settled * share)[:, None] * ways))
 
     return cause
 
@@ -104,9 +96,7 @@ def joint_stick(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: RodSituation) -> Deviation:
         angle = now.along[:, rod] @ direction / np.linalg.norm(direction)
         bent = (angle - play(angle, width)) / width
-        deviation = now.unbent()
-        deviation.length[:, rod] = -1.5e-5 * bent * (1.0 + load * np.tanh(now.forces[:, rod] / 100.0)) * np.abs(bent)
-        return deviation
+        return now.off(length=(rod, -1.5e-5 * bent * (1.0 + load * np.tanh(now.forces[:, rod] / 100.0)) * np.abs(bent)))
 
     return cause
 
@@ -157,23 +147,7 @@ def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
         down = np.swapaxes(now.poses.R, 1, 2) @ np.array([0.0, 0.0, -1.0])
         came = np.einsum("ni,nij->nj", now.motion, now.poses.R)
         moving = 1.0 + swift * np.abs(now.visits.speed).max(axis=1, keepdims=True) / 0.3
-        deviation = now.unbent()
-        deviation.target[:] = 1.5e-5 * (np.tanh(came / sharp) @ rock * moving + 20.0 * (down - down[0]) @ lean)
-        return deviation
-
-    return cause
-
-
-def encoder_slip(site: Site, rng: np.random.Generator) -> Cause:
-    """A loose coupling slips at reversals of long moves: 25 um in all, in random directions."""
-    slips = rng.standard_normal(4096)
-    hard = rng.uniform(0.5, 0.8)
-
-    def cause(now: RodSituation) -> Deviation:
-        approach, moved = now.visits.approach[:, site.cart], np.abs(np.diff(now.q[:, site.cart], prepend=0.0))
-        reversal = (np.diff(approach, prepend=0.0) != 0.0) & (moved > np.quantile(moved, hard))
-        slipped = np.cumsum(slips[np.arange(len(now)) % len(slips)] * reversal)
-        return along(now, site, 2.5e-5 * slipped / np.sqrt(max(int(reversal.sum()), 1) / 3.0))
+        return now.off(target=(..., 1.5e-5 * (np.tanh(came / sharp) @ rock * moving + 20.0 * (down - down[0]) @ lean)))
 
     return cause
 
@@ -190,9 +164,8 @@ def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
         speed, way = np.abs(now.visits.speed[:, cart]), now.visits.approach[:, cart]
         size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.places[:, cart]))
         axes = np.vstack([now.machine.across[cart], now.machine.tracks[cart]])
-        deviation = now.unbent()
-        deviation.shift[:, cart] = 3e-5 * size[:, None] * (lean @ axes[:2])
-        deviation.turn[:, cart] = 4e-5 * size[:, None] * (roll @ axes)
-        return deviation
+        return now.off(
+            shift=(cart, 3e-5 * size[:, None] * (lean @ axes[:2])), turn=(cart, 4e-5 * size[:, None] * (roll @ axes))
+        )
 
     return cause

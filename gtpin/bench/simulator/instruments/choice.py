@@ -27,13 +27,7 @@ BAR = "ballbar"
 
 
 def checked(kinds: Sequence[str]) -> tuple[str, ...]:
-    """The kinds in the order of KINDS.
-
-    Raises
-    ------
-    GtpinError
-        If a kind is not known, or given twice.
-    """
+    """The kinds in the order of KINDS. Raises GtpinError if a kind is not known, or given twice."""
     for i, kind in enumerate(kinds):
         if kind not in KINDS:
             raise GtpinError(f"no instrument is called {kind!r}", hint=f"use {', '.join(KINDS)}")
@@ -55,10 +49,8 @@ def stream(seed: int, kind: str) -> np.random.Generator:
 def drawn(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, seed: int) -> Gauge:
     """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
 
-    Raises
-    ------
-    GtpinError
-        For an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near level.
+    Raises GtpinError for an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near
+    level.
     """
     rng = stream(seed, kind)
     if kind == "tracker":

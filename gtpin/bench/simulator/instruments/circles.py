@@ -32,10 +32,7 @@ def circles(
 
     There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other.
 
-    Raises
-    ------
-    UnreachableError
-        If the robot can't move along any such circles.
+    Raises UnreachableError if the robot can't move along any such circles.
     """
     wide = layout.half > FLAT * layout.half.max()
     planes = [plane for plane in PLANES if wide[list(plane)].all()]

@@ -219,10 +219,7 @@ class Encoder(Gauge):
     def drawn(poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
         """An encoder at the first joint whose coordinates the poses have; it reads at all stops.
 
-        Raises
-        ------
-        GtpinError
-            If they have none.
+        Raises GtpinError if they have none.
         """
         if not poses.joints:
             raise GtpinError(
@@ -262,10 +259,7 @@ class Tilt(Gauge):
     def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Tilt:
         """A sensor that reads at those of the ``stops``, with ``poses`` (M), at which its z axis is not too near horizontal.
 
-        Raises
-        ------
-        GtpinError
-            If there are fewer than two such stops.
+        Raises GtpinError if there are fewer than two such stops.
         """
         level = np.abs(poses.R[:, :, 2] @ layout.up) >= STEEP
         if len(stops) < 2:

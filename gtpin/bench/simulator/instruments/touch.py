@@ -112,10 +112,7 @@ def begun(
     ranges
         (n,) lower and upper ends of the commands.
 
-    Raises
-    ------
-    UnreachableError
-        If the machine can't make some of the touches.
+    Raises UnreachableError if the machine can't make some of the touches.
     """
     asked = np.column_stack(
         [getattr(gauge, name) for name in gauge.by_row]
