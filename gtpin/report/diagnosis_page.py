@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import InstrumentGap
