@@ -14,13 +14,12 @@ if TYPE_CHECKING:
     from gtpin.certificate.result import Certificate
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
-    from gtpin.diagnosis.result import Diagnosis
+    from gtpin.diagnosis.diagnose import diagnose
+    from gtpin.diagnosis.result import Diagnosis, HealthCheck
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
-    from gtpin.health.diagnose import diagnose
     from gtpin.health.plan import PosePlan, plan
-    from gtpin.health.result import HealthCheck
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
@@ -43,9 +42,9 @@ _HOME = {
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
-    "diagnose": "gtpin.health.diagnose",
+    "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
-    "HealthCheck": "gtpin.health.result",
+    "HealthCheck": "gtpin.diagnosis.result",
     "plan": "gtpin.health.plan",
     "PosePlan": "gtpin.health.plan",
     "catalogue": "gtpin.effects.catalogue",

@@ -18,12 +18,8 @@ UNLIMITED = 1 << 60
 def require(what: str, needed: float) -> None:
     """Raise `GtpinError` where a piece of work needs more memory than is free.
 
-    Parameters
-    ----------
-    what
-        The work, with the number of rows.
-    needed
-        Bytes that it takes in addition to what the process has already allocated.
+    ``what``: the work, with the number of rows. ``needed``: bytes that it takes in addition to what the process has already
+    allocated.
     """
     free = available()
     if needed > free:

@@ -19,7 +19,7 @@ import gtpin
 from gtpin.bench.benchmark.make import CASES, Made, make, rounded_energy
 from gtpin.bench.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
 from gtpin.bench.blind.judge import difficulty_of, gradable
-from gtpin.bench.simulator.digest import digest
+from gtpin.bench.simulator.recipe import digest
 from gtpin.calibration.calibrate import calibrate
 from gtpin.data import Dataset
 

@@ -21,16 +21,16 @@ import gtpin
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.statement import Named, Statement
 from gtpin.bench.blind.truth import TrueEffect
-from gtpin.bench.simulator.build import amplitude_for, as_dataset, assemble, ids
+from gtpin.bench.simulator.build import as_dataset, assemble, ids
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.conditions import Conditions
 from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.energy import PastGeometry
-from gtpin.bench.simulator.situation import Situation
+from gtpin.bench.simulator.energy import Past, amplitude_for
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.situation import RodSituation
 from gtpin.data import Dataset
 
 Floats = npt.NDArray[np.float64]
-Cause = Callable[[Situation], Deviation]
+Cause = Callable[[RodSituation], Deviation]
 
 SEED = 7_300
 """Nothing else draws its machines from it."""
@@ -113,12 +113,12 @@ def made(form: str, energy: float, machine: int) -> tuple[Dataset, str, float | 
     conditions = Conditions.draw(rng, needs)
     recipe = drawn_recipe(seed, n_effects=0, conditions=conditions, held_out=1)
     built = assemble(recipe)
-    plant, rows = built.plant, built.rows
+    plant, rows = built.response, built.rows
     robot = plant.machine.robot
     sites = robot.rod_sites if effect == "link_compliance" else robot.sites
     number = int(rng.integers(len(sites)))
     cause, size, place = DRAWN[effect](form, number, plant.ideal, machine, rng)
-    past = PastGeometry.of(plant.machine, plant.visits.q[rows], plant.ideal.poses[rows], recipe.noise.sigma)
+    past = Past.of_poses(plant.machine, plant.visits.q[rows], plant.ideal.poses[rows], recipe.noise.sigma)
     amplitude = amplitude_for(plant, cause, rows, past, energy, LARGEST)
     reached = past.energy(plant.displacement([(cause, amplitude)])[rows])
     mine = plant.visits.take(rows)
@@ -132,13 +132,13 @@ Drawn = tuple[Cause, float | None, float | None]
 """A cause, its size and its place."""
 
 
-def _along(now: Situation, cart: int, travel: Floats) -> Deviation:
+def _along(now: RodSituation, cart: int, travel: Floats) -> Deviation:
     deviation = now.unbent()
     deviation.travel[:, cart] = travel
     return deviation
 
 
-def _step(form: str, cart: int, ideal: Situation, machine: int, rng: np.random.Generator) -> Drawn:
+def _step(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """30 um, with a flank that is an error function, half a cosine or a ramp, in turn."""
     width = 1e-3 * float(form.split()[1])
     low, high = np.quantile(ideal.q[:, cart], [0.2, 0.8])
@@ -155,18 +155,18 @@ def _step(form: str, cart: int, ideal: Situation, machine: int, rng: np.random.G
     return (lambda now: _along(now, cart, height * flank((now.q[:, cart] - place) / width))), height, place
 
 
-def _backlash(form: str, cart: int, ideal: Situation, machine: int, rng: np.random.Generator) -> Drawn:
+def _backlash(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """10 um of lost motion to either side, of which the travel d since the reversal takes up 1 - exp(-d / w)."""
     w, half = 1e-3 * float(form.split()[1]), -1e-5
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         move = now.q[:, cart] - now.visits.before[:, cart]
         return _along(now, cart, half * now.visits.approach[:, cart] * -np.expm1(-np.abs(move) / w))
 
     return cause, half, None
 
 
-def _periodic(form: str, cart: int, ideal: Situation, machine: int, rng: np.random.Generator) -> Drawn:
+def _periodic(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """15 um with the period of a tooth or a pinion's turn, in turn. The amplitude changes from end to end, or is largest in the
     middle, in turn."""
     what, change = form.split()[0], float(form.split()[1]) / 100.0
@@ -175,7 +175,7 @@ def _periodic(form: str, cart: int, ideal: Situation, machine: int, rng: np.rand
     period = float(rng.uniform(0.012, 0.022) if machine % 2 else rng.uniform(0.08, 0.16))
     phase, side = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.choice([-1.0, 1.0]))
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         x = (now.q[:, cart] - middle) / half
         if what == "period":  # d(phase)/dq = 2 pi / p (1 + change x / 2): by ``change`` from end to end
             turns = half / period * (x + side * change * x**2 / 4.0)
@@ -193,11 +193,11 @@ def _sprung(form: str, force: Floats, usual: Floats | float) -> Floats:
     return np.asarray(usual * np.sign(force) * (np.abs(force) / usual) ** (2.0 / 3.0))
 
 
-def _link(form: str, rod: int, ideal: Situation, machine: int, rng: np.random.Generator) -> Drawn:
+def _link(form: str, rod: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """4e-8 m/N."""
     usual = float(np.median(np.abs(ideal.forces[:, rod])))
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         deviation = now.unbent()
         deviation.length[:, rod] = 4e-8 * _sprung(form, now.forces[:, rod], usual)
         return deviation
@@ -205,16 +205,16 @@ def _link(form: str, rod: int, ideal: Situation, machine: int, rng: np.random.Ge
     return cause, None, None
 
 
-def _cart(form: str, cart: int, ideal: Situation, machine: int, rng: np.random.Generator) -> Drawn:
+def _cart(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """5e-8 m/N along the track, and 3e-8 m/N to either side of it."""
     give = np.array([5e-8, 3e-8, 3e-8])
 
-    def axes(now: Situation) -> Floats:
+    def axes(now: RodSituation) -> Floats:
         return np.vstack([now.machine.tracks[cart], now.machine.across[cart]])
 
     usual = np.median(np.abs(ideal.pull(cart) @ axes(ideal).T), axis=0)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         deviation = now.unbent()
         deviation.shift[:, cart] = (give * _sprung(form, now.pull(cart) @ axes(now).T, usual)) @ axes(now)
         return deviation

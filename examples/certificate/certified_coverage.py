@@ -15,7 +15,7 @@ import numpy.typing as npt
 import gtpin
 from gtpin.bench.simulator import Case, make_case
 from gtpin.bench.simulator.build import assemble
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 
 
 def true_errors(case: Case, model: gtpin.Model, seed: int) -> npt.NDArray[np.float64]:

@@ -12,7 +12,7 @@ from scipy.stats import beta
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 
 RATES = (0.3, 0.1, 0.03, 0.01)
 """Asked for, the largest first: what is silent at one of them is silent at the smaller ones."""

@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.diagnosis.linear.evidence import best_scales
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation

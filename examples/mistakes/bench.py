@@ -30,7 +30,7 @@ from mistakes import MISTAKES, Mistake
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 
 ANSWERS = ("named", "noticed", "harmless", "confidently wrong")
 FIRST = 7_300_000

@@ -31,7 +31,7 @@ import gtpin
 from gtpin.bench.simulator.build import build
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 
 ANSWERS = ("accepted", "warned", "refused")
 FIRST = 8_100_000

@@ -23,7 +23,7 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.compensation import machine_of
 from gtpin.effects.situation import Column
 from gtpin.errors import ConvergenceError, GtpinWarning

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
-from gtpin.model.unexplained import Unexplained
+from gtpin.model.fit_conditions import Unexplained
 
 Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]

@@ -13,7 +13,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from gtpin.calibration.problem import Point
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
-from gtpin.model.posterior import inverse_root
+from gtpin.model.model import inverse_root
 from gtpin.typing import Floats
 
 MAX_ITERATIONS = 200

@@ -10,12 +10,14 @@ import numpy as np
 
 from gtpin.accuracy.expected import Response, expected_of
 from gtpin.certificate.quantity import Missing
-from gtpin.certificate.response import At, Posterior, by_commands, root_of
-from gtpin.certificate.unexplained import COVERAGE
+from gtpin.certificate.response import At, Posterior, by_commands
+from gtpin.distributions import norm, t, truncated
+from gtpin.model.model import root_of
 from gtpin.typing import Floats
 
+COVERAGE = 2.0
+"""Coverage factor k: 95 % of a normal distribution (JCGM 100, 6.3.3)."""
 Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
-
 DIRECTIONS, UNKNOWNS = 6, 3
 """Number of listed directions of the unknowns, and number of unknowns listed for each."""
 DRAWS = 1000
@@ -23,19 +25,56 @@ DRAWS = 1000
 
 
 @dataclass(frozen=True)
+class Excess:
+    """The observed mean square length of errors between poses, and the parts that are expected; m^2 or rad^2.
+
+    ``observed``: mean square length of the errors at poses that were not fitted. ``noise``, ``posterior``: expected parts,
+    by the scatter of visits and by the model's uncertainty: mean traces of their covariances. ``freedom``: degrees of
+    freedom of ``observed``: three for each different pose, less the effective number of fitted parameters. Repeated visits
+    of a pose add none.
+    """
+
+    observed: float
+    noise: float
+    posterior: float
+    freedom: float
+
+    @property
+    def power(self) -> float:
+        """The unexplained mean square, enlarged so that coverage factor 2 gives 95 % although it is estimated from few errors.
+
+        Errors are assumed to be isotropic normal vectors: the relative standard deviation of a mean square with f degrees of
+        freedom is sqrt(2 / f). With a flat prior on values above 0, the unexplained variance has a truncated normal posterior
+        with mean m and standard deviation d. It has nu = 2 (m / d)^2 degrees of freedom (JCGM 100, E.4.3 and G.4.2), and its
+        sum with the model's variance v has nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t for these
+        degrees of freedom would replace the coverage factor 2 (G.3.2). To keep the factor 2, the sum is multiplied by (t /
+        2)^2, and the increase is added to the unexplained part.
+        """
+        mean, sd = truncated(self.observed - self.noise - self.posterior, self.doubt)
+        whole = self.posterior + mean
+        factor = float(t.isf(norm.sf(COVERAGE), 2.0 * (whole / sd) ** 2)) / COVERAGE
+        return whole * factor**2 - self.posterior
+
+    @property
+    def doubt(self) -> float:
+        """Standard uncertainty of the observed mean square."""
+        return self.observed * float(np.sqrt(2.0 / self.freedom))
+
+
+def mean_trace(covariance: Floats) -> float:
+    """Mean trace of covariances (N, 3, 3)."""
+    return float(np.trace(covariance, axis1=1, axis2=2).mean())
+
+
+@dataclass(frozen=True)
 class Spreads:
     """Contributions that are not in the model's posterior, as standard deviations; None where not known.
 
-    Parameters
-    ----------
-    repeatability
-        Repeatability of each actuator, m or rad.
-    unexplained
-        Errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where not measured).
-    instrument
-        Systematic error of the instrument, per axis, m, from its certificate.
-    why
-        Why the repeatability is not known; None where it is.
+    - ``repeatability``: repeatability of each actuator, m or rad.
+    - ``unexplained``: errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where
+      not measured).
+    - ``instrument``: systematic error of the instrument, per axis, m, from its certificate.
+    - ``why``: why the repeatability is not known; None where it is.
     """
 
     repeatability: float | None
@@ -92,14 +131,9 @@ class Contribution:
 class Direction:
     """A direction in the space of the model's unknowns that is uncorrelated with the other directions.
 
-    Parameters
-    ----------
-    changes
-        The three unknowns of this direction that move the TCP most: name, change for one standard deviation of the direction,
-        and unit.
-    position
-        Its contribution to the standard uncertainty of the position, m. The squares of all directions add up to the posterior's
-        variance of the position.
+    ``changes``: the three unknowns of this direction that move the TCP most: name, change for one standard deviation of the
+    direction, and unit. ``position``: its contribution to the standard uncertainty of the position, m. The squares of all
+    directions add up to the posterior's variance of the position.
     """
 
     changes: tuple[tuple[str, float, str], ...]
@@ -161,18 +195,8 @@ class Budget:
 def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
     """Propagate all contributions to the TCP at N commands, to first order.
 
-    Parameters
-    ----------
-    posterior
-        Uncertainty of the model's unknowns.
-    at
-        The commands.
-    spreads
-        The other contributions.
-    orientation
-        Whether orientation was measured.
-    seed
-        Seed of the machines that are drawn for ``radius``.
+    ``posterior``: uncertainty of the model's unknowns. ``at``: the commands. ``spreads``: the other contributions.
+    ``orientation``: whether orientation was measured. ``seed``: seed of the machines that are drawn for ``radius``.
     """
     model, count, p = posterior.model, len(at.q), len(posterior.model.geometry.parameters)
     D, root = posterior.derivatives(at), posterior.root

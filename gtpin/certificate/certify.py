@@ -171,10 +171,7 @@ def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int
 
     They are in the convex hull of the measured commands, so that the certificate does not extrapolate.
 
-    Raises
-    ------
-    UnreachableError
-        If the model reaches none of them.
+    Raises `UnreachableError` if the model reaches none of them.
     """
     tried = count * TRIES
     one, two = rng.integers(0, len(dataset), (2, tried))

@@ -9,20 +9,21 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.certificate.budget import Spreads
+from gtpin.certificate.budget import Excess, Spreads, mean_trace
 from gtpin.certificate.held_against import HeldAgainst, approaches
 from gtpin.certificate.pose_accuracy import (
+    Scatter,
     VisitScatter,
     accuracy,
     left_out_accuracy,
     means_of_visits,
+    pooled_repeatability,
     standard_accuracy,
+    standard_repeatability,
 )
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
-from gtpin.certificate.repeatability import Scatter, pooled_repeatability, standard_repeatability
 from gtpin.certificate.response import Posterior, by_commands
-from gtpin.certificate.unexplained import Excess, mean_trace
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.typing import Floats
@@ -36,23 +37,14 @@ ORDER = (("AP_p", "m", slice(0, 3)), ("AP_o", "rad", slice(3, 6)))
 class Evaluation:
     """The measured rows of a certificate, compared with the models of the uncorrected and the corrected machine.
 
-    Parameters
-    ----------
-    rows
-        The rows.
-    nominal
-        The rows compared with the nominal geometry. Where the target's position on the platform is unknown, they are compared
-        with the identified geometry, and only differences between visits are used.
-    nominal_known
-        True: ``nominal`` has the nominal geometry. False: the identified one.
-    corrected
-        The rows compared with the model of the corrected machine.
-    posterior
-        Uncertainty of the model of ``corrected``.
-    gap
-        Errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
-    fitted
-        Whether the given model was fitted to these rows.
+    - ``rows``: the rows.
+    - ``nominal``: the rows compared with the nominal geometry. Where the target's position on the platform is unknown, they
+      are compared with the identified geometry, and only differences between visits are used.
+    - ``nominal_known``: True: ``nominal`` has the nominal geometry. False: the identified one.
+    - ``corrected``: the rows compared with the model of the corrected machine.
+    - ``posterior``: uncertainty of the model of ``corrected``.
+    - ``gap``: errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
+    - ``fitted``: whether the given model was fitted to these rows.
     """
 
     rows: Dataset
@@ -103,7 +95,13 @@ class Evaluation:
 
     def quantities(self) -> tuple[Quantity, ...]:
         """All quantities of the certificate."""
-        return (*self._accuracy(), *self._repeatability(), *self._positioning())
+        groups, _ = self._one_way
+        pooled = Scatter.of(groups, self.nominal.errors)
+        repeatability = (
+            standard_repeatability(groups, self.nominal.measured.T),
+            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
+        )
+        return (*self._accuracy(), *repeatability, *self._positioning())
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
@@ -146,7 +144,7 @@ class Evaluation:
 
     @property
     def _freedom(self) -> float:
-        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.unexplained.Excess`."""
+        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.budget.Excess`."""
         poses = len(np.unique(self.rows.visits))
         taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
         return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))
@@ -216,14 +214,6 @@ class Evaluation:
             else:
                 found += accuracy(f"{symbol}_corrected", unit, visits, self.corrected.errors[:, part], scatter)
         return found
-
-    def _repeatability(self) -> list[Quantity]:
-        groups, _ = self._one_way
-        pooled = Scatter.of(groups, self.nominal.errors)
-        return [
-            standard_repeatability(groups, self.nominal.measured.T),
-            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
-        ]
 
     def _positioning(self) -> list[Quantity]:
         robot, held = self.rows, self.corrected

@@ -34,18 +34,11 @@ poses; for ten directions it is then below 0.2 in 4 of 1,000 cases (chi-square).
 class HeldAgainst:
     """A model compared with N measured rows.
 
-    Parameters
-    ----------
-    model
-        The model, with the pose of the instrument during these measurements.
-    measured
-        The rows.
-    errors
-        (N, c) measured less predicted, instrument's frame: position, m, and for c = 6 rotation vector, rad.
-    at
-        The rows' commands and covariates.
-    noise
-        Noise of the instrument, and of the drives as in the model's fit.
+    - ``model``: the model, with the pose of the instrument during these measurements.
+    - ``measured``: the rows.
+    - ``errors``: (N, c) measured less predicted, instrument's frame: position, m, and for c = 6 rotation vector, rad.
+    - ``at``: the rows' commands and covariates.
+    - ``noise``: noise of the instrument, and of the drives as in the model's fit.
     """
 
     model: Model
@@ -114,18 +107,10 @@ class HeldAgainst:
     def left_out(self, posterior: Posterior, visits: npt.NDArray[np.intp]) -> tuple[Floats, float]:
         """Errors at poses that are left out, each with all its visits, of the fit to these rows; and its number of parameters.
 
-        Parameters
-        ----------
-        posterior
-            Uncertainty of the model that was fitted to these rows. Only its frame is used: its covariance may be that of
-            another noise.
-        visits
-            (N,) index of each row's pose.
+        ``posterior``: uncertainty of the model that was fitted to these rows. Only its frame is used: its covariance may be
+        that of another noise. ``visits``: (N,) index of each row's pose.
 
-        Returns
-        -------
-        errors, taken
-            (N, c) errors, m and rad; and the effective number of fitted parameters.
+        Returns (N, c) errors, m and rad; and the effective number of fitted parameters.
         """
         W, c = self.whitening / self._misfit, self.errors.shape[1]
         left = np.einsum("nij,nj->ni", W, self.errors)

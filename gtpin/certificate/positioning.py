@@ -20,11 +20,8 @@ SYMBOLS = ("B", "E", "R", "A")
 class Line:
     """Targets (commanded positions) of one actuator, while the other actuators stand still.
 
-    Parameters
-    ----------
-    deviations
-        For each target: deviations of the travel from the command, m or rad, of visits approached towards larger commands, and
-        of visits approached towards smaller commands.
+    ``deviations``: for each target: deviations of the travel from the command, m or rad, of visits approached towards
+    larger commands, and of visits approached towards smaller commands.
     """
 
     deviations: tuple[tuple[Floats, Floats], ...]
@@ -58,16 +55,9 @@ def positioning(
 ) -> list[Quantity]:
     """B, E, R and A of each actuator; blank where it has no line with enough targets.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    deviations
-        (N, n) deviations of each actuator's travel, m or rad, computed from the measured TCP; None where not determined.
-    approach
-        (N, n) directions of approach (+1 or -1); None where not recorded.
-    sites, units
-        Names and units of the n actuators.
+    ``q``: (N, n) commands, m or rad. ``deviations``: (N, n) deviations of each actuator's travel, m or rad, computed from
+    the measured TCP; None where not determined. ``approach``: (N, n) directions of approach (+1 or -1); None where not
+    recorded. ``sites``, ``units``: names and units of the n actuators.
     """
     found = []
     for i, (site, unit) in enumerate(zip(sites, units, strict=True)):
@@ -115,14 +105,9 @@ def mean_reversal(
     """Mean reversal of each actuator over all poses: least squares of its deviations on the directions of approach of all
     actuators.
 
-    Parameters
-    ----------
-    deviations
-        (N, n) deviations of each actuator's travel, m or rad, from a model without backlash; None where not determined.
-    approach
-        (N, n) directions of approach (+1 or -1); None where not recorded.
-    sites, units
-        Names and units of the n actuators.
+    ``deviations``: (N, n) deviations of each actuator's travel, m or rad, from a model without backlash; None where not
+    determined. ``approach``: (N, n) directions of approach (+1 or -1); None where not recorded. ``sites``, ``units``: names
+    and units of the n actuators.
     """
     symbol = "B_mean"
     if deviations is None or approach is None:

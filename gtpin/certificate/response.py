@@ -11,8 +11,7 @@ import numpy as np
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import Model, in_frame
-from gtpin.model.posterior import joined
+from gtpin.model.model import Model, in_frame, joined, root_of
 from gtpin.typing import Floats
 
 
@@ -20,14 +19,8 @@ from gtpin.typing import Floats
 class At:
     """N commands with covariates, at which a model is compared with the machine.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    covariates
-        (N,) values of each covariate, by name.
-    plain
-        The N poses of the model's geometry without effects, base frame.
+    ``q``: (N, n) commands, m or rad. ``covariates``: (N,) values of each covariate, by name. ``plain``: the N poses of the
+    model's geometry without effects, base frame.
     """
 
     q: Floats
@@ -64,12 +57,8 @@ class FreeFrame:
     N(-K (x - mean), C). K and C are those of weighted least squares without a prior. With the covariance of x this is the joint
     posterior of f and x.
 
-    Parameters
-    ----------
-    pivot
-        (3,) point about which the frame rotates, m, instrument's frame.
-    gain, covariance
-        K (6, p + m) and C (6, 6).
+    ``pivot``: (3,) point about which the frame rotates, m, instrument's frame. ``gain``, ``covariance``: K (6, p + m) and C
+    (6, 6).
     """
 
     pivot: Floats
@@ -96,12 +85,8 @@ class FreeFrame:
 class Posterior:
     """Uncertainty of a model's unknowns: geometry, effects, and a free frame.
 
-    Parameters
-    ----------
-    model
-        An identified model.
-    frame
-        Posterior of the instrument's frame where that is unknown; None where the instrument measures in the base frame.
+    ``model``: an identified model. ``frame``: posterior of the instrument's frame where that is unknown; None where the
+    instrument measures in the base frame.
     """
 
     model: Model
@@ -133,11 +118,3 @@ class Posterior:
             return np.asarray(covariance)
         F = self.frame.motions(self.model, at)
         return np.asarray(covariance + F @ self.frame.covariance @ np.swapaxes(F, 1, 2))
-
-
-def root_of(covariance: Floats) -> Floats:
-    """F with F F' = ``covariance``, which may be singular. It is scaled first, because its parameters have different units."""
-    size = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
-    size = np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -9,15 +9,14 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.importing.options import Origin
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
+from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_path, tell
 from gtpin.compensation.box import Box
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
-from gtpin.export.tables_for import TablesFor
+from gtpin.export.tables import TablesFor
 from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
@@ -81,7 +80,7 @@ def export(
             show_default=False,
         ),
     ] = None,
-    origin: Origin = (0.0, 0.0, 0.0),
+    origin: Origin = ZERO,
     firmware: Annotated[
         Path | None,
         typer.Option(
@@ -123,14 +122,12 @@ def _corrected(model: Model, commands: Path, controller: str | None, output: Pat
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
         given = Commands.read(commands, model.robot.n_actuators)
-        meant = predict(_controller(model, controller), Commands(given.pose, given.q, row=given.row, file=given.file))
+        nominal = Model(type(model.geometry).nominal(model.robot))
+        believed = nominal if controller is None else _believed(model, controller)
+        meant = predict(believed, Commands(given.pose, given.q, row=given.row, file=given.file))
         rotations = meant.R if model.robot.n_actuators >= 6 else None
         replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)).write(new)
     return output
-
-
-def _controller(model: Model, controller: str | None) -> Model:
-    return Model(type(model.geometry).nominal(model.robot)) if controller is None else _believed(model, controller)
 
 
 def _believed(model: Model, controller: str) -> Model:

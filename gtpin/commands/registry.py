@@ -44,7 +44,7 @@ COMMANDS = {
 """Examples of each command. A command is the function of its name in the module of its name."""
 
 GROUPS = {
-    "import": ("gtpin.commands.importing.app", "import_app"),
+    "import": ("gtpin.commands.importing", "import_app"),
     "benchmark": ("gtpin.commands.benchmark", "benchmark_app"),
 }
 """Module and name of each group of commands."""

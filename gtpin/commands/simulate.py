@@ -9,14 +9,12 @@ from typing import Annotated
 
 import typer
 
-from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.instruments.choice import KINDS
-from gtpin.bench.simulator.instruments.plain import simulate_measured
 from gtpin.bench.simulator.scenario import scenario_recipe, simulate_scenario
 from gtpin.bench.simulator.simulate import Simulation
 from gtpin.bench.simulator.simulate import simulate as run_simulation
-from gtpin.bench.simulator.truth import Case, case_folders, dataset_folder, truth_names
+from gtpin.bench.simulator.truth import Case, InstrumentCase, case_folders, dataset_folder, truth_names
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError

@@ -70,6 +70,13 @@ TrustData = Annotated[
     typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them."),
 ]
 
+Vector = tuple[float, float, float]
+Origin = Annotated[
+    Vector,
+    typer.Option("--origin", metavar="X Y Z", help="The controller's zero in the robot's base frame, m."),
+]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
 PIPED_WIDTH = 120
 """Width of tables, in characters, where the output is not a terminal."""
 

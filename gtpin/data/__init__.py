@@ -3,8 +3,7 @@
 from gtpin.data.carts import CartMeasurements
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
-from gtpin.data.description import SCHEMA, Conditions, Description, Instrument
-from gtpin.data.driver import Driver
+from gtpin.data.description import SCHEMA, Conditions, Description, Driver, Instrument
 from gtpin.data.plausible import check_commands, check_measurements, check_plausible
 from gtpin.data.split import by_region, by_session, random
 

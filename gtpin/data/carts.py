@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data import columns
 from gtpin.data.checks import Rows, frozen, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_CARTS
@@ -81,11 +80,11 @@ class CartMeasurements:
         """Read carts.csv, or the same as Parquet; raises `DatasetError` for what can't be read."""
         table = read_table(Path(file))
         cart, q, position = table.column("cart"), table.column("q"), table.matrix(POSITION)
-        orientation = columns.orientation(table)
+        orientation = table.orientation()
         taken = {"pose", "cart", "q", *POSITION, *ORIENTATION}
-        covariates = columns.covariates(table, taken)
+        covariates = table.covariates(taken)
         carts = cls(cart, q, position, orientation, covariates, n_actuators, table.row, Path(file))
-        columns.warn_of_covariates(table, taken)
+        table.warn_of_covariates(taken)
         return carts
 
     def write(self, file: Path) -> None:

@@ -1,4 +1,4 @@
-"""Cells of a table: reading numbers from text, and error messages for text that is not a number."""
+"""Cells of a table: reading numbers from text, words or numbers, and error messages for text that is not a number."""
 
 from __future__ import annotations
 
@@ -72,3 +72,21 @@ def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int
     else:
         what, hint = f"{cells[column][:40]!r} is not a number", "write a plain number in SI units, without its unit"
     return DatasetError(what, file=file, row=row, column=names[column], hint=hint)
+
+
+def numbers_or_words(cells: Sequence[str]) -> Floats | int | None:
+    """Read a column of any kind.
+
+    Gives its numbers. Where most cells that are not empty are numbers, but not all: the index of the first that is not a
+    number. None for a column of words or of empty cells.
+    """
+    values = numbers(cells)
+    bad = np.isnan(values)
+    if not bad.any():
+        return values
+    missing = sum(is_missing(cell) for cell, is_bad in zip(cells, bad, strict=True) if is_bad)
+    words, numeric = int(bad.sum()) - missing, int((~bad).sum())
+    blank = all(not cell.strip() for cell in cells)
+    if blank or (words > 0 and words >= numeric):
+        return None
+    return int(np.flatnonzero(bad)[0])

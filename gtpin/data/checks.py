@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtpin.data.codes import codes
-from gtpin.data.ids import Ids, normal_id, normal_ids
+from gtpin.data.ids import Ids, codes, table_ids
 from gtpin.data.names import check_covariate_name, command_names, is_approach
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
@@ -63,15 +62,7 @@ class Rows:
         array = np.asarray(values, dtype=object)
         if array.shape != self.line.shape:
             raise DatasetError(f"needs one id for each of {len(self.line)} rows", file=self.file, column=name)
-        try:
-            result = normal_ids(array)
-        except ValueError:
-            for index, value in enumerate(array):
-                try:
-                    normal_id(value)
-                except ValueError as error:
-                    raise self.error(index, name, str(error), f"give every row a {name}") from None
-            raise
+        result = table_ids(self.file, name, array, self.line)
         result.setflags(write=False)
         return result
 

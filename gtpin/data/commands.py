@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data import columns
 from gtpin.data.checks import Rows, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.ids import Ids
@@ -97,13 +96,13 @@ class Commands:
         if not os.path.exists(file) and file.suffix.lower() == ".csv" and os.path.exists(twin):
             file = twin
         table = read_table(file, ignore=(*POSITION, *ORIENTATION))
-        pose, q = table.column("pose"), columns.commands(table)
+        pose, q = table.column("pose"), table.commands()
         if n_actuators is not None and q.shape[1] != n_actuators:
             what = f"the file has {q.shape[1]} columns of commands, the robot {n_actuators} actuators"
             raise DatasetError(what, file=file, row=1, column=f"q{q.shape[1]}", hint="one for each, q1 .. qn")
         taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION, *ids}
-        commands = cls(pose, q, columns.covariates(table, taken), table.row, file)
-        columns.warn_of_covariates(table, taken)
+        commands = cls(pose, q, table.covariates(taken), table.row, file)
+        table.warn_of_covariates(taken)
         return commands
 
     def write(self, file: Path | str, *, force: bool = False) -> None:

@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data.cells import bad_cell, numbers
-from gtpin.data.ids import Ids, normal_id, normal_ids
+from gtpin.data.cells import bad_cell, numbers, numbers_or_words
+from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
 from gtpin.data.table import Column, Table, check_header
-from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 
 TOGETHER = 256
@@ -53,7 +52,7 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
         if column in values:
             columns[name] = np.array(values[column])
         elif kind_of(name) == "id" or name in ids:
-            columns[name] = _ids(file, name, texts[column], lines)
+            columns[name] = table_ids(file, name, texts[column], lines)
         else:
             read = numbers_or_words(texts[column])
             if isinstance(read, int):
@@ -158,19 +157,6 @@ def _numbers(file: Path, names: list[str], chunk: list[Row], cells: dict[int, tu
         row, texts = chunk[index]
         raise bad_cell(file, names, texts, column, row)
     return found
-
-
-def _ids(file: Path, name: str, texts: list[str], lines: array[int]) -> Ids:
-    try:
-        return normal_ids(texts)
-    except ValueError as error:
-        for text, line in zip(texts, lines, strict=True):
-            try:
-                normal_id(text)
-            except ValueError:
-                hint = f"give every row a {name}"
-                raise DatasetError(str(error), file=file, row=line, column=name, hint=hint) from None
-        raise
 
 
 def check_separator(header: str, file: Path) -> None:

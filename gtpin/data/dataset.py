@@ -12,28 +12,26 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data import columns
 from gtpin.data.carts import CartMeasurements
 from gtpin.data.checks import Rows, unnumbered
-from gtpin.data.codes import codes
 from gtpin.data.commands import Commands
 from gtpin.data.description import (
     SCHEMA,
     Conditions,
     Description,
+    Driver,
     Instrument,
     describe,
     read_toml,
     write_description,
 )
-from gtpin.data.driver import Driver
 from gtpin.data.files import check_folder, find_table, read_table, write_table
-from gtpin.data.ids import Ids
+from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_files import tables_there
 from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.read_instruments import InstrumentContents, is_second, read_instruments
-from gtpin.data.second_schema import write_second
+from gtpin.data.read_instruments import is_second, read_instruments
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
@@ -45,6 +43,7 @@ from gtpin.typing import Floats
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+SUFFIXES = ("csv", "parquet")
 FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
 """Names of the files of a dataset's folder."""
 
@@ -255,65 +254,44 @@ class Dataset(Shown):
     def _read(cls, path: Path, instruments: Iterable[type[Any]]) -> Dataset:
         """The dataset of a folder."""
         check_folder(path, "a dataset is the folder that holds dataset.toml")
-        values = read_toml(path / "dataset.toml")
+        values, table = read_toml(path / "dataset.toml"), None
+        taken = {"pose", *POSITION, *ORIENTATION}
+        rows: dict[str, Any]
         if is_second(values):
-            return cls._of_instruments(path, read_instruments(path, {kind.kind: kind for kind in instruments}))
-        description = describe(values, path / "dataset.toml")
-        file = find_table(path, "poses") or path / "poses.csv"
-        table = read_table(file)
-        pose, q, position = table.column("pose"), columns.commands(table), table.matrix(POSITION)
-        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
+            contents = read_instruments(path, {kind.kind: kind for kind in instruments})
+            common, one = contents.description.common, contents.as_tracker()
+            instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
+            rows = {"pose": contents.pose, "q": contents.q, "position": position, "orientation": orientation}
+            rows |= {"covariates": contents.covariates, "instrument": instrument}
+            rows |= {"row": contents.rows.line, "file": contents.rows.files[0]} if one else {"file": path}
+            rows["readings"] = None if one else contents.rows
+        else:
+            common = describe(values, path / "dataset.toml")
+            file = find_table(path, "poses") or path / "poses.csv"
+            table = read_table(file)
+            rows = {"pose": table.column("pose"), "q": table.commands(), "position": table.matrix(POSITION)}
+            taken |= {*command_names(rows["q"].shape[1])}
+            rows |= {"orientation": table.orientation(), "covariates": table.covariates(taken)}
+            rows |= {"instrument": common.instrument, "row": table.row, "file": file}
         carts = find_table(path, "carts")
-        dataset = cls(
-            robot=description.robot,
-            pose=pose,
-            q=q,
-            position=position,
-            orientation=columns.orientation(table),
-            covariates=columns.covariates(table, taken),
-            instrument=description.instrument,
-            conditions=description.conditions,
-            tolerance=description.tolerance,
-            tcp=description.tcp,
-            actuators=description.actuators,
-            drivers=tuple(Driver(**one.model_dump()) for one in description.driver),
-            carts=CartMeasurements.read(carts, q.shape[1]) if carts else None,
-            path=path,
-            row=table.row,
-            file=file,
-        )
-        columns.warn_of_covariates(table, taken)
-        dataset._check_drivers()
-        dataset._warn_of_constants(file)
-        return dataset
-
-    @classmethod
-    def _of_instruments(cls, path: Path, contents: InstrumentContents) -> Dataset:
-        """The dataset of a folder of schema 2."""
-        common, one = contents.description.common, contents.as_tracker()
-        carts = find_table(path, "carts")
-        instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
         dataset = cls(
             robot=common.robot,
-            pose=contents.pose,
-            q=contents.q,
-            position=position,
-            orientation=orientation,
-            covariates=contents.covariates,
-            instrument=instrument,
             conditions=common.conditions,
             tolerance=common.tolerance,
             tcp=common.tcp,
             actuators=common.actuators,
-            drivers=tuple(Driver(**table.model_dump()) for table in common.driver),
-            carts=CartMeasurements.read(carts, contents.q.shape[1]) if carts else None,
+            drivers=tuple(Driver(**driver.model_dump()) for driver in common.driver),
+            carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
             path=path,
-            row=contents.rows.line if one else unnumbered(),
-            file=contents.rows.files[0] if one else path,
-            readings=None if one else contents.rows,
+            **rows,
         )
+        if table is not None:
+            table.warn_of_covariates(taken)
         dataset._check_drivers()
-        dataset._warn_of_constants(path)
+        still = [name for name, column in dataset.covariates.items() if (column == column[0]).all()]
+        if still:
+            where = dataset.file if table is not None else path
+            warn(f"{where}: these covariates do not vary, so they give no information: {', '.join(still)}")
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
@@ -324,26 +302,28 @@ class Dataset(Shown):
         since. With `force`, such tables and such a dataset.toml are renamed (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
-        poses: dict[str, Column] = {"pose": self.pose}
-        poses |= dict(zip(command_names(self.n_actuators), self.q.T, strict=True))
-        poses |= dict(zip(POSITION, self.position.T, strict=True))
-        if self.orientation is not None:
-            poses |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
         if not force and folder.is_dir():
             with writing(folder, DatasetError):
                 names = (name for name in sorted(os.listdir(folder)) if not was_moved_aside(name))
                 refuse_foreign(folder, names, force, DatasetError)
-        files = (*FILES, *tables_there(folder))
-        if self.readings is not None:
-            own = [f"{one.name}.{suffix}" for one in self.readings.tables for suffix in ("csv", "parquet")]
-            with results_folder(folder, (*files, *own), force=force, kind=DatasetError) as new:
-                self._write_instruments(new, folder, table)
-                if self.carts is not None:
-                    self.carts.write(new / f"carts.{table}")
-            return
-        with results_folder(folder, files, force=force, kind=DatasetError) as new:
-            write_description(new / "dataset.toml", self._description(self._robot_seen_from(folder)))
-            write_table(new / f"poses.{table}", poses | dict(self.covariates))
+        description, sections = self._description(self._robot_seen_from(folder)), []
+        tables: dict[str, dict[str, Column]] = {}
+        if self.readings is None:
+            measured = dict(zip(POSITION, self.position.T, strict=True))
+            if self.orientation is not None:
+                measured |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
+            tables["poses"] = self._columns(slice(None), measured)
+        else:
+            for index, one in enumerate(self.readings.tables):
+                mine = self.readings.rows_of(index)
+                if len(mine):  # an instrument without rows is left out
+                    sections.append(written(one.model_copy(update={"file": None})))
+                    tables[one.name] = self._columns(mine, self.readings.columns_of(index))
+        there = [f"{one.name}.{suffix}" for one in self.readings.tables for suffix in SUFFIXES] if self.readings else []
+        with results_folder(folder, (*FILES, *tables_there(folder), *there), force=force, kind=DatasetError) as new:
+            write_description(new / "dataset.toml", description, sections)
+            for name, columns in tables.items():
+                write_table(new / f"{name}.{table}", columns)
             if self.carts is not None:
                 self.carts.write(new / f"carts.{table}")
 
@@ -370,29 +350,14 @@ class Dataset(Shown):
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
 
-    def _warn_of_constants(self, file: Path) -> None:
-        still = [name for name, values in self.covariates.items() if (values == values[0]).all()]
-        if still:
-            warn(f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}")
-
-    def _write_instruments(self, new: Path, folder: Path, table: Literal["csv", "parquet"]) -> None:
-        """Write the description and a table for each instrument that has rows."""
-        rows = self.readings
-        assert rows is not None
-        tables = {i: one.model_copy(update={"file": None}) for i, one in enumerate(rows.tables) if len(rows.rows_of(i))}
-        write_second(new / "dataset.toml", self._description(self._robot_seen_from(folder)), tuple(tables.values()))
-        for index, one in tables.items():
-            mine = rows.rows_of(index)
-            values: dict[str, Column] = {"pose": self.pose[mine]}
-            values |= dict(zip(command_names(self.n_actuators), self.q[mine].T, strict=True))
-            known = (*one.numbers, *one.optional, *one.ids)
-            for name in (name for name in known if name in rows.columns):
-                column = rows.columns[name][mine]
-                blank = (column == "").all() if column.dtype == object else np.isnan(column).all()
-                if not blank:
-                    values[name] = column
-            values |= {name: column[mine] for name, column in self.covariates.items()}
-            write_table(new / f"{one.name}.{table}", values)
+    def _columns(self, rows: NDArray[np.intp] | slice, measured: Mapping[str, Column]) -> dict[str, Column]:
+        """The columns of a table of some rows: ids, commands, what was measured, and covariates."""
+        return {
+            "pose": self.pose[rows],
+            **dict(zip(command_names(self.n_actuators), self.q[rows].T, strict=True)),
+            **measured,
+            **{name: column[rows] for name, column in self.covariates.items()},
+        }
 
     def _description(self, robot: str) -> Description:
         return describe(

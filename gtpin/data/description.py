@@ -5,22 +5,58 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from gtpin.data.driver import MOTIONS, Motion
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import DatasetError
 
-SCHEMA = "gtpin-dataset/1"
-
+Motion = Literal["x", "y", "z", "rx", "ry", "rz", "q"]
+MOTIONS: tuple[str, ...] = get_args(Motion)
+SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
+"""Of the poses of one tracker, and of several instruments."""
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
 TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+_DRIVER = {
+    "column": 'write column = "NAME", a covariate of poses.csv',
+    "site": 'write site = "NAME": a link, a joint, platform or frame',
+    "motion": f"write motion = one of {', '.join(MOTIONS)}",
+    "size": "write size = the typical motion over the column's range, m or rad, above 0",
+}
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A recorded column (a tilt sensor, a motor current, a thermistor) that may act at a site.
+
+    Parameters
+    ----------
+    column
+        The covariate's name.
+    site
+        A link, a joint, ``platform`` or ``frame``.
+    motion
+        What it moves: ``x y z`` (m) or ``rx ry rz`` (rad) in the site's frame, or the coordinate ``q`` of a joint.
+    size
+        Typical motion over the column's range, m or rad.
+
+    Examples
+    --------
+    >>> from gtpin.data import Driver
+    >>> Driver("tilt_x", "column", "rx", 1e-3).motion
+    'rx'
+    """
+
+    column: str
+    site: str
+    motion: Motion
+    size: float
 
 
 class Section(BaseModel):
@@ -52,7 +88,7 @@ class Conditions(Section):
 
 
 class DriverTable(Section):
-    """One `[[driver]]`: see :class:`~gtpin.data.driver.Driver`."""
+    """One `[[driver]]`: see :class:`~gtpin.data.description.Driver`."""
 
     column: TomlName
     site: TomlName
@@ -82,12 +118,6 @@ _SECTIONS: dict[str, type[Section]] = {
     "instrument": Instrument,
     "conditions": Conditions,
     "driver": DriverTable,
-}
-_DRIVER = {
-    "column": 'write column = "NAME", a covariate of poses.csv',
-    "site": 'write site = "NAME": a link, a joint, platform or frame',
-    "motion": f"write motion = one of {', '.join(MOTIONS)}",
-    "size": "write size = the typical motion over the column's range, m or rad, above 0",
 }
 _KEYS = {
     section: [field.alias or name for name, field in model.model_fields.items()] for section, model in _SECTIONS.items()
@@ -122,25 +152,28 @@ def read_toml(file: Path) -> dict[str, Any]:
     return content
 
 
-def write_description(file: Path, description: Description) -> None:
-    """Write a dataset.toml from which `read_description` gives the same again; unknown values are omitted."""
-    values = {
-        "schema": SCHEMA,
+def write_description(file: Path, description: Description, instruments: Sequence[Mapping[str, Any]] = ()) -> None:
+    """Write a dataset.toml that reads back as the same; unknown values are omitted.
+
+    ``instruments``: the ``[[instrument]]`` sections of schema 2, in place of the one instrument of schema 1.
+    """
+    one = description.instrument
+    values: dict[str, Any] = {
+        "schema": SECOND if instruments else SCHEMA,
         "robot": description.robot,
         "tcp": description.tcp,
         "actuators": list(description.actuators),
-        "instrument": _written(description.instrument),
+        # A target at the TCP is the default.
+        "instrument": one.model_dump(exclude_none=True, exclude={"target"} if one.target == "tcp" else None),
         "conditions": description.conditions.model_dump(),
         "tolerance": description.tolerance,
         "driver": [table.model_dump() for table in description.driver],
     }
+    if instruments:
+        del values["instrument"]
+        values["instrument"] = list(instruments)
     text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
     file.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _written(instrument: Instrument) -> dict[str, Any]:
-    """The keys of [instrument]; a target at the TCP, the default, is omitted."""
-    return instrument.model_dump(exclude_none=True, exclude={"target"} if instrument.target == "tcp" else None)
 
 
 def explained(file: Path | None, error: ValidationError) -> DatasetError:

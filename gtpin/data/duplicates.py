@@ -35,10 +35,7 @@ FEW, MANY = 5, 1000
 def counted_once(dataset: Dataset) -> Dataset:
     """The dataset without copies of rows: see :func:`copies`.
 
-    Warns
-    -----
-    GtpinWarning
-        Says how many copies are left out.
+    Warns: says how many copies are left out.
     """
     found = copies(dataset)
     if not found.any():
@@ -79,12 +76,8 @@ def copies(dataset: Dataset) -> NDArray[np.bool_]:
 def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.bool_]:
     """(N,) which rows are copies of an earlier one.
 
-    Parameters
-    ----------
-    same
-        (N,) each: columns that two visits to one place have in common, such as commands.
-    read
-        (N,) each: columns of what was measured.
+    ``same``: (N,) each: columns that two visits to one place have in common, such as commands. ``read``: (N,) each: columns
+    of what was measured.
     """
     count = len(same[0])
     copied = np.zeros(count, dtype=bool)

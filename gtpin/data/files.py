@@ -38,19 +38,10 @@ def read_bytes(
 
     Only regular files are opened for reading: a pipe can keep the process waiting, and a device may never end.
 
-    Parameters
-    ----------
-    error
-        The kind of error to raise.
-    most
-        Largest size, bytes.
-    hint
-        What to do where the file is not there.
+    ``error``: the kind of error to raise. ``most``: largest size, bytes. ``hint``: what to do where the file is not there.
 
-    Raises
-    ------
-    GtpinError
-        Of the kind ``error``: the file is missing, is a folder, a pipe or a device, is too large, or is not readable.
+    Raises `GtpinError` of the kind ``error``: the file is missing, is a folder, a pipe or a device, is too large, or is not
+    readable.
     """
     try:
         found = file.stat()
@@ -146,13 +137,9 @@ def write_table(file: Path, columns: Mapping[str, Column]) -> None:
     with file.open("w", encoding="utf-8", newline="") as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*map(_cells, columns.values()), strict=True))
-
-
-def _cells(column: Column) -> list[object]:
-    """A column's values as a CSV file has them: nothing for NaN."""
-    values: list[object] = np.asarray(column).tolist()
-    return ["" if value != value else value for value in values]
+        # Nothing stands for NaN, which is not equal to itself.
+        cells = (["" if v != v else v for v in np.asarray(column).tolist()] for column in columns.values())
+        writer.writerows(zip(*cells, strict=True))
 
 
 def _require_pyarrow(file: Path) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gtpin.errors import DatasetError
 
 Ids = NDArray[np.object_]
 
@@ -44,14 +47,43 @@ def normal_id(value: object) -> str:
     return str(int(number)) if number.is_integer() else repr(number)
 
 
+class BadIdError(ValueError):
+    """An id that is none; ``index`` is its place."""
+
+    def __init__(self, reason: str, index: int) -> None:
+        super().__init__(reason)
+        self.index = index
+
+
 def normal_ids(values: Iterable[Any]) -> Ids:
-    """Spell ids in their normal form, as an (N,) array of `str`; raises `ValueError` like `normal_id`."""
+    """Spell ids in their normal form, as an (N,) array of `str`; raises `BadIdError` for the first that `normal_id` refuses."""
     known: dict[Any, str] = {}
     result = []
-    for value in values:
+    for index, value in enumerate(values):
         if value not in known:
-            known[value] = normal_id(value)
+            try:
+                known[value] = normal_id(value)
+            except ValueError as error:
+                raise BadIdError(str(error), index) from None
         result.append(known[value])
     array = np.empty(len(result), dtype=object)
     array[:] = result
     return array
+
+
+def table_ids(file: Path | None, name: str, values: Iterable[Any], lines: Sequence[int] | NDArray[np.int64]) -> Ids:
+    """`normal_ids` of a table's column; raises `DatasetError` with the line of the first that is none."""
+    try:
+        return normal_ids(values)
+    except BadIdError as error:
+        hint = f"give every row a {name}"
+        raise DatasetError(str(error), file=file, row=int(lines[error.index]), column=name, hint=hint) from None
+
+
+def codes(values: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[Any]]:
+    """(N,) index of each of N values among the distinct ones, and the distinct values, sorted."""
+    if values.dtype != object:
+        distinct, code = np.unique(values, return_inverse=True)
+        return code.ravel(), distinct
+    place = {value: index for index, value in enumerate(sorted(set(values)))}
+    return np.fromiter(map(place.__getitem__, values), np.intp, len(values)), np.array(list(place), dtype=object)

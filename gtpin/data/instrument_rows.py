@@ -22,25 +22,16 @@ Rows = NDArray[np.bool_] | NDArray[np.integer[Any]] | slice | list[int]
 class InstrumentRows:
     """N rows of several instruments.
 
-    Parameters
-    ----------
-    tables
-        Section of dataset.toml of each instrument.
-    files
-        File of each instrument's rows; None where they were not read from a file.
-    of
-        (N,) index of each row's instrument.
-    line
-        (N,) line of each row in its instrument's file.
-    columns
-        (N,) each, by name: readings, and ids of stations, planes, sockets and targets. NaN, or "" for an id, in rows of
-        instruments without the column.
-    component
-        (N,) index of the one component of the reading that a row has, from 0; -1 where the row has all components.
-    known
-        For each instrument, by column of ids: the ids in all rows that were read.
-    kinds
-        The user's own classes of instruments, by their kind.
+    - ``tables``: section of dataset.toml of each instrument.
+    - ``files``: file of each instrument's rows; None where they were not read from a file.
+    - ``of``: (N,) index of each row's instrument.
+    - ``line``: (N,) line of each row in its instrument's file.
+    - ``columns``: (N,) each, by name: readings, and ids of stations, planes, sockets and targets. NaN, or "" for an id, in
+      rows of instruments without the column.
+    - ``component``: (N,) index of the one component of the reading that a row has, from 0; -1 where the row has all
+      components.
+    - ``known``: for each instrument, by column of ids: the ids in all rows that were read.
+    - ``kinds``: the user's own classes of instruments, by their kind.
     """
 
     tables: tuple[InstrumentTable, ...]
@@ -119,6 +110,13 @@ class InstrumentRows:
     def rows_of(self, index: int) -> NDArray[np.intp]:
         """Rows of an instrument, by its index."""
         return np.flatnonzero(self.of == index)
+
+    def columns_of(self, index: int) -> dict[str, Column]:
+        """The columns that an instrument reads, by name: those of its kind that are not empty in its rows."""
+        rows, table = self.rows_of(index), self.tables[index]
+        names = [name for name in (*table.numbers, *table.optional, *table.ids) if name in self.columns]
+        found = {name: self.columns[name][rows] for name in names}
+        return {n: c for n, c in found.items() if not ((c == "") if c.dtype == object else np.isnan(c)).all()}
 
     def place(self, row: int) -> tuple[Path | None, int]:
         """File and line of a row."""

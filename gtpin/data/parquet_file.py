@@ -9,11 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from gtpin.data.cells import bad_cell
-from gtpin.data.ids import normal_id
+from gtpin.data.cells import bad_cell, numbers_or_words
+from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
 from gtpin.data.table import Column, Table, check_header
-from gtpin.data.words import numbers_or_words
 from gtpin.errors import DatasetError
 from gtpin.typing import Floats
 
@@ -40,7 +39,8 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Col
         if name in ignore:
             continue
         if kind_of(name) == "id" or name in ids:
-            columns[name] = _ids(file, name, table[name])
+            cells = (None if value is None else str(value) for value in _values(table[name]))
+            columns[name] = table_ids(file, name, cells, range(2, table.num_rows + 2))
             continue
         found: Floats | int | None = _floats(table[name])
         if found is None:
@@ -49,8 +49,8 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Col
             continue
         if found is None or isinstance(found, int):
             index = found or 0
-            cells = [_texts(table[other].slice(index, 1))[0] for other in names]
-            raise bad_cell(file, names, cells, names.index(name), index + 2)
+            row = [_texts(table[other].slice(index, 1))[0] for other in names]
+            raise bad_cell(file, names, row, names.index(name), index + 2)
         columns[name] = found
     return Table(file, tuple(names), np.arange(2, table.num_rows + 2), columns)
 
@@ -66,21 +66,6 @@ def _floats(column: pa.ChunkedArray) -> Floats | None:
 
 def _texts(column: pa.ChunkedArray) -> list[str]:
     return ["" if value is None else str(value) for value in _values(column)]
-
-
-def _ids(file: Path, name: str, column: pa.ChunkedArray) -> Column:
-    ids = np.empty(len(column), dtype=object)
-    known: dict[object, str] = {}
-    for index, value in enumerate(_values(column)):
-        key = str(value)
-        if key not in known:
-            try:
-                known[key] = normal_id(value)
-            except ValueError as error:
-                hint = f"give every row a {name}"
-                raise DatasetError(str(error), file=file, row=index + 2, column=name, hint=hint) from None
-        ids[index] = known[key]
-    return ids
 
 
 def _values(column: pa.ChunkedArray) -> list[object]:

@@ -27,14 +27,9 @@ _ALIKE = 0.01
 def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
     """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is ``wxyz``, or no order fits.
 
-    Parameters
-    ----------
-    quaternion
-        (N, 4) unit quaternions as measured.
-    predicted
-        (N, 3, 3) rotations of the nominal model, base frame.
-    free
-        For a free frame: (N, 3) measured and predicted positions, m, from which the frame's rotation is found; else None.
+    ``quaternion``: (N, 4) unit quaternions as measured. ``predicted``: (N, 3, 3) rotations of the nominal model, base
+    frame. ``free``: for a free frame: (N, 3) measured and predicted positions, m, from which the frame's rotation is found;
+    else None.
     """
     from scipy.spatial.transform import Rotation
 
@@ -51,11 +46,8 @@ def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, F
 def order_that_fits(off: Callable[[str], float]) -> str | None:
     """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or where no order does so.
 
-    Parameters
-    ----------
-    off
-        Function that gives, for an order of the columns, how far measured poses are from expected ones: the median angle
-        between orientations, rad, to which a median distance may be added, converted to an angle.
+    ``off``: function that gives, for an order of the columns, how far measured poses are from expected ones: the median
+    angle between orientations, rad, to which a median distance may be added, converted to an angle.
     """
     as_named = off(_AS_NAMED)
     if as_named <= _OFF:

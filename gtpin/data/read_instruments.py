@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.data import columns
 from gtpin.data.checks import Rows
-from gtpin.data.description import Instrument, read_toml
+from gtpin.data.description import SECOND, Instrument, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
-from gtpin.data.instrument_files import columns_beside, file_of, warn_of_files
-from gtpin.data.instrument_parts import Part, covariates_of, filled
+from gtpin.data.instrument_files import Part, columns_beside, covariates_of, file_of, filled, warn_of_files
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.second_schema import SECOND, SecondDescription, describe_second
+from gtpin.data.second_schema import SecondDescription, describe_second
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
@@ -133,12 +131,12 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
     read = read_table(file, ids=table.ids)
     line = read.row
     rows = Rows.of(file, line, len(line))
-    q = rows.commands(columns.commands(read))
+    q = rows.commands(read.commands())
     pose = rows.ids(read.column("pose"), "pose")
     readings = _readings(read, table, rows)
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
-    covariates = rows.covariates(columns.covariates(read, taken), q.shape[1], TAKEN_IN_POSES)
-    columns.warn_of_covariates(read, taken)
+    covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
+    read.warn_of_covariates(taken)
     return Part(table, file, line, pose, q, readings, covariates)
 
 
@@ -159,7 +157,7 @@ def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Colu
 
 
 def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
-    quaternions = columns.orientation(read)
+    quaternions = read.orientation()
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
     needed = SIGMAS if quaternions is not None else SIGMAS[:3]

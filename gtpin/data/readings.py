@@ -1,11 +1,12 @@
-"""Mistakes in measured positions and orientations: other units, axes and signs."""
+"""Mistakes in measured positions and orientations: other units, axes and signs, other conventions of rotations."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
-from typing import Protocol
+from typing import Final, Literal, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,6 +23,15 @@ UNITS = (
 )
 """Units, other than metres, in which lengths are written, and the length of each in metres."""
 AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
+Sequence = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
+Convention = Sequence | Literal["rotation vector"]
+ROTATION_VECTOR: Final = "rotation vector"
+BY_AXIS: tuple[Convention, ...] = (ROTATION_VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
+"""Conventions in which the three numbers belong to x, y and z. An Euler sequence is the order of the rotations about fixed
+axes; about moving axes the reverse order gives the same rotation."""
+BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
+"""Conventions in which three angles stand in the order of the rotations: lower case about fixed axes, upper case about moving
+ones (SciPy's names)."""
 
 
 class RotationReading(Protocol):
@@ -47,14 +57,8 @@ class RotationReading(Protocol):
 class Positions:
     """A way to read x y z: the position is ``matrix @ (x, y, z)``, m.
 
-    Parameters
-    ----------
-    looks
-        Texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
-    mistakes
-        Number of mistakes that it assumes.
-    axes
-        (3, 3) the signed permutation in ``matrix``.
+    ``looks``: texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
+    ``mistakes``: number of mistakes that it assumes. ``axes``: (3, 3) the signed permutation in ``matrix``.
     """
 
     looks: str
@@ -205,3 +209,80 @@ def _assigned(s: Floats, names: tuple[str, ...]) -> str:
 def _turn(s: Floats) -> str:
     vector = Rotation.from_matrix(s).as_rotvec(degrees=True)
     return f"the rotation vector ({', '.join(f'{v:.0f}' for v in vector + 0.0)}) degrees"
+
+
+@dataclass(frozen=True)
+class Misread:
+    """A mistake: three numbers of one convention of rotations that were converted by another one.
+
+    ``meant``, ``taken``: the convention of the numbers, and the one by which they were converted. ``by_axis``: True: each
+    number was used as the angle about its own axis. False: the numbers were used in their order.
+    """
+
+    meant: Convention
+    taken: Convention
+    by_axis: bool
+
+    @property
+    def mistakes(self) -> int:
+        """Number of mistakes that it assumes."""
+        return 1
+
+    @property
+    def looks(self) -> str:
+        """What the orientations look like."""
+        return (
+            f"the orientations look like {self._described(self.meant)} that were read as {self._described(self.taken)}"
+        )
+
+    @property
+    def hint(self) -> str:
+        """What to do about it."""
+        return f"compute qw qx qy qz again, from {self._described(self.meant)}"
+
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations by the convention ``meant``, from those that were converted by ``taken``."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
+            numbers = rotation.as_rotvec() if self.taken == ROTATION_VECTOR else rotation.as_euler(self.taken)
+        if self.by_axis and self.taken != ROTATION_VECTOR:
+            numbers = numbers[:, [self.taken.index(axis) for axis in "xyz"]]
+        if self.meant == ROTATION_VECTOR:
+            return np.asarray(Rotation.from_rotvec(numbers.copy()).as_matrix())
+        if self.by_axis:
+            numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
+        return _from_euler(self.meant, numbers)
+
+    def _described(self, convention: Convention) -> str:
+        if convention == ROTATION_VECTOR:
+            return "rotation vectors"
+        if self.by_axis:
+            return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
+        return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+
+
+def _from_euler(sequence: Sequence, angles: Floats) -> Floats:
+    """(N, 3, 3) rotations by angles (N, 3) in their order; a third of the time of SciPy's, and all mistakes are tried often."""
+    one, two, three = (_about("xyz".index(axis), angles[:, i]) for i, axis in enumerate(sequence.lower()))
+    return np.asarray(three @ two @ one if sequence.islower() else one @ two @ three)
+
+
+def _about(axis: int, angle: Floats) -> Floats:
+    """(N, 3, 3) rotations about a base axis."""
+    found = np.zeros((len(angle), 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    found[:, axis, axis] = 1.0
+    found[:, i, i] = found[:, j, j] = np.cos(angle)
+    found[:, j, i] = np.sin(angle)
+    found[:, i, j] = -found[:, j, i]
+    return found
+
+
+def misread() -> Iterator[Misread]:
+    """All mistakes between two different conventions."""
+    for meant, taken in permutations(BY_AXIS, 2):
+        yield Misread(meant, taken, True)
+    for meant, taken in permutations(BY_ORDER, 2):
+        if meant.lower() == taken.lower() and len(set(meant)) == 3:
+            continue  # each number keeps its axis: one of the mistakes by axis
+        yield Misread(meant, taken, False)

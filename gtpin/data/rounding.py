@@ -29,10 +29,7 @@ def with_rounding(dataset: Dataset) -> Dataset:
     Rounding to a step d is an error uniform over d, of standard deviation d / sqrt(12). Undeclared noise is estimated from
     the data, and includes it already.
 
-    Warns
-    -----
-    GtpinWarning
-        Where rounding makes the noise larger than what is declared.
+    Warns: where rounding makes the noise larger than what is declared.
     """
     step, declared = rounded_to(dataset), dataset.instrument.position_sigma
     if step is None or declared is None:

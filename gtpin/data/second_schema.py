@@ -6,21 +6,11 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import tomli_w
 from pydantic import Field, ValidationError
 
-from gtpin.data.description import (
-    Conditions,
-    Description,
-    DriverTable,
-    Instrument,
-    Section,
-    TomlName,
-    TomlPositive,
-    explained,
-)
+from gtpin.data.description import SCHEMA, Description, explained
 from gtpin.data.instrument_tables import (
     HINTS,
     TABLES,
@@ -29,26 +19,18 @@ from gtpin.data.instrument_tables import (
     TiltTable,
     TrackerTable,
     declared_keys,
-    written,
 )
 from gtpin.errors import DatasetError
 
-SECOND = "gtpin-dataset/2"
 RESERVED = ("carts", "commands", "truth")
 """Names of tables of a dataset's folder that are no instrument's."""
 
 
-class _Frame(Section):
+class _Frame(Description):
     """A dataset.toml of schema 2, before its instruments are checked."""
 
-    schema_: Literal["gtpin-dataset/2"] = Field(alias="schema")
-    robot: TomlName
-    tcp: TomlName | None = None
-    actuators: Annotated[tuple[TomlName, ...], Field(strict=False)] = ()
-    instrument: list[dict[str, Any]]
-    conditions: Conditions = Conditions()
-    tolerance: dict[TomlName, TomlPositive] = Field(default_factory=dict)
-    driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
+    schema_: Literal["gtpin-dataset/2"] = Field(alias="schema")  # type: ignore[assignment]
+    instrument: list[dict[str, Any]]  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -64,15 +46,9 @@ def describe_second(
 ) -> SecondDescription:
     """Check the content of a dataset.toml of schema 2.
 
-    Parameters
-    ----------
-    own
-        Classes of the tables of the user's own instruments, by kind.
+    ``own``: classes of the tables of the user's own instruments, by kind.
 
-    Raises
-    ------
-    DatasetError
-        If a key is invalid; it names the key.
+    Raises `DatasetError` if a key is invalid; it names the key.
     """
     if isinstance(values.get("instrument"), dict):
         hint = "write [[instrument]], in double brackets, once for each, with name and kind"
@@ -97,15 +73,8 @@ def describe_second(
         if names[i] in RESERVED:
             what = f"no instrument can be called {table.name}, as another file of the folder is"
             raise DatasetError(what, file=file, column=column, hint=hint)
-    common = Description.model_validate(
-        {
-            "schema": "gtpin-dataset/1",
-            **frame.model_dump(include={"robot", "tcp", "actuators", "tolerance"}),
-            "conditions": frame.conditions,
-            "driver": frame.driver,
-            "instrument": Instrument(),
-        }
-    )
+    shared = frame.model_dump(include={"robot", "tcp", "actuators", "tolerance", "conditions", "driver"})
+    common = Description.model_validate({"schema": SCHEMA, **shared})
     return SecondDescription(common, tables)
 
 
@@ -132,7 +101,8 @@ def _instrument(
             hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(declared_keys(kind))}"
             raise DatasetError("unknown key", file=file, column=column, hint=hint) from None
         what = "the key is missing" if first["type"] == "missing" else f"{str(first['input'])[:60]} can't be"
-        raise DatasetError(what, file=file, column=column, hint=HINTS.get(key, _kind_of_hint(key))) from None
+        usual = "a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value"
+        raise DatasetError(what, file=file, column=column, hint=HINTS.get(key, usual)) from None
     if isinstance(values.get("target"), (list, str)) and values.get("targets"):
         raise DatasetError("target and targets", file=file, column=f"{place}.targets", hint="write one of the two")
     if isinstance(table, TrackerTable) and table.sigma is not None and table.position_sigma is not None:
@@ -151,23 +121,3 @@ def _instrument(
                 f"a distance from {one} to itself", file=file, column=f"{place}.distances", hint=HINTS["distances"]
             )
     return table
-
-
-def _kind_of_hint(key: str) -> str:
-    return "a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value"
-
-
-def write_second(file: Path, common: Description, tables: tuple[InstrumentTable, ...]) -> None:
-    """Write a dataset.toml of schema 2 that reads back as the same."""
-    values = {
-        "schema": SECOND,
-        "robot": common.robot,
-        "tcp": common.tcp,
-        "actuators": list(common.actuators),
-        "conditions": common.conditions.model_dump(),
-        "tolerance": common.tolerance,
-        "driver": [table.model_dump() for table in common.driver],
-        "instrument": [written(table) for table in tables],
-    }
-    text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
-    file.write_text(text, encoding="utf-8", newline="\n")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.codes import codes
 from gtpin.data.dataset import Dataset
+from gtpin.data.ids import codes
 from gtpin.errors import DatasetError
 from gtpin.typing import Floats, Mask
 

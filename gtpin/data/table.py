@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.data.cells import number
-from gtpin.data.names import is_command
-from gtpin.errors import DatasetError
+from gtpin.data.names import ORIENTATION, command_names, is_command, lookalikes
+from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
 
 Column = NDArray[Any]
@@ -47,6 +47,39 @@ class Table:
     def matrix(self, names: Sequence[str]) -> Floats:
         """Give several columns side by side, (N, len(names))."""
         return np.column_stack([self.column(name) for name in names])
+
+    def commands(self) -> Floats:
+        """Give q1 .. qn, (N, n); raises `DatasetError` for a gap in the numbers or none at all."""
+        found = sum(is_command(name) for name in self.names)
+        return self.matrix(command_names(max(found, 1)))
+
+    def orientation(self) -> Floats | None:
+        """Give qw qx qy qz, (N, 4); None where all four are missing, `DatasetError` where some are."""
+        missing = [name for name in ORIENTATION if name not in self.names]
+        if len(missing) == 4:
+            return None
+        if missing:
+            hint = "give all of qw qx qy qz, or none where only positions were measured"
+            raise DatasetError("the column is missing", file=self.file, row=1, column=missing[0], hint=hint)
+        return self.matrix(ORIENTATION)
+
+    def covariates(self, taken: Collection[str]) -> dict[str, Column]:
+        """Give all columns that are not taken, by name."""
+        return {name: values for name, values in self.columns.items() if name not in taken}
+
+    def warn_of_covariates(self, taken: Collection[str]) -> None:
+        """Warn of columns that were left out because they hold words, and of names that look like a known one but differ."""
+        names = [name for name in self.names if name not in taken]
+        words = [name for name in names if name not in self.columns]
+        if words:
+            warn(f"{self.file}: {', '.join(words)}: no numbers, so no covariate; ignored")
+        alike = lookalikes(names)
+        if alike:
+            pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
+            warn(
+                f"{self.file}: {pairs}: kept as covariates of their own, which no effect of gtpin's looks at; "
+                "rename them if the known ones are meant"
+            )
 
     def _why(self, name: str) -> str:
         alike = [other for other in self.names if _plain(other) == _plain(name)]

@@ -12,12 +12,9 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.effects.where_measured import where_measured
 from gtpin.errors import ModelError
-from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.closures import RodEnds, between, follow
-from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.protocol import Kinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.typing import Floats
 
@@ -133,53 +130,17 @@ def _displaced(
 ) -> Poses:
     """Poses with effects, for rows whose closures the geometry without effects can solve."""
     commands, twist = q.copy(), np.zeros((len(q), 6))
-    found = []
+    lengths, twists = np.zeros((1, 1)), dict[int, Floats]()
     for active in effects:
         at = Situation(kinematics, q, plain, covariates, fixed=active.references)
-        moved = _moved(active.basis(at), active.coefficients)
-        if moved.command is not None:
-            commands[:, moved.command[0]] += moved.command[1]
-        twist = twist + moved.twist
-        found.append(moved)
-    if isinstance(kinematics, ChainKinematics):
-        poses = kinematics.displaced(commands, _summed(found))
-    else:
-        assert isinstance(kinematics, RodKinematics)
-        carrier_joints = sum(moved.carrier_joints for moved in found)
-        length = sum(moved.length for moved in found)
-        ends = kinematics.ends(commands)
-        displaced = RodEnds(ends.P, ends.C + carrier_joints, ends.L + length)
-        before = kinematics.ends(q)
-        poses = follow(lambda s, r: between(before, displaced, s, r), plain, kinematics.size)
-        poses = kinematics.with_joints(poses, commands, displaced.C)
+        basis, c = active.basis(at), active.coefficients
+        if basis.command is not None:
+            commands[:, basis.command[0]] += basis.command[1] @ c
+        if basis.length is not None:
+            lengths = lengths + basis.length @ c
+        for index, moved in basis.placements:  # twists are small: their order is a second-order effect
+            twists[index] = twists.get(index, 0.0) + moved @ c
+        if basis.twist is not None:
+            twist += basis.twist @ c
+    poses = kinematics.displaced(q, plain, commands, twists, lengths)
     return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
-
-
-def _summed(found: Sequence[_Moved]) -> dict[int, Floats]:
-    """(N, 6) sum of the effects' twists of each placement frame. They are small: their order is a second-order effect."""
-    total: dict[int, Floats] = {}
-    for moved in found:
-        for index, twist in moved.placements:
-            total[index] = total.get(index, 0.0) + twist
-    return total
-
-
-@dataclass(frozen=True)
-class _Moved:
-    """Displacements by one effect: the fields of :class:`~gtpin.effects.basis.Basis` times its coefficients."""
-
-    command: tuple[int, Floats] | None
-    carrier_joints: Floats | float
-    length: Floats | float
-    twist: Floats | float
-    placements: tuple[tuple[int, Floats], ...]
-
-
-def _moved(basis: Basis, coefficients: Floats) -> _Moved:
-    return _Moved(
-        None if basis.command is None else (basis.command[0], basis.command[1] @ coefficients),
-        0.0 if basis.carrier_joints is None else basis.carrier_joints @ coefficients,
-        0.0 if basis.length is None else basis.length @ coefficients,
-        0.0 if basis.twist is None else basis.twist @ coefficients,
-        tuple((index, twist @ coefficients) for index, twist in basis.placements),
-    )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.data import Dataset
-from gtpin.data.driver import Driver
+from gtpin.data.description import Driver
 from gtpin.effects.basis import Basis
 from gtpin.effects.driver_motion import Instrument, moved, refusal
 from gtpin.effects.effect import Effect

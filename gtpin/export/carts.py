@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +13,7 @@ from gtpin.effects.basis import rods_of
 from gtpin.effects.hysteresis import approach
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
-from gtpin.export.cart_gives import Give, give
-from gtpin.export.curves import NOTHING, SAME, Curve, fitted
-from gtpin.export.lines import STIFFEST, WORTH
+from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, Curve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
 from gtpin.kinematics.rotations import skew
@@ -24,10 +22,62 @@ from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
+PLACES = 4
+"""Number of half waves along the track: as many as ``cart_compliance`` has."""
+FREE = 0.2
+"""Part of the load's standard deviation that must not follow from the place on the track. With less, one fit can't separate the
+compliance from the curve over the place."""
+WORTHWHILE = 2e-7
+"""Root mean square, m or rad, below which a part of the deflection is dropped."""
 NAMES = ("along", "across_a", "across_b", "roll", "tip_a", "tip_b")
 """Names of a cart's shifts along, and turns about, the axes of :func:`_axes`."""
 STRAIGHT = 1e-9
 """Smallest error motion of a cart, m or rad, that gets a joint."""
+
+
+@dataclass(frozen=True)
+class Give:
+    """The deflection, m or rad: compliance * load + place(q) + slip * direction of approach.
+
+    ``compliance`` in m/N or rad/(N m); ``place``: a curve over the cart's command; ``slip`` in m or rad.
+    """
+
+    compliance: float
+    place: Curve
+    slip: float
+
+    def at(self, load: Floats, q: Floats, approach: Floats) -> Floats:
+        """(N,) deflection, m or rad, under loads (N,), N or N m, at commands (N,), from directions of approach (N,), +1 or
+        -1."""
+        return np.asarray(self.compliance * load + self.place(q) + self.slip * approach)
+
+
+def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[float, float], approach: Floats) -> Give:
+    """The law fitted by least squares to deflections ``moved`` (N,) under loads, at commands, from directions of approach (N,).
+
+    Where the load follows from the place on the track, the compliance is fitted first and alone. Otherwise the curve over the
+    place could take over a part of it. ``tangent`` is the compliance to use where the load does not vary; ``ends``: the range
+    of the cart's commands.
+    """
+    one = np.ones(len(q))
+    compliance, rest = line(load, moved, tangent)
+    simple = Give(compliance, Curve(rest, 0.0), 0.0)
+    place = waves(q, load, ends, one, PLACES)
+    own = load - place(q)
+    if np.std(own) > FREE * np.std(load):
+        # The load without its fit by place and approach: the slope over it is the compliance of a fit of all three together.
+        own = own - approach * float(own @ approach) / max(float(approach @ approach), 1.0)
+        compliance = float(own @ moved) / float(own @ own)
+    left = moved - compliance * load
+    slip = float(left @ approach) / max(float(approach @ approach), 1.0)
+    curve = waves(q, left - slip * approach, ends, one, PLACES)
+    if abs(slip) < WORTHWHILE:
+        slip = 0.0
+    if np.std(curve(q)) < WORTHWHILE:
+        curve = replace(curve, offset=float(np.mean(left)), harmonics=())
+    full = Give(compliance, curve, slip)
+    off, before = (np.std(law.at(load, q, approach) - moved) for law in (full, simple))
+    return full if off + WORTHWHILE < before else simple
 
 
 def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
@@ -65,16 +115,9 @@ def _seated(
 ) -> Mechanism:
     """The mechanism with the rods' joints of a cart on springs.
 
-    Parameters
-    ----------
-    axes
-        (3, 3) as :func:`_axes`.
-    laws
-        The law of deflection by number of the axis, as in ``NAMES``.
-    weight
-        (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain.
-    load
-        Largest load, N or N m, at which friction must hold.
+    ``axes``: (3, 3) as :func:`_axes`. ``laws``: the law of deflection by number of the axis, as in ``NAMES``. ``weight``:
+    (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain. ``load``: largest load, N or N
+    m, at which friction must hold.
     """
     driven, name = _driven(mechanism, robot, site), f"{site}_slip"
     springs, strays, slips, couplings = [], [], [], []
@@ -118,7 +161,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
             if active.site != site or set(active.effect.coordinates(robot, site)) != {f"q{number(robot, site)}"}:
                 continue
             at = conditions(model, active)
-            if active.basis(at).carrier_joints is None:
+            if not active.basis(at).placements:
                 continue
             q = at.q[:, index]
             curves = [fitted(q, moved, ends) for moved in _motion(active, at, axes).T]
@@ -179,9 +222,8 @@ def _joint(
 def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
     """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
     axes."""
-    displaced, lever = active.basis(at).carrier_joints, _levers(at, active.site)
-    assert displaced is not None
-    moved = (displaced @ active.coefficients)[:, rods_of(at, active.site)]
+    lever = _levers(at, active.site)
+    moved = active.basis(at).shifts(rods_of(at, active.site)) @ active.coefficients
     shift = moved.mean(axis=1)
     turned = -np.concatenate([skew(arm) for arm in lever[0]])  # the levers are the same at all poses
     turn = (moved - shift[:, None]).reshape(len(at), -1) @ np.linalg.pinv(turned, rcond=1e-9).T
@@ -194,7 +236,7 @@ def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
     rods = rods_of(at, site)
     carrier_joints = shift + np.cross(turn, _levers(at, site))
     stretch = np.einsum("nki,nki->nk", at.along[:, rods], carrier_joints)
-    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :, rods], stretch))
+    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :6, rods], stretch))
 
 
 def _levers(at: Situation, site: str) -> Floats:

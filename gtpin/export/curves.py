@@ -1,4 +1,4 @@
-"""Curves by which a joint of a mechanism follows another: a straight line, and harmonics of the other's coordinate."""
+"""Curves by which a joint follows another: a line, and harmonics of its coordinate; compliances as lines over loads."""
 
 from __future__ import annotations
 
@@ -18,6 +18,13 @@ LEAST = 1e-9
 SHOWN = 1e-6
 """Smallest singular value of the least-squares problem, relative to the largest. Combinations of harmonics with a smaller one
 are left out: the coordinates of the fit do not determine them."""
+STIFFEST = 1e-11
+"""Smallest compliance, m/N or rad/(N m); a smaller or negative fitted one counts as zero."""
+NO_LOAD = 1e-6
+"""Smallest standard deviation of a load, N or N m, from which a compliance is fitted."""
+WORTH = 0.5
+"""Largest error of an exported effect's motion of the TCP, over this motion, both root mean square. With more, the effect is
+left out of the file."""
 
 
 @dataclass(frozen=True)
@@ -107,3 +114,12 @@ def _with_harmonics(
     found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=SHOWN)[0]
     own = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
     return Curve(float(found[0]), float(found[1]), tuple(h for h in own if abs(h.amplitude) > LEAST))
+
+
+def line(load: Floats, moved: Floats, tangent: float) -> tuple[float, float]:
+    """Compliance, m/N or rad/(N m), and deflection without load, m or rad, of the line through deflections ``moved`` (N,) under
+    loads (N,); the compliance ``tangent`` if the load does not vary."""
+    if np.std(load) < NO_LOAD:
+        return tangent, float(moved.mean() - tangent * load.mean())
+    compliance, rest = np.polyfit(load, moved, 1)
+    return float(compliance), float(rest)

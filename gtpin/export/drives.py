@@ -1,4 +1,4 @@
-"""Effects along an actuator in its drive: the travel as a curve of the command, and play."""
+"""Drives of a mechanism: scales, the travel as a curve of the command, and play."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
-from gtpin.export.compliance import geometric_scales
-from gtpin.export.curves import NOTHING, SAME, Curve, fitted, waves
-from gtpin.export.lines import WORTH
+from gtpin.export.curves import NOTHING, SAME, WORTH, Curve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
 from gtpin.model.model import Model
@@ -61,12 +59,8 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
     is behind the play, so that the deviation depends on the direction of approach, as in the effect. Where a drive overshoots,
     friction moves the part behind the play twice as far as the actuator's joint moves, until the play is taken up.
 
-    Returns
-    -------
-    mechanism
-        The mechanism with an additional body for each motor.
-    shown
-        By name, for each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
+    Returns ``mechanism``: the mechanism with an additional body for each motor. ``shown``: by name, for each effect in it:
+    the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     robot = model.robot
     effects = correctable(model, session)
@@ -91,10 +85,12 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     q = np.concatenate([at.q[:, index], far.q[:, index]])
     up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
-    ends = _ends(at, index)
+    slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)  # the travel is -1 and 1 at its ends
+    ends = float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
     along = fitted(q, (up + down) / 2.0, ends, weight)
     law = Law(along, _half_width(q, (down - up) / 2.0, ends, weight), _largest_load(at, active.site))
-    held = law.at(at.q[:, index], _approach(at, index))
+    came = f"approach{index + 1}"
+    held = law.at(at.q[:, index], at.covariate(came) if came in at.covariates else 0.0)
     moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
@@ -117,12 +113,6 @@ def _largest_load(at: Situation, site: str) -> float:
     rods = rods_of(at, site)
     middle, spreads = (values[rods] for values in at.references.force)
     return float((np.abs(middle) + SPREADS * spreads).sum())
-
-
-def _ends(at: Situation, index: int) -> tuple[float, float]:
-    """Commands at the ends of an actuator's travel."""
-    slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)
-    return float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
@@ -148,11 +138,6 @@ def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) ->
     command = active.basis(at).command
     assert command is not None
     return np.asarray(command[1] @ active.coefficients)
-
-
-def _approach(at: Situation, index: int) -> Floats:
-    name = f"approach{index + 1}"
-    return at.covariate(name) if name in at.covariates else np.zeros(len(at))
 
 
 def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:
@@ -215,3 +200,24 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve)
 
 def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
     return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))
+
+
+def geometric_scales(model: Model) -> dict[str, float]:
+    """Travel per command of each drive by site, from the geometry alone."""
+    scales = dict.fromkeys(model.robot.sites, 1.0)
+    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+        if parameter.kind == "scale" and parameter.per == "actuator":
+            scales[model.robot.sites[parameter.owner]] += float(deviation)
+    return scales
+
+
+def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
+    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of the parts of the
+    model that these scales represent."""
+    scales = geometric_scales(model)
+    carried = set()
+    for active in model.effects:
+        if active.effect.exported_as == "drive_scale":
+            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
+            carried.add(active.name)
+    return scales, carried | {"drive scales"}

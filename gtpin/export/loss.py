@@ -57,10 +57,7 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
 def with_remainders(model: Model, shown: Mapping[str, Floats], session: str | None = None) -> tuple[str, ...]:
     """Names of effects that a file represents with an error, each with the root mean square of this error at the TCP.
 
-    Parameters
-    ----------
-    shown
-        By name, the (N, 6) motion of the TCP, m and rad, by the file at the poses of :func:`conditions`.
+    ``shown``: by name, the (N, 6) motion of the TCP, m and rad, by the file at the poses of :func:`conditions`.
     """
     found = []
     for active in model.effects:

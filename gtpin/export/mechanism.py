@@ -5,20 +5,67 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, warn
 from gtpin.export.curves import SAME, Curve
-from gtpin.export.shapes import Shape, shapes_of
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import joint_jacobian
+from gtpin.robot.description import parse_xml
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
+SIMPLE = ("box", "cylinder", "sphere")
 WORLD = ""
 """Name of the body that does not move; the robot's root link is fixed to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A box (sides), a cylinder along z (radius and length) or a sphere (radius), m, with its colour.
+
+    ``placement`` is its ``pinocchio.SE3`` in its body's frame.
+    """
+
+    kind: Literal["box", "cylinder", "sphere"]
+    size: tuple[float, ...]
+    placement: Any
+    rgba: tuple[float, ...]
+
+
+def shapes_of(robot: Robot) -> dict[int, tuple[Shape, ...]]:
+    """Shapes by the Pinocchio joint that carries them. Meshes are left out, with a warning."""
+    description = robot.description
+    root = parse_xml(description.xml, description.source)
+    meshes = 0
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            if all(visual.find(f"geometry/{kind}") is None for kind in SIMPLE):
+                link.remove(visual)
+                meshes += 1
+        for collision in link.findall("collision"):
+            link.remove(collision)
+    if meshes:
+        warn(f"{meshes} mesh{'es' if meshes > 1 else ''} of {robot.name} left out")
+    found: dict[int, tuple[Shape, ...]] = {}
+    geometry = pin.buildGeomFromUrdfString(robot.model, tostring(root, encoding="unicode"), pin.GeometryType.VISUAL)
+    for item in geometry.geometryObjects:
+        shape = _shape(item)
+        found[item.parentJoint] = (*found.get(item.parentJoint, ()), shape)
+    return found
+
+
+def _shape(item: Any) -> Shape:
+    geometry, rgba = item.geometry, tuple(round(float(c), 6) for c in item.meshColor)
+    name = type(geometry).__name__.lower()
+    if name == "box":
+        return Shape("box", tuple(2.0 * float(s) for s in geometry.halfSide), item.placement, rgba)
+    if name == "cylinder":
+        return Shape("cylinder", (float(geometry.radius), 2.0 * float(geometry.halfLength)), item.placement, rgba)
+    return Shape("sphere", (float(geometry.radius),), item.placement, rgba)
 
 
 @dataclass(frozen=True)
@@ -36,20 +83,12 @@ class Spring:
 class Joint:
     """A motion of one degree of freedom of a body relative to its parent. Of several, the first is the one next to the parent.
 
-    Parameters
-    ----------
-    name, kind
-        Its name, as in the URDF, and whether it is prismatic (``slide``) or revolute (``hinge``).
-    axis, point
-        (3,) unit vector along its axis, and a point on the axis, m; at home, in the body's frame.
-    home
-        Its coordinate at home, m or rad.
-    lower, upper
-        Its range, m or rad; infinite where it has no limits.
-    spring
-        Its spring; None if it moves freely or is driven.
-    play
-        Whether it is the play of a drive, and its range is this play.
+    - ``name``, ``kind``: its name, as in the URDF, and whether it is prismatic (``slide``) or revolute (``hinge``).
+    - ``axis``, ``point``: (3,) unit vector along its axis, and a point on the axis, m; at home, in the body's frame.
+    - ``home``: its coordinate at home, m or rad.
+    - ``lower``, ``upper``: its range, m or rad; infinite where it has no limits.
+    - ``spring``: its spring; None if it moves freely or is driven.
+    - ``play``: whether it is the play of a drive, and its range is this play.
     """
 
     name: str
@@ -103,22 +142,13 @@ class Guide:
 class Body:
     """A rigid body.
 
-    Parameters
-    ----------
-    name, parent
-        Link names.
-    placement
-        ``pinocchio.SE3`` of the body in its parent's frame at home.
-    joints
-        Its joints relative to its parent; empty for a body that floats.
-    inertia
-        ``pinocchio.Inertia`` in the body's frame.
-    free
-        Name of its floating joint (six degrees of freedom); None if it does not float.
-    shapes
-        Its shapes, for drawings.
-    frames
-        Links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
+    - ``name``, ``parent``: link names.
+    - ``placement``: ``pinocchio.SE3`` of the body in its parent's frame at home.
+    - ``joints``: its joints relative to its parent; empty for a body that floats.
+    - ``inertia``: ``pinocchio.Inertia`` in the body's frame.
+    - ``free``: name of its floating joint (six degrees of freedom); None if it does not float.
+    - ``shapes``: its shapes, for drawings.
+    - ``frames``: links that are fixed to it, by name: their ``pinocchio.SE3`` in its frame.
     """
 
     name: str
@@ -218,10 +248,7 @@ def mechanism(robot: Robot) -> Mechanism:
 
     A link without mass between two joints becomes a second joint of the link that it carries.
 
-    Raises
-    ------
-    RobotError
-        If a joint is neither prismatic nor revolute, nor floats on the base.
+    Raises `RobotError` if a joint is neither prismatic nor revolute, nor floats on the base.
     """
     posture = home(robot)
     model, data = robot.model, robot.data

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from gtpin.export.curves import SAME, Harmonic
 from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism
-from gtpin.export.mjcf_drives import STIFF
 from gtpin.export.text import numbers
 
 ROD, RADIUS = 1.0, 1e-3
@@ -25,6 +24,8 @@ cosine. MuJoCo treats a pin within 1e-6 m of the axis as a pin on the axis."""
 LIGHT, FIRM = 1e-3, 0.03
 """Inertia of a crank, as seen by the joint that turns it, over the reflected inertia of that joint: of most cranks, and of
 those that limit a play."""
+STIFF = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
+"""Constraints as stiff as the time step allows."""
 SELF = Harmonic(1.0, -np.pi / 2.0, 1.0)
 """A small coordinate x as a harmonic of itself: cos(x - pi / 2) = sin(x), about x."""
 

@@ -18,10 +18,7 @@ def with_anchors(robot: Robot) -> str:
     Shapes are left out: the loader of example-parallel-robots removes a frame although shapes refer to frames by their number,
     and then crashes with some robots.
 
-    Raises
-    ------
-    RobotError
-        If the robot has no loops.
+    Raises `RobotError` if the robot has no loops.
     """
     description = robot.description
     if not description.loops:

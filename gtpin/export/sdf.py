@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism
-from gtpin.export.shapes import Shape
+from gtpin.export.mechanism import WORLD, Body, Joint, Mechanism, Shape
 from gtpin.export.text import numbers, xml_text
 
 VERSION = "1.9"
@@ -28,11 +27,8 @@ def to_sdf(mechanism: Mechanism) -> str:
     home. For a joint whose coordinate at home is not zero, the range is shifted by this coordinate, and ``gtpin:home`` gives
     it.
 
-    Raises
-    ------
-    RobotError
-        If a body has two joints whose axes do not intersect at a right angle, or more than two. A link without mass between
-        two joints, which is merged with the next link, can cause this.
+    Raises `RobotError` if a body has two joints whose axes do not intersect at a right angle, or more than two. A link
+    without mass between two joints, which is merged with the next link, can cause this.
     """
     root = Element("sdf", {"version": VERSION, "xmlns:gtpin": "urn:gtpin"})
     base = mechanism.bodies[0]
@@ -76,7 +72,12 @@ def _joints(model: Element, body: Body) -> None:
         kind = "prismatic" if first.kind == "slide" else "revolute"
         kind = "continuous" if kind == "revolute" and not np.isfinite(first.upper) else kind
         joint = _joint(model, first.name, kind, body.parent, body.name)
-    elif len(others) == 1 and _cross(first, others[0]):
+    elif (
+        len(others) == 1
+        and first.kind == others[0].kind == "hinge"
+        and abs(float(first.axis @ others[0].axis)) < SQUARE
+        and float(np.linalg.norm(first.point - others[0].point)) < SQUARE
+    ):
         joint = _joint(model, f"{body.name}_joint", "universal", body.parent, body.name)
     else:
         names = " and ".join(j.name for j in body.joints)
@@ -84,11 +85,6 @@ def _joints(model: Element, body: Body) -> None:
     _pose(joint, pin.SE3(np.eye(3), first.point))
     for tag, axis in zip(("axis", "axis2"), body.joints, strict=False):
         _axis(joint, tag, axis)
-
-
-def _cross(one: Joint, other: Joint) -> bool:
-    apart = float(np.linalg.norm(one.point - other.point))
-    return one.kind == other.kind == "hinge" and abs(float(one.axis @ other.axis)) < SQUARE and apart < SQUARE
 
 
 def _axis(joint: Element, tag: str, axis: Joint) -> None:

@@ -83,10 +83,8 @@ Sections = Mapping[str, Mapping[str, Option]]
 def read_config(file: Path, without: Path | None = None) -> Sections:
     """Read a configuration with the files that it includes; ``without``: but for this one, which may be missing.
 
-    Raises
-    ------
-    DatasetError
-        If a line has another format, or an included file is missing, outside the folder, or includes itself.
+    Raises `DatasetError` if a line has another format, or an included file is missing, outside the folder, or includes
+    itself.
     """
     reader = _Reader(file.parent, None if without is None else os.path.abspath(without))
     reader.read(file)

@@ -32,24 +32,12 @@ def read_linuxcnc_probe(
 ) -> Touches:
     """Read the touches of a probe log.
 
-    Parameters
-    ----------
-    file
-        The log.
-    unit
-        Unit of lengths in the program that made the log.
-    axes
-        The letters that are the commands of the robot's actuators, in the order of q: ``XYZ`` or ``XYZAC`` for a machine whose
-        drives are its axes (trivkins). Empty: X Y Z is the TCP, and the commands are computed with the robot's geometry.
-    zero
-        With ``axes``: the machine coordinates of the program's zero, m.
-    target
-        (3,) the tip of the probe in the TCP frame, m.
+    ``file``: the log. ``unit``: unit of lengths in the program that made the log. ``axes``: the letters that are the
+    commands of the robot's actuators, in the order of q: ``XYZ`` or ``XYZAC`` for a machine whose drives are its axes
+    (trivkins). Empty: X Y Z is the TCP, and the commands are computed with the robot's geometry. ``zero``: with ``axes``:
+    the machine coordinates of the program's zero, m. ``target``: (3,) the tip of the probe in the TCP frame, m.
 
-    Raises
-    ------
-    DatasetError
-        If there is no touch, or a line that is not nine numbers.
+    Raises `DatasetError` if there is no touch, or a line that is not nine numbers.
     """
     file = Path(file)
     if unit not in METRES:

@@ -28,24 +28,12 @@ def matched(
 ) -> npt.NDArray[np.intp]:
     """(N,) index, in the table of commands, of the command of each reading.
 
-    Parameters
-    ----------
-    commands
-        The table of commands.
-    by
-        ``pose``: the command with the same id. ``row``: the command in the same row; both tables must have the same length.
-        ``time``: the command that is nearest in time.
-    file, row
-        File of the readings, and the (N,) line of each.
-    pose, time
-        (N,) ids and times, s, of the readings.
-    within
-        The longest time between a reading and its command, s.
+    ``commands``: the table of commands. ``by``: ``pose``: the command with the same id. ``row``: the command in the same
+    row; both tables must have the same length. ``time``: the command that is nearest in time. ``file``, ``row``: file of
+    the readings, and the (N,) line of each. ``pose``, ``time``: (N,) ids and times, s, of the readings. ``within``: the
+    longest time between a reading and its command, s.
 
-    Raises
-    ------
-    DatasetError
-        If one of the tables lacks the column that is needed, or a reading has no command, or several.
+    Raises `DatasetError` if one of the tables lacks the column that is needed, or a reading has no command, or several.
     """
     if by == "row":
         if len(commands.pose) != len(row):

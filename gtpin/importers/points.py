@@ -7,24 +7,137 @@ order are in the file, so the user gives both.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset, Instrument
+from gtpin.data.cells import number
+from gtpin.data.ids import Ids, normal_id
 from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.errors import DatasetError
+from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, matched
-from gtpin.importers.named_columns import (
-    ANGLES,
-    LENGTHS,
-    Angle,
-    Length,
-    Separator,
-    commands_among,
-    read_named_columns,
-)
 from gtpin.robot.library import load_robot
+from gtpin.typing import Floats
+
+Separator = Literal["comma", "semicolon", "tab", "space"]
+SIGNS: Mapping[Separator, str | None] = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+Length = Literal["m", "mm", "inch"]
+LENGTHS: Mapping[Length, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
+Angle = Literal["rad", "deg"]
+ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
+
+IGNORED = "-"
+COMMENTS = ("//", "#", "%")
+"""Beginnings of comment lines: // in SpatialAnalyzer's exports, the others in files of other programs."""
+
+
+@dataclass(frozen=True, eq=False)
+class NamedColumns:
+    """The content of a table.
+
+    ``file``, ``row``: the file, and the (N,) line of each row. ``pose``: (N,) ids; None where there is no such column.
+    ``values``: (N,) numbers of the other columns by name, in the units of the file.
+    """
+
+    file: Path
+    row: npt.NDArray[np.int64]
+    pose: Ids | None
+    values: Mapping[str, Floats]
+
+
+def read_named_columns(
+    file: Path, names: list[str], separator: Separator, *, header: int = 0, decimal_comma: bool = False
+) -> NamedColumns:
+    """Read a table.
+
+    ``file``: a text file; blank lines and lines that begin with ``//``, ``#`` or ``%`` are ignored. ``names``: names of the
+    columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for a column
+    that is ignored. ``separator``: separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of
+    them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
+    is a comma.
+
+    Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
+    number must be.
+    """
+    wanted = _wanted(names, separator, decimal_comma)
+    rows: list[int] = []
+    poses: list[str] = []
+    cells: dict[str, list[float]] = {name: [] for name in wanted if name != "pose"}
+    for row, line in enumerate(text_lines(file), 1):
+        if row <= header or not line.strip() or line.lstrip().startswith(COMMENTS):
+            continue
+        texts = line.split(SIGNS[separator])
+        if len(texts) != len(names):
+            what = f"the row has {len(texts)} columns, and {len(names)} are named"
+            hint = f"name all columns in their order, '{IGNORED}' for those that are not wanted; the separator is a {separator}"
+            raise DatasetError(what, file=file, row=row, hint=hint)
+        for name, place in wanted.items():
+            text = texts[place].strip()
+            if name == "pose":
+                try:
+                    poses.append(normal_id(text))
+                except ValueError as error:
+                    hint = "give every row a pose"
+                    raise DatasetError(str(error), file=file, row=row, column="pose", hint=hint) from None
+            else:
+                plain = text.replace(",", ".", 1) if decimal_comma else text
+                cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
+        rows.append(row)
+    if not rows:
+        raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
+    ids = np.array(poses, dtype=object) if "pose" in wanted else None
+    return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
+
+
+def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict[str, int]:
+    """Index, from 0, of each column that is used, by its name."""
+    found: dict[str, int] = {}
+    for place, name in enumerate(names):
+        if name == IGNORED:
+            continue
+        if not name or name in found:
+            what = f"the column {name} is named twice" if name else "a column without a name"
+            raise DatasetError(what, column="columns", hint=f"name each once, and '{IGNORED}' what is not wanted")
+        found[name] = place
+    missing = [name for name in POSITION if name not in found]
+    turned = [name for name in ORIENTATION if name in found]
+    missing += [name for name in ORIENTATION if turned and name not in found]
+    if missing:
+        hint = "name x, y, z, and all or none of qw, qx, qy, qz"
+        raise DatasetError(f"no column is named {missing[0]}", column="columns", hint=hint)
+    if separator not in SIGNS:
+        raise DatasetError(f"the separator {separator!r} is not known", column="separator", hint=", ".join(SIGNS))
+    if decimal_comma and separator == "comma":
+        what = "commas between columns and in numbers"
+        raise DatasetError(what, column="separator", hint="name the other separator, or export with a decimal point")
+    return found
+
+
+def _hint(text: str, *, first: bool) -> str:
+    """The hint for a text that is not a number; ``first``: it is in the first row."""
+    if "," in text and not math.isnan(number(text.replace(",", ".", 1))):
+        return "if numbers have a comma for the point, give --decimal-comma"
+    return (
+        "if this line is no row, pass over it (--header N); else correct it"
+        if first
+        else "correct the row, or delete it"
+    )
+
+
+def commands_among(names: Iterable[str]) -> list[str]:
+    """Which columns are commands, q1 .. qn in order; raises `DatasetError` for a gap."""
+    found = sorted((name for name in names if is_command(name)), key=lambda name: int(name[1:]))
+    for place, name in enumerate(found, 1):
+        if name != f"q{place}":
+            raise DatasetError(f"no column is named q{place}", column="columns", hint="name q1 .. qn without a gap")
+    return found
 
 
 def read_points(
@@ -45,28 +158,14 @@ def read_points(
 ) -> Dataset:
     """Read a list of points or poses.
 
-    Parameters
-    ----------
-    file
-        The list.
-    robot, tcp
-        As in dataset.toml.
-    columns, separator, header, decimal_comma
-        See :func:`~gtpin.importers.named_columns.read_named_columns`.
-    unit
-        Unit of x, y and z, and of the commands of actuators that slide, where the list has them.
-    angle
-        Unit of the commands of actuators that turn, where the list has them.
-    commands, match, within
-        The commands, where the list has none, and how they are matched with its rows: see
-        :func:`~gtpin.importers.matched.matched`.
-    instrument
-        The instrument; by default with unknown noise, a free frame and a free target.
+    ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
+    see :func:`~gtpin.importers.points.read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
+    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
+    ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
+    :func:`~gtpin.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
+    and a free target.
 
-    Raises
-    ------
-    GtpinError
-        If a row is damaged, or columns or units are not given completely.
+    Raises `GtpinError` if a row is damaged, or columns or units are not given completely.
     """
     file = Path(file)
     if unit not in LENGTHS:

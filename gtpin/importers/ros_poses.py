@@ -53,24 +53,13 @@ def read_ros_poses(
 ) -> Dataset:
     """Read the poses of a topic, each with the command that belongs to it.
 
-    Parameters
-    ----------
-    file
-        CSV with the header of ``rostopic echo -p``, or without one as ``ros2 topic echo --csv`` writes it.
-    robot, tcp
-        As in dataset.toml.
-    commands, match, within
-        The commands, and how they are matched: by ``time`` (s, of the same clock) or ``row``; see
-        :func:`~gtpin.importers.matched.matched`.
-    prefix
-        Prefix of the pose's columns, where the message has several poses: ``field.detections0.pose.pose.pose``.
-    instrument
-        The instrument; by default with unknown noise, a free frame and a free target.
+    ``file``: CSV with the header of ``rostopic echo -p``, or without one as ``ros2 topic echo --csv`` writes it. ``robot``,
+    ``tcp``: as in dataset.toml. ``commands``, ``match``, ``within``: the commands, and how they are matched: by ``time``
+    (s, of the same clock) or ``row``; see :func:`~gtpin.importers.matched.matched`. ``prefix``: prefix of the pose's
+    columns, where the message has several poses: ``field.detections0.pose.pose.pose``. ``instrument``: the instrument; by
+    default with unknown noise, a free frame and a free target.
 
-    Raises
-    ------
-    DatasetError
-        If a column is missing or there twice, or a row is damaged or has no command.
+    Raises `DatasetError` if a column is missing or there twice, or a row is damaged or has no command.
     """
     file = Path(file)
     cells = [(row, line.split(",")) for row, line in enumerate(text_lines(file), 1) if line.strip()]

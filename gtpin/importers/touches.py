@@ -1,19 +1,34 @@
-"""Touches: positions of the TCP, by a controller's own geometry, at which a probe touched a surface."""
+"""Touches: positions of the TCP, by a controller's own geometry, at which a probe touched a surface; and their dataset."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from gtpin.data import Commands, check_commands
+from gtpin.data.dataset import FILES
+from gtpin.data.description import SECOND, write_description
+from gtpin.data.files import write_table
+from gtpin.data.instrument_tables import written
+from gtpin.data.names import command_names
+from gtpin.data.second_schema import describe_second
+from gtpin.data.table import Column
 from gtpin.errors import DatasetError
 from gtpin.kinematics.inverse import commands_for
-from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.output.ownership import alone_in, recorded, refuse_foreign, was_moved_aside
+from gtpin.output.results import results_folder, writing
+from gtpin.references import seen_from
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -31,34 +46,28 @@ ALIKE = 0.05
 is smaller where the dimensions are known to a few per cent; for wrongly assigned drives it is about 1. Assumed."""
 FEWEST = 3
 """Fewest touches from which order and sign of the drives are determined."""
+PLANE = "A"
+"""Name of the only plane of a file of touches."""
+DIGITS = 9
+"""Decimals to which the plane's point, m, is written: nanometres, far below the width of its prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Touches:
     """N touches of one surface, as they are in a file.
 
-    Parameters
-    ----------
-    file, row
-        The file, and the (N,) line of each touch.
-    pose
-        (N,) ids.
-    position
-        (N, 3) the TCP at the touch in the controller's coordinates, m; None where the file has the commands themselves.
-    q
-        (N, n) commands, m or rad; None where they follow from the positions.
-    travel
-        (N, n) travel of the drives, m, in any order and with any sign and zero; None where it was not recorded. Commands that
-        are taken from it do not depend on the controller's geometry.
-    height
-        (N,) height of the target over the surface, m, positive on the side that the normal points to; None for zero.
-    target
-        (3,) the touching point, TCP frame, m.
+    - ``file``, ``row``: the file, and the (N,) line of each touch.
+    - ``pose``: (N,) ids.
+    - ``position``: (N, 3) the TCP at the touch in the controller's coordinates, m; None where the file has the commands
+      themselves.
+    - ``q``: (N, n) commands, m or rad; None where they follow from the positions.
+    - ``travel``: (N, n) travel of the drives, m, in any order and with any sign and zero; None where it was not recorded.
+      Commands that are taken from it do not depend on the controller's geometry.
+    - ``height``: (N,) height of the target over the surface, m, positive on the side that the normal points to; None for
+      zero.
+    - ``target``: (3,) the touching point, TCP frame, m.
 
-    Raises
-    ------
-    DatasetError
-        If a number is so large that it must be damaged, or the target is too far from the TCP.
+    Raises `DatasetError` if a number is so large that it must be damaged, or the target is too far from the TCP.
     """
 
     file: Path
@@ -93,19 +102,10 @@ def check_size(values: Floats, file: Path, row: npt.NDArray[np.int64]) -> None:
 def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[float, float, float]) -> Touches:
     """Touches of a probe that is mounted beside the nozzle, from a file in millimetres.
 
-    Parameters
-    ----------
-    file, rows
-        The file, and the line of each touch.
-    xyz
-        Commands of the nozzle, (N, 3), mm.
-    offset
-        The probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
+    ``file``, ``rows``: the file, and the line of each touch. ``xyz``: commands of the nozzle, (N, 3), mm. ``offset``: the
+    probe's offset, mm: x and y of the probe from the nozzle, and the height of the nozzle over the bed at the touch.
 
-    Raises
-    ------
-    DatasetError
-        If the offset looks like metres.
+    Raises `DatasetError` if the offset looks like metres.
     """
     aside = float(np.hypot(*offset[:2]))
     if aside and not ASIDE[0] <= aside <= ASIDE[1]:
@@ -127,24 +127,11 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     Commands that are not in the file are computed from the positions by inverse kinematics. The orientation of a robot with
     three actuators is free; a robot with six or more keeps that of its home.
 
-    Parameters
-    ----------
-    touches
-        The touches.
-    kinematics
-        Kinematics of the robot with the controller's geometry.
-    origin
-        (3,) the controller's zero in the base frame, m; the axes are parallel.
+    ``touches``: the touches. ``kinematics``: kinematics of the robot with the controller's geometry. ``origin``: (3,) the
+    controller's zero in the base frame, m; the axes are parallel.
 
-    Returns
-    -------
-    q, poses
-        (N, n) commands, m or rad, and the (N) poses there.
-
-    Raises
-    ------
-    DatasetError
-        If the robot can't reach a position, or its commands do not agree with the recorded travel of the drives.
+    Returns (N, n) commands, m or rad, and the (N) poses there. Raises `DatasetError` if the robot can't reach a position,
+    or its commands do not agree with the recorded travel of the drives.
     """
     robot = kinematics.geometry.robot
     if touches.q is not None:
@@ -201,19 +188,10 @@ def _refuse(touches: Touches, poses: Poses, robot: Robot) -> None:
 def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
     """Commands (N, n) from the drives' travel (N, n): order, signs and zeros are found by comparison with the commands ``q``.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands of the nominal robot at the same touches, m.
-    travel
-        (N, n) recorded travel, m.
-    file, robot
-        File and robot for error messages.
+    ``q``: (N, n) commands of the nominal robot at the same touches, m. ``travel``: (N, n) recorded travel, m. ``file``,
+    ``robot``: file and robot for error messages.
 
-    Raises
-    ------
-    DatasetError
-        If the travel of a drive agrees with no actuator: the robot is another machine.
+    Raises `DatasetError` if the travel of a drive agrees with no actuator: the robot is another machine.
     """
     if len(q) < FEWEST or q.shape != travel.shape:
         what = f"{len(q)} touches with {travel.shape[1]} drives, for a robot of {q.shape[1]} actuators"
@@ -231,3 +209,92 @@ def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
     sign = np.where(same <= other, 1.0, -1.0)[actuator, drive]
     found: Floats = q.mean(axis=0) + sign * moved[:, drive]
     return found
+
+
+def write_touches(
+    touches: Touches,
+    folder: Path | str,
+    robot: str,
+    *,
+    tcp: str | None = None,
+    name: str = "bed",
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    normal: Sequence[float] = (0.0, 0.0, 1.0),
+    sigma: float | None = None,
+    force: bool = False,
+) -> int:
+    """Write a dataset folder of touches of one plane, and give the number of its rows.
+
+    ``touches``: the touches, as a reader of this package returns them. ``folder``: the folder to write. A dataset that
+    gtpin wrote there is replaced. ``robot``, ``tcp``: the robot's name, or the path of its URDF or MJCF file; the link of
+    its TCP, where it is not the robot's own. ``name``: name of the instrument and of its table. ``origin``: (3,) the
+    controller's zero in the robot's base frame, m. ``normal``: (3,) normal of the surface, base frame, pointing to the
+    touched side; any length. The plane goes through the mean of the touched points. ``sigma``: standard deviation of a
+    touch along the normal, m; None: it is estimated from the data. ``force``: rename files that gtpin has not written
+    (``NAME.old-1``).
+
+    Raises `GtpinError` if the robot can't be read, is another machine or can't reach a touch, or the folder can't be
+    written.
+    """
+    folder = Path(folder)
+    nominal = kinematics(Geometry.nominal(load_robot(robot, tcp)))
+    q, poses = commands(touches, nominal, _vector(origin, "origin"))
+    n = _vector(normal, "normal")
+    if not n.any():
+        raise DatasetError("the normal has no direction", column="normal", hint="give three numbers, not all zero")
+    n = n / np.abs(n).max()  # first of all, because the square of a large number overflows
+    n = n / np.linalg.norm(n)
+    if sigma is not None and not 0.0 < sigma < np.inf:
+        raise DatasetError(f"sigma = {sigma:g} can't be", column="sigma", hint="a length in m, above 0")
+    tips = poses.T + np.einsum("nij,j->ni", poses.R, np.array(touches.target))
+    height = np.zeros(len(touches)) if touches.height is None else touches.height
+    instrument: dict[str, Any] = {"name": name, "kind": "plane"}
+    if sigma is not None:
+        instrument["sigma"] = sigma
+    if any(touches.target):
+        instrument["target"] = [float(value) for value in touches.target]
+    point = tips.mean(axis=0) - height.mean() * n
+    instrument["planes"] = {PLANE: {"point": (point.round(DIGITS) + 0.0).tolist(), "normal": n.tolist()}}
+    columns: dict[str, Column] = {"pose": touches.pose}
+    columns |= dict(zip(command_names(q.shape[1]), q.T, strict=True))
+    if touches.height is not None:
+        columns["height"] = touches.height
+    write_instrument(folder, seen_from(robot, folder), instrument, columns, tcp=tcp, force=force)
+    return len(touches)
+
+
+def write_instrument(
+    folder: Path,
+    robot: str,
+    instrument: dict[str, Any],
+    columns: dict[str, Column],
+    *,
+    tcp: str | None = None,
+    actuators: Sequence[str] = (),
+    force: bool = False,
+) -> None:
+    """Write ``dataset.toml`` in schema 2 with one instrument, and its table ``NAME.csv``.
+
+    ``folder``, ``force``: as for :func:`write_touches`. ``robot``, ``tcp``, ``actuators``: as in dataset.toml.
+    ``instrument``: the keys of ``[[instrument]]``. ``columns``: (N,) columns of its table, by name.
+    """
+    content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
+    described = describe_second(content, None, {})
+    name = described.instruments[0].name
+    if not force and folder.is_dir():
+        with writing(folder, DatasetError):
+            there = [name for name in sorted(os.listdir(folder)) if not was_moved_aside(name)]
+            refuse_foreign(folder, there, force, DatasetError)
+    # Tables of the dataset that is replaced are removed: the new dataset has no instrument for them.
+    tables = {name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet"))}
+    table = f"{name}.csv"
+    with results_folder(folder, {*FILES, *tables, table}, force=force, kind=DatasetError) as new:
+        write_description(new / "dataset.toml", described.common, [written(one) for one in described.instruments])
+        write_table(new / table, columns)
+
+
+def _vector(values: Sequence[float], name: str) -> npt.NDArray[np.float64]:
+    vector = np.array(values, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise DatasetError("these are not three finite numbers", column=name, hint="give x y z")
+    return vector

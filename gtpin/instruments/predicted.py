@@ -16,8 +16,7 @@ from gtpin.instruments.instrument import Instrument, Read, RowError
 from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import to_quaternions
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.typing import Floats
 
 

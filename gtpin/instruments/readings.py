@@ -21,8 +21,7 @@ from gtpin.instruments.socket import Socket
 from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, to_quaternions
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Model, in_frame
+from gtpin.model.model import FittedInstrument, Model, in_frame
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Indices
 

@@ -13,7 +13,7 @@ from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.geometry_jacobian import to_gap
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rod_geometry import RodGeometry
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -154,7 +154,7 @@ def _rod_mass(robot: Robot, rod_index: int) -> _RodMass:
 
 
 def rod_forces(
-    kinematics: RodKinematics,
+    kinematics: RodGeometry,
     q: Floats,
     poses: Poses,
     force: Floats | None = None,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
-from gtpin.data.driver import Driver, Motion
+from gtpin.data.description import Driver, Motion
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.driver import PREFIX, Column, DriverEffect
@@ -31,9 +31,17 @@ UNIT = 1e-6
 
 
 class Record(BaseModel):
-    """A part of a JSON file. Unknown keys, and text in place of numbers, are errors."""
+    """A part of a JSON file. Unknown keys, and text in place of numbers, are errors.
+
+    Keys in ``optional`` are written only where they have a value.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
+    optional: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_unset(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {key: value for key, value in write(self).items() if key not in self.optional or value}
 
 
 class TimeRecord(Record):
@@ -60,14 +68,10 @@ class DirectionRecord(Record):
 class CommandsRecord(Record):
     """Smallest and largest commands in a fit, m or rad; ``measured``: for each joint, the parts of a turn that had commands."""
 
+    optional = ("measured",)
     lower: list[Finite]
     upper: list[Finite]
     measured: list[list[Annotated[int, Field(ge=0, lt=PARTS)]]] | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The measured angles are written where they are known."""
-        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class JointsRecord(Record):
@@ -80,6 +84,7 @@ class JointsRecord(Record):
 class ReferencesRecord(Record):
     """Reference values of the covariates; see :class:`~gtpin.effects.situation.References`."""
 
+    optional = ("commands", "joints")  # robots with rods have none
     temperature: Finite
     time: TimeRecord
     sessions: list[str]
@@ -89,14 +94,9 @@ class ReferencesRecord(Record):
     commands: CommandsRecord | None = None
     joints: JointsRecord | None = None
 
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out the keys that only robots without rods have, for other robots."""
-        return {key: value for key, value in write(self).items() if value is not None}
-
 
 class DriverRecord(Record):
-    """What a recorded column may move; see :class:`~gtpin.data.driver.Driver`."""
+    """What a recorded column may move; see :class:`~gtpin.data.description.Driver`."""
 
     site: str
     motion: Motion
@@ -123,6 +123,7 @@ class EffectRecord(Record):
     ``setting`` is the value of its nonlinear parameter, and ``further_settings`` are further values where it acts with several.
     """
 
+    optional = ("column", "further_settings", "only_measured")
     effect: str
     site: str
     setting: Finite | None
@@ -133,25 +134,18 @@ class EffectRecord(Record):
     column: ColumnRecord | None = None
     only_measured: bool = False
 
-    @model_serializer(mode="wrap")
-    def _without_defaults(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Keys that few effects have are written for these alone."""
-        optional = ("column", "further_settings", "only_measured")
-        return {key: value for key, value in write(self).items() if key not in optional or value}
-
 
 def record(active: ActiveEffect) -> EffectRecord:
     """An active effect as it is stored in a file.
 
-    Raises
-    ------
-    ModelError
-        If another effect of the catalogue has the same id, since reading the file would give that effect.
+    Raises `ModelError` if another effect of the catalogue has the same id, since reading the file would give that effect.
     """
     own = active.effect
     if not isinstance(own, type(effects_by_id().get(own.id, own))):
         raise ModelError(f"the catalogue has another effect {own.id}", hint="give one of them another id")
     known = active.references
+    (lower, upper), (mean, spread) = known.commands, known.joints
+    measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
@@ -166,8 +160,10 @@ def record(active: ActiveEffect) -> EffectRecord:
             force=ForceRecord(mean=known.force[0].tolist(), spread=known.force[1].tolist()),
             direction=DirectionRecord(mean=known.direction[0].tolist(), spread=known.direction[1].tolist()),
             covariates=list(known.covariates),
-            commands=_commands(known),
-            joints=_joints(known),
+            commands=CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
+            if lower.size
+            else None,
+            joints=JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None,
         ),
         column=_column(own) if isinstance(own, DriverEffect) else None,
         only_measured=active.only_measured,
@@ -196,33 +192,12 @@ def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
     return DriverEffect(Column(stored.name, stored.mean, stored.range), drivers, instrument)
 
 
-def _commands(known: References) -> CommandsRecord | None:
-    lower, upper = known.commands
-    if not lower.size:
-        return None
-    measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
-    return CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
-
-
-def _joints(known: References) -> JointsRecord | None:
-    mean, spread = known.joints
-    return JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None
-
-
 def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:
     """An active effect from a file.
 
-    Parameters
-    ----------
-    known
-        Accepted effects, by id.
-    kinematics
-        Kinematics of the geometry to which the effect belongs.
+    ``known``: accepted effects, by id. ``kinematics``: kinematics of the geometry to which the effect belongs.
 
-    Raises
-    ------
-    ModelError
-        If the effect does not fit the robot; ``column`` is the wrong key.
+    Raises `ModelError` if the effect does not fit the robot; ``column`` is the wrong key.
     """
     robot = kinematics.geometry.robot
     effect = known.get(stored.effect)
@@ -240,13 +215,14 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         raise ModelError(f"{effect.id} {'needs' if effect.has_nonlinear else 'has no'} setting", column="setting")
     if stored.further_settings and len(stored.further_settings) >= effect.most_values:
         raise ModelError(f"{effect.id} has {effect.most_values} settings at most", column="further_settings")
+    since_a_model = effect.since_a_model and not stored.references.sessions  # it can be applied without covariates
     active = ActiveEffect(
         effect,
         stored.site,
         stored.setting,
         np.array(stored.coefficients, dtype=float),
         np.zeros((0, 0)),
-        _references(stored.references, robot, _needed(effect, robot, stored)),
+        _references(stored.references, robot, () if since_a_model else effect.covariates(robot, stored.site)),
         tuple(stored.further_settings),
         stored.only_measured,
     )
@@ -265,13 +241,6 @@ def _check_measured(active: ActiveEffect, robot: Robot) -> None:
             f"only a curve of a turning joint with references.commands.measured can be, not {active.name}",
             column="only_measured",
         )
-
-
-def _needed(effect: Effect, robot: Robot, stored: EffectRecord) -> tuple[str, ...]:
-    """Covariates without which a stored effect can't be applied."""
-    if effect.since_a_model and not stored.references.sessions:
-        return ()  # a change since an earlier model
-    return effect.covariates(robot, stored.site)
 
 
 def _covariance(stored: EffectRecord) -> Floats:
@@ -319,10 +288,7 @@ def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...])
 def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, Any]:
     """Commands and joints' loads of a fit of a robot without rods.
 
-    Raises
-    ------
-    ModelError
-        If they are missing, or are another robot's.
+    Raises `ModelError` if they are missing, or are another robot's.
     """
     if robot.rods:
         return {}

@@ -1,4 +1,4 @@
-"""The conditions of the fit of a model: what a later check of the same machine is compared with."""
+"""The conditions of the fit of a model, and what it left unexplained: a later check of the machine is compared with them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.data.table import Column
-from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
 
 TEMPERATURES = ("temp_frame", "temp_link")
@@ -16,20 +15,40 @@ TEMPERATURES = ("temp_frame", "temp_link")
 
 
 @dataclass(frozen=True)
+class Unexplained:
+    """Errors of a fitted model that differ from pose to pose and are not noise, per axis, as standard deviations.
+
+    They are a part of the uncertainty of every prediction of the model.
+
+    ``position``, ``orientation``: of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
+    ``noise_known``: True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit
+    can't be divided into noise and errors of the model, and all of it counts as unexplained.
+    """
+
+    position: float
+    orientation: float
+    noise_known: bool = True
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing is unexplained."""
+        return self.position == 0.0 and self.orientation == 0.0
+
+
+EXPLAINED = Unexplained(0.0, 0.0)
+"""Nothing is unexplained."""
+
+
+@dataclass(frozen=True)
 class FitConditions:
     """Noise and temperatures of the poses that a model was fitted to; sigmas are one standard deviation.
 
-    Parameters
-    ----------
-    position_sigma, orientation_sigma
-        Noise of the instrument, per axis, m and rad, declared or estimated.
-    drives
-        Noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not explain.
-    misfit
-        Ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation and at least
-        1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
-    temp_frame, temp_link
-        Mean temperatures, degC; None where they were not recorded.
+    - ``position_sigma``, ``orientation_sigma``: noise of the instrument, per axis, m and rad, declared or estimated.
+    - ``drives``: noise of every actuator, m or rad: repeatability, and errors along its motion that the model does not
+      explain.
+    - ``misfit``: ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation
+      and at least 1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
+    - ``temp_frame``, ``temp_link``: mean temperatures, degC; None where they were not recorded.
     """
 
     position_sigma: float

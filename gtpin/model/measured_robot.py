@@ -20,12 +20,8 @@ PLACES = ("platform", "frame")
 def robot_of(dataset: Dataset) -> Robot:
     """Load the robot that a dataset names.
 
-    Raises
-    ------
-    RobotError
-        If the robot's file does not make a robot.
-    DatasetError
-        If no robot has the name, or it lacks a joint, a link or a site that dataset.toml names.
+    Raises `RobotError` if the robot's file does not make a robot. `DatasetError` if no robot has the name, or it lacks a
+    joint, a link or a site that dataset.toml names.
     """
     file = None if dataset.path is None else dataset.path / "dataset.toml"
     try:
@@ -46,19 +42,10 @@ def robot_of(dataset: Dataset) -> Robot:
 def check_same_robot(robot: Robot, dataset: Dataset) -> None:
     """Check that a model is of the robot that a dataset names: every use of a model with measured data begins with this.
 
-    Parameters
-    ----------
-    robot
-        The model's robot.
-    dataset
-        The measured data.
+    ``robot``: the model's robot. ``dataset``: the measured data.
 
-    Raises
-    ------
-    ModelError
-        If the robots have other names, or other driven joints.
-    GtpinError
-        If the robot that the dataset names can't be loaded.
+    Raises `ModelError` if the robots have other names, or other driven joints. `GtpinError` if the robot that the dataset
+    names can't be loaded.
     """
     check_alike(robot, robot_of(dataset), "the measured data are", dataset.file, "dataset.toml names")
 
@@ -79,22 +66,16 @@ def check_alike(robot: Robot, other: Robot, whose: str, file: Path | None = None
 def measuring(robot: Robot, dataset: Dataset) -> Robot:
     """The robot with the passive joints measured that the dataset's instruments read.
 
-    Raises
-    ------
-    DatasetError
-        For a joint that can't be read; the message says which can.
+    Raises `DatasetError` for a joint that can't be read; the message says which can.
     """
     tables = dataset.rows.tables
     try:
         return robot.measuring(joint for table in tables for joint in table.measured_joints)
     except RobotError as error:
-        number = next(i for i, table in enumerate(tables) if not _all_readable(robot, table.measured_joints))
+        known = set(readable(robot))
+        number = next(i for i, table in enumerate(tables) if not known.issuperset(table.measured_joints))
         toml = None if dataset.path is None else dataset.path / "dataset.toml"
         raise DatasetError(error.what, file=toml, column=f"instrument.{number}.joint", hint=error.hint) from None
-
-
-def _all_readable(robot: Robot, joints: tuple[str, ...]) -> bool:
-    return set(joints) <= set(readable(robot))
 
 
 def _check_drivers(dataset: Dataset, robot: Robot, file: Path | None) -> None:

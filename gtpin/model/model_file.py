@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import Field, ValidationError
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import ModelError
@@ -16,8 +16,6 @@ from gtpin.robot.parameters import Per
 
 SCHEMA: Final = "gtpin-model/1"
 AGAIN = "write the model again"
-LATER_KEYS = ("joint_covariance", "fit", "unexplained")
-"""Keys that were added after the first version."""
 
 
 class FrameRecord(Record):
@@ -37,7 +35,7 @@ class TrackRecord(Record):
 
 
 class InstrumentRecord(Record):
-    """An instrument; see :class:`~gtpin.model.fitted_instrument.FittedInstrument`."""
+    """An instrument; see :class:`~gtpin.model.model.FittedInstrument`."""
 
     declared: dict[str, Any]
     columns: list[str]
@@ -57,7 +55,7 @@ class FitRecord(Record):
 
 
 class UnexplainedRecord(Record):
-    """What a fit left unexplained; see :class:`~gtpin.model.unexplained.Unexplained`."""
+    """What a fit left unexplained; see :class:`~gtpin.model.fit_conditions.Unexplained`."""
 
     position: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     orientation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -67,6 +65,7 @@ class UnexplainedRecord(Record):
 class ModelFile(Record):
     """The whole of ``model.json``; docs/model.md explains the keys."""
 
+    optional = ("joint_covariance", "fit", "unexplained")  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
     nominal_urdf: str
@@ -85,19 +84,11 @@ class ModelFile(Record):
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)
 
-    @model_serializer(mode="wrap")
-    def _without_none(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out keys without a value that older versions do not know."""
-        return {key: value for key, value in write(self).items() if key not in LATER_KEYS or value is not None}
-
 
 def read_model_file(file: Path) -> ModelFile:
     """Read a ``model.json``.
 
-    Raises
-    ------
-    ModelError
-        If the file can't be read, is not JSON, or has an invalid value; with the key of that value.
+    Raises `ModelError` if the file can't be read, is not JSON, or has an invalid value; with the key of that value.
     """
     try:
         content = json.loads(read_text(file, ModelError, hint=AGAIN))

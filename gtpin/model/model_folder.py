@@ -8,7 +8,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
 from gtpin.data.instrument_tables import TABLES, AnyTable, written
@@ -19,9 +18,8 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
-from gtpin.model.fit_conditions import FitConditions
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.model.model import Frame, Model
+from gtpin.model.fit_conditions import FitConditions, Unexplained
+from gtpin.model.model import FittedInstrument, Frame, Model
 from gtpin.model.model_file import (
     AGAIN,
     SCHEMA,
@@ -34,7 +32,6 @@ from gtpin.model.model_file import (
     explained,
     read_model_file,
 )
-from gtpin.model.unexplained import Unexplained
 from gtpin.output.results import results_folder
 from gtpin.robot.description import Description
 from gtpin.robot.export import placements_to_urdf, to_urdf
@@ -119,7 +116,17 @@ def _content(model: Model) -> ModelFile:
         directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
         scale=kinds.get("scale"),  # type: ignore[arg-type]
         arm="reduced" if geometry.reduced else "full",
-        tracks=[None if track is None else _track_record(track) for track in geometry.tracks],
+        tracks=[
+            None
+            if track is None
+            else TrackRecord(
+                q=track.q.tolist(),
+                path=track.path.tolist(),
+                turns=None if track.turns is None else track.turns.tolist(),
+                origin=track.origin.tolist(),
+            )
+            for track in geometry.tracks
+        ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         covariance=None if model.covariance is None else model.covariance.tolist(),
@@ -128,14 +135,15 @@ def _content(model: Model) -> ModelFile:
         unexplained=None if model.unexplained is None else UnexplainedRecord(**asdict(model.unexplained)),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
-        instruments=[_instrument_record(one) for one in model.instruments],
-    )
-
-
-def _instrument_record(one: FittedInstrument) -> InstrumentRecord:
-    known = {name: list(ids) for name, ids in one.known.items()}
-    return InstrumentRecord(
-        declared=written(one.table), columns=list(one.columns), known=known, unknowns=dict(one.unknowns)
+        instruments=[
+            InstrumentRecord(
+                declared=written(one.table),
+                columns=list(one.columns),
+                known={name: list(ids) for name, ids in one.known.items()},
+                unknowns=dict(one.unknowns),
+            )
+            for one in model.instruments
+        ],
     )
 
 
@@ -149,11 +157,6 @@ def _instrument(number: int, record: InstrumentRecord, file: Path) -> FittedInst
         raise ModelError(error.errors()[0]["msg"], file=file, column=column, hint=AGAIN) from None
     known = {name: tuple(ids) for name, ids in record.known.items()}
     return FittedInstrument(table, tuple(record.columns), known, dict(record.unknowns))
-
-
-def _track_record(track: MeasuredTrack) -> TrackRecord:
-    turns = None if track.turns is None else track.turns.tolist()
-    return TrackRecord(q=track.q.tolist(), path=track.path.tolist(), turns=turns, origin=track.origin.tolist())
 
 
 def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterable[Effect] = ()) -> Model:
@@ -207,7 +210,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     try:
         robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
         geometry = _geometry(robot, content)
-        frame, covariance, joint = _frame(content), _covariance(geometry, content), _joint(geometry, content)
+        frame, (covariance, joint) = _frame(content), _covariances(geometry, content)
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
@@ -279,27 +282,19 @@ def _track(record: TrackRecord) -> MeasuredTrack:
     return MeasuredTrack(np.array(record.q), np.array(record.path), turns, np.array(record.origin))
 
 
-def _covariance(geometry: Geometry, content: ModelFile) -> Floats | None:
-    if content.covariance is None:
-        return None
-    return _checked(content.covariance, _order(geometry, content), "covariance", len(geometry.parameters))
+def _covariances(geometry: Geometry, content: ModelFile) -> tuple[Floats | None, Floats | None]:
+    """The covariance of the geometry's parameters, and the joint one, in the order of the geometry's parameters."""
+    names, p = list(content.parameters), len(geometry.parameters)
+    order = [names.index(name) for name in geometry.names]
+    whole = [*order, *range(p, p + sum(len(effect.coefficients) for effect in content.effects))]
+    alone, joint = content.covariance, content.joint_covariance
+    return (
+        None if alone is None else _checked(alone, order, "covariance", p),
+        None if joint is None else _checked(joint, whole, "joint_covariance", p),
+    )
 
 
-def _joint(geometry: Geometry, content: ModelFile) -> npt.NDArray[np.float64] | None:
-    if content.joint_covariance is None:
-        return None
-    p = len(geometry.parameters)
-    more = sum(len(effect.coefficients) for effect in content.effects)
-    order = [*_order(geometry, content), *range(p, p + more)]
-    return _checked(content.joint_covariance, order, "joint_covariance", p)
-
-
-def _order(geometry: Geometry, content: ModelFile) -> list[int]:
-    """Indices of the geometry's parameters among those of the file; the file's covariances are in its own order."""
-    return [list(content.parameters).index(name) for name in geometry.names]
-
-
-def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> npt.NDArray[np.float64]:
+def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> Floats:
     """A covariance from a file, with its rows and columns rearranged by the indices ``order``; raises `ModelError` if invalid.
 
     The first ``n_parameters`` are parameters of the geometry.

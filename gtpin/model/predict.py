@@ -19,20 +19,9 @@ if TYPE_CHECKING:
 def predict(model: Model, commands: Commands) -> Poses:
     """Poses at commands, in the instrument's frame, in the order given.
 
-    Raises
-    ------
-    DatasetError
-        If the commands do not fit the robot.
-    ModelError
-        If a command leaves a measured track, or a covariate is missing that an active effect needs; the message names the
-        row or the column.
-    UnreachableError
-        If a pose can't be reached; the message names its row.
-
-    Warns
-    -----
-    GtpinWarning
-        Names effects that are extrapolated, and where they were fitted.
+    Raises `DatasetError` if the commands do not fit the robot. `ModelError` if a command leaves a measured track, or a
+    covariate is missing that an active effect needs; the message names the row or the column. `UnreachableError` if a pose
+    can't be reached; the message names its row. Warns: names effects that are extrapolated, and where they were fitted.
     """
     robot = model.robot
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)

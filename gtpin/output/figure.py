@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size in inches.
 
-    Raises
-    ------
-    GtpinError
-        If matplotlib is not there.
+    Raises `GtpinError` if matplotlib is not there.
     """
     try:
         from matplotlib.figure import Figure
@@ -30,10 +27,7 @@ def new_figure(width: float, height: float) -> Figure:
 def write_figures(figures: Callable[[], Mapping[str, Figure]], folder: Path) -> None:
     """Make figures by name, and write each as ``NAME.png``.
 
-    Warns
-    -----
-    GtpinWarning
-        If matplotlib is missing: there are no figures then.
+    Warns: if matplotlib is missing: there are no figures then.
     """
     try:
         made = figures()

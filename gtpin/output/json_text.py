@@ -12,10 +12,7 @@ from gtpin.errors import GtpinError
 def json_text(content: object) -> str:
     """A result as JSON, from which exactly the same floats are read.
 
-    Raises
-    ------
-    GtpinError
-        If a number in it is not finite: no result is written then. The message names its key.
+    Raises `GtpinError` if a number in it is not finite: no result is written then. The message names its key.
     """
     try:
         return json.dumps(content, indent=1, allow_nan=False) + "\n"

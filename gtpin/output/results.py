@@ -10,8 +10,7 @@ from pathlib import Path
 
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import refuse_foreign
-from gtpin.output.placing import NEW, place
-from gtpin.output.work_folder import NAME, placing_lock, work_folder
+from gtpin.output.work_folder import NAME, NEW, place, placing_lock, work_folder
 
 REASONS = (errno.EACCES, errno.EPERM, errno.EROFS)
 
@@ -32,28 +31,15 @@ def results_folder(
     If the block fails, no files or new folders are left. The folder to write to is inside ``target``, so that only ``target``
     must be writable; ``target`` can be a mount point.
 
-    Parameters
-    ----------
-    target
-        Folder of the results; made where it is missing. Other files in it are not changed.
-    names
-        Names of all files and folders that the results can have. Those that gtpin wrote itself are replaced.
-    force
-        Rename files with these names that gtpin did not write, or that were changed since (``NAME.old-1``).
-    kind
-        Class of the error.
-    key
-        Name of the part of the folder that is written: runs with other keys can write into it at the same time.
-    shown
-        Path that errors name, where it is not the folder.
-    alone
-        Whether each file is a single result; it then does not replace a part of another result, such as a dataset.
+    ``target``: folder of the results; made where it is missing. Other files in it are not changed. ``names``: names of all
+    files and folders that the results can have. Those that gtpin wrote itself are replaced. ``force``: rename files with
+    these names that gtpin did not write, or that were changed since (``NAME.old-1``). ``kind``: class of the error.
+    ``key``: name of the part of the folder that is written: runs with other keys can write into it at the same time.
+    ``shown``: path that errors name, where it is not the folder. ``alone``: whether each file is a single result; it then
+    does not replace a part of another result, such as a dataset.
 
-    Raises
-    ------
-    GtpinError
-        If, before the block begins, a file that gtpin did not write has one of the names; another run is writing there; or the
-        folder can't be written.
+    Raises `GtpinError` if, before the block begins, a file that gtpin did not write has one of the names; another run is
+    writing there; or the folder can't be written.
     """
     # A relative path may begin with ~, which some libraries expand to the home folder; an absolute path does not.
     given, target = target, target.absolute()

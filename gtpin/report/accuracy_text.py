@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from gtpin.accuracy.analysis import Accuracy
 
 
 def accuracy_text(accuracy: Accuracy) -> str:
     """Expected errors over the workspace, as text."""
-    return expected_text(accuracy.to_json())
-
-
-def expected_text(values: Mapping[str, Any]) -> str:
-    """Expected errors over the workspace, as text, from the content of accuracy.json."""
+    values = accuracy.to_json()
     position, orientation = values["expected"]["position"], values["expected"]["orientation"]
     lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
     for what, unit, error in (("position", "um", position), ("orientation", "urad", orientation)):

@@ -4,7 +4,6 @@ frame."""
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis, along_track, of_lengths
@@ -48,14 +47,12 @@ def _travel(at: Situation, basis: Basis) -> list[Motion]:
 
 def _carrier_joints(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
     """Shifts of a cart along and across its track, and its rotations."""
-    if basis.carrier_joints is None or active.site not in at.robot.sites:
-        return []
-    rods = np.flatnonzero(np.abs(basis.carrier_joints).max(axis=(0, 2, 3)) > 0.0)
-    if not rods.size:
+    rods = [index for index, _ in basis.placements]
+    if not rods or active.site not in at.robot.sites:
         return []
     axis = at.robot.actuators[at.robot.sites.index(active.site)].axis
     axes = (axis, *rotation_axes(axis)[:2])
-    moved, places = basis.carrier_joints[:, rods], at.carrier_joints[:, rods]
+    moved, places = basis.shifts(rods), at.carrier_joints[:, rods]
     lever = places - places.mean(axis=1, keepdims=True)
     found = []
     for number, direction in enumerate(axes):
@@ -98,11 +95,10 @@ def _twist(at: Situation, basis: Basis) -> list[Motion]:
     ]
 
 
-def _tcp(at: Situation, rods: npt.NDArray[np.intp], moved: Floats) -> Floats:
+def _tcp(at: Situation, rods: list[int], moved: Floats) -> Floats:
     """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of the carrier joints of some rods."""
-    joint = np.zeros((len(at), len(at.robot.rods), 3, 1))
-    joint[:, rods] = moved[..., None]
-    return Basis(np.ones(1), carrier_joints=joint).displacement(at)[:, :, 0]
+    parts = [at.bodies.response[:, :, i] @ moved[:, k, :, None] for k, i in enumerate(rods)]
+    return np.asarray(np.sum(parts, axis=0)[..., 0])
 
 
 def _towards(direction: Floats) -> str:

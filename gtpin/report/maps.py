@@ -11,10 +11,10 @@ from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
 from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE, ZERO
+from gtpin.report.poses import VIEWS
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import pose_names, shown
 from gtpin.report.residuals import Residuals
-from gtpin.report.show.positions import VIEWS
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:

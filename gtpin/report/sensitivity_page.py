@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.chain_sensitivity import PARAMETERS as OF_PLACEMENTS
-from gtpin.accuracy.chain_sensitivity import ChainSensitivity
-from gtpin.accuracy.steps import PARAMETERS, STEP
-from gtpin.report.drawing import drawing
+from gtpin.accuracy.sensitivity import Sensitivity
 from gtpin.report.page import Table, render
 from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
 from gtpin.report.words import quantity
 from gtpin.report.workspace_maps import slices
 from gtpin.typing import Floats
@@ -31,45 +28,26 @@ MEANINGS = {
     "condition": ("condition number of TCP position by commands", ""),
     "position_amplification": ("TCP position per rod length error", "m/m"),
     "rotation_amplification": ("TCP rotation per rod length error", "rad/m"),
-    "singularity": ("distance from singularity, 1 as at home", ""),
+    "singularity": ("distance from singularity, {one_at}", ""),
     "limit": ("distance of the nearest actuator from its limit", "m or rad"),
 }
-OF_CHAINS = MEANINGS | {"singularity": ("distance from singularity, 1 at the best of these poses", "")}
+ONE_AT = {"home": "1 as at home", "best": "1 at the best of these poses"}
 WITHIN = {
     False: "Slices of the box that the poses span, about {volume} m³ of it within reach; blank where the robot can't reach.",
     True: "Slices of the workspace, about {volume} m³, from {postures:,} postures that fill the joints' ranges: a cell has the "
     "median over the postures that bring the TCP there; blank where none does.",
 }
-"""Text on what the maps show: False: for robots with rods; True: for chains."""
+"""Text on what the maps show: whether postures fill the workspace, or a box has one in each cell."""
 LEGEND = {
     False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
     "direction of the track.",
     True: "(m, or rad for r) in the placement of each joint in its parent, and of the tool on the last link (platform), in "
     "their own axes.",
 }
-"""Text on the rows of the table: False: for robots with rods; True: for chains."""
+"""Text on the rows of the table: of rods, and of placements."""
 
 
-@dataclass(frozen=True)
-class Moved:
-    """Mean change ``by`` (p, k) of the TCP's position, m, by a ``step``, m or rad, of each parameter of each link; NaN where a
-    link does not have the parameter."""
-
-    parameters: tuple[str, ...]
-    links: tuple[str, ...]
-    step: float
-    by: Floats
-
-    @staticmethod
-    def of(found: Accuracy | ChainSensitivity) -> Moved:
-        """From an analysis: the sum over both signs of the step and all poses, divided by twice the number of poses."""
-        if isinstance(found, ChainSensitivity):
-            return Moved(OF_PLACEMENTS, found.links, STEP, found.position / (2.0 * len(found.q)))
-        steps = found.sensitivity
-        return Moved(PARAMETERS, steps.links, steps.step, steps.exact.position / (2.0 * steps.poses))
-
-
-def sensitivity_page(found: Accuracy | ChainSensitivity, *, seed: int = 0) -> str:
+def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
     """The whole report of an accuracy analysis as one self-contained HTML file.
 
     Parameters
@@ -77,8 +55,7 @@ def sensitivity_page(found: Accuracy | ChainSensitivity, *, seed: int = 0) -> st
     seed
         Seed of the analysis, to be recorded on the page.
     """
-    model, values, chain = found.model, found.to_json(), isinstance(found, ChainSensitivity)
-    moved, volume = Moved.of(found), f"{found.space.volume:.3g}"
+    model, values, space = found.model, found.to_json(), found.space
     quantities, plots = slices(found)
     return render(
         "sensitivity.html",
@@ -89,16 +66,16 @@ def sensitivity_page(found: Accuracy | ChainSensitivity, *, seed: int = 0) -> st
         robot=model.robot.name,
         poses=values["poses"],
         headline=_headline(values),
-        advice=[_greatest(moved)],
+        advice=[_greatest(found.sensitivity)],
         numbers=_numbers(values),
         sketch=drawing(model),
         quantities=quantities,
         table=step_table(found),
-        shares=_shares(moved),
-        step=moved.step,
-        legend=LEGEND[chain],
-        dexterity=_dexterity(values["dexterity"], OF_CHAINS if chain else MEANINGS),
-        within=WITHIN[chain].format(volume=volume, postures=len(found.space.q)),
+        shares=_shares(_mean_step(found.sensitivity)),
+        step=found.sensitivity.step,
+        legend=LEGEND["rx" in found.sensitivity.parameters],
+        dexterity=_dexterity(values["dexterity"], space.dexterity.one_at),
+        within=WITHIN[space.filled].format(volume=f"{space.volume:.3g}", postures=len(space.q)),
     )
 
 
@@ -108,14 +85,19 @@ def _headline(values: Mapping[str, Any]) -> str:
     return f"Expect a position error of {mean} on average over the workspace, from {values['uncertainty']}."
 
 
-def _greatest(moved: Moved) -> str:
+def _mean_step(steps: Sensitivity) -> Floats:
+    """(p, k) mean change of the TCP's position by a step, m: the sum over both signs and all poses by their number."""
+    return steps.exact.position / (2.0 * steps.poses)
+
+
+def _greatest(steps: Sensitivity) -> str:
     """The parameter whose step moves the TCP most."""
-    by_step = np.nan_to_num(moved.by, nan=0.0)
+    by_step = np.nan_to_num(_mean_step(steps), nan=0.0)
     p, i = np.unravel_index(int(np.argmax(by_step)), by_step.shape)
-    parameter, step = moved.parameters[p], moved.step
+    parameter, step = steps.parameters[p], steps.step
     by = f"{step:.0e}" if parameter.startswith("v") else quantity(step, "rad" if parameter.startswith("r") else "m")
-    site = "link " if moved.parameters == PARAMETERS else ""
-    name, far = f"{parameter} of {site}{moved.links[i]}", quantity(float(by_step[p, i]), "m")
+    site = "" if "rx" in steps.parameters else "link "
+    name, far = f"{parameter} of {site}{steps.links[i]}", quantity(float(by_step[p, i]), "m")
     return f"{name} moves the TCP most: by {far} for a step of {by}, on average."
 
 
@@ -133,26 +115,27 @@ def _numbers(values: Mapping[str, Any]) -> list[tuple[str, str]]:
     return numbers
 
 
-def step_table(found: Accuracy | ChainSensitivity) -> Table:
+def step_table(found: Accuracy) -> Table:
     """Mean change of the TCP's position for a step, by parameter and link, µm."""
-    moved = Moved.of(found)
+    steps = found.sensitivity
     rows = [
         [name, *("" if np.isnan(v) else f"{v:.2f}" for v in 1e6 * row)]
-        for name, row in zip(moved.parameters, moved.by, strict=True)
+        for name, row in zip(steps.parameters, _mean_step(steps), strict=True)
     ]
-    return Table(("parameter", *moved.links), rows)
+    return Table(("parameter", *steps.links), rows)
 
 
-def _shares(moved: Moved) -> list[list[float]]:
+def _shares(by_step: Floats) -> list[list[float]]:
     """Each cell of the table relative to the largest."""
-    by = np.nan_to_num(moved.by, nan=0.0)
+    by = np.nan_to_num(by_step, nan=0.0)
     return [[0.0, *row] for row in (by / max(float(by.max()), 1e-300)).tolist()]
 
 
-def _dexterity(values: Mapping[str, Any], meanings: Mapping[str, tuple[str, str]]) -> Table:
+def _dexterity(values: Mapping[str, Any], one_at: str) -> Table:
     rows = []
     for name, measure in values.items():
-        title, unit = meanings[name]
+        title, unit = MEANINGS[name]
+        title = title.format(one_at=ONE_AT[one_at])
         parts = measure["median"] if isinstance(measure["median"], list) else None
         for k in range(len(parts)) if parts else (None,):
             cells = [_cell(measure[key] if k is None else measure[key][k]) for key in ("least", "median", "most")]

@@ -14,10 +14,8 @@ from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model.fitted_instrument import FittedInstrument
 from gtpin.model.measured_robot import check_same_robot, measuring
-from gtpin.model.model import Model
+from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.words import quantity
 from gtpin.typing import Floats
 
@@ -231,10 +229,10 @@ def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
     Orientations that are not measured count as free of errors.
     """
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
+    if not robot.rod_sites:
         return {}
     at = Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates)
-    to_rods = np.linalg.inv(at.response)[:, :, : error.shape[1]]
+    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : error.shape[1]]
     declared = dataset.instrument
     sigma = np.repeat([declared.position_sigma or 0.0, declared.orientation_sigma or 0.0], 3)[: error.shape[1]]
     power = (np.einsum("nkc,nc->nk", to_rods, error) ** 2).mean(axis=0) - ((to_rods * sigma) ** 2).sum(axis=2).mean(

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtpin.certificate.pose_accuracy import VisitScatter, accuracy, standard_accuracy
+from gtpin.certificate.pose_accuracy import (
+    Scatter,
+    VisitScatter,
+    accuracy,
+    pooled_repeatability,
+    repeatability_of,
+    standard_accuracy,
+    standard_repeatability,
+)
 from gtpin.certificate.positioning import Line, mean_reversal, positioning
-from gtpin.certificate.repeatability import Scatter, pooled_repeatability, repeatability_of, standard_repeatability
 
 TRIALS = 200
 COVARIANCE = np.array([[9.0, 2.0, 0.0], [2.0, 4.0, 1.0], [0.0, 1.0, 16.0]]) * 1e-12

@@ -13,7 +13,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.certificate.certify import between
 from gtpin.certificate.response import At, Posterior
 

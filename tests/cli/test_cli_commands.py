@@ -188,30 +188,11 @@ def test_the_same_seed_gives_the_same_bytes(run, source, calibrated, tmp_path, t
     assert outputs[0]
 
 
-def test_another_seed_gives_another_machine(run, tmp_path):
-    texts = []
-    for seed in (0, 1):
-        assert run("simulate", "-o", tmp_path / str(seed), "--poses", "10", "--seed", seed).code == 0
-        texts.append((tmp_path / str(seed) / "poses.csv").read_text())
-    assert texts[0] != texts[1]
-
-
-def test_the_seed_is_nought_by_default(run, tmp_path, tree):
-    for name, arguments in (("one", []), ("two", ["--seed", "0"])):
-        assert run("simulate", "-o", tmp_path / name, "--poses", "10", *arguments).code == 0
-    assert tree(tmp_path / "one") == tree(tmp_path / "two")
-
-
-def test_the_order_of_rows_means_nothing_to_calibrate(run, dataset, calibrated, tmp_path):
-    header, *rows = (dataset / "poses.csv").read_text().splitlines()
-    shuffled = [rows[i] for i in np.random.default_rng(1).permutation(len(rows))]
-    (dataset / "poses.csv").write_text("\n".join([header, *shuffled]) + "\n")
-    assert run("calibrate", dataset, "-o", tmp_path / "out").code == 0
-    one, two = (json.loads((folder / "calibration.json").read_text()) for folder in (calibrated, tmp_path / "out"))
-    assert one["chi2_per_dof"] == pytest.approx(two["chi2_per_dof"], rel=1e-9)
-    for a, b in zip(one["parameters"], two["parameters"], strict=True):
-        assert a["name"] == b["name"]
-        assert abs(a["value"] - b["value"]) < 1e-6 * a["sigma"]
+def test_another_seed_gives_another_machine_and_it_is_nought_by_default(run, tmp_path, tree):
+    for name, seed in (("default", []), ("0", ["--seed", "0"]), ("1", ["--seed", "1"])):
+        assert run("simulate", "-o", tmp_path / name, "--poses", "10", *seed).code == 0
+    assert tree(tmp_path / "default") == tree(tmp_path / "0")
+    assert tree(tmp_path / "default")["poses.csv"] != tree(tmp_path / "1")["poses.csv"]
 
 
 @pytest.mark.parametrize("kind", ["name", "urdf", "folder", "output"])
@@ -229,26 +210,10 @@ def test_predict_takes_a_name_a_urdf_a_model_folder_and_an_output_folder(run, ca
     q = pd.read_csv(tmp_path / "c.csv")[["q1", "q2", "q3"]].to_numpy()
     expected = gtpin.read_model(calibrated if kind != "name" else "gantry_tau").predict(q)
     assert np.abs(found[["x", "y", "z"]].to_numpy() - expected.T).max() < 1e-9
+    assert kind == "urdf" or np.array_equal(found[["x", "y", "z"]].to_numpy(), expected.T)  # to the last digit
     norms = np.linalg.norm(found[["qw", "qx", "qy", "qz"]].to_numpy(), axis=1)
     np.testing.assert_allclose(norms, 1.0, atol=1e-12)
     assert (np.abs((found[["qw", "qx", "qy", "qz"]].to_numpy() * expected.quaternions).sum(axis=1)) > 1 - 1e-12).all()
-
-
-def test_predict_writes_numbers_that_lose_nothing(run, calibrated, tmp_path):
-    (tmp_path / "c.csv").write_text(COMMANDS)
-    assert run("predict", calibrated, tmp_path / "c.csv", "-o", tmp_path / "p.csv").code == 0
-    found = pd.read_csv(tmp_path / "p.csv")
-    expected = gtpin.read_model(calibrated).predict([[0.1, 0.2, 0.3], [0, 0, 0], [-0.1, 0.05, 0.2]])
-    assert np.array_equal(found[["x", "y", "z"]].to_numpy(), expected.T)
-
-
-def test_predict_reads_parquet_and_a_dataset_s_own_poses(run, calibrated, source, tmp_path):
-    pd.read_csv(source / "commands.csv", dtype={"pose": str}).to_parquet(tmp_path / "c.parquet")
-    assert run("predict", calibrated, tmp_path / "c.parquet", "-o", tmp_path / "a.csv").code == 0
-    assert run("predict", calibrated, source / "commands.csv", "-o", tmp_path / "b.csv").code == 0
-    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
-    assert run("predict", calibrated, source / "poses.csv", "-o", tmp_path / "d.csv").code == 0
-    assert len(pd.read_csv(tmp_path / "d.csv")) == len(Dataset.read(source))
 
 
 @pytest.mark.slow
@@ -266,20 +231,6 @@ def test_predict_answers_in_the_instrument_s_frame(run, dataset, tmp_path):
     assert run("predict", tmp_path / "out", dataset / "poses.csv", "-o", tmp_path / "p.csv").code == 0
     found = pd.read_csv(tmp_path / "p.csv")
     assert np.abs(found[["x", "y", "z"]] - frame[["x", "y", "z"]]).max(axis=None) < 8 * 15e-6
-
-
-@pytest.mark.slow
-def test_calibrate_reads_parquet_bom_and_any_line_ending(run, dataset, calibrated, tmp_path):
-    text = (dataset / "poses.csv").read_bytes()
-    reference = json.loads((calibrated / "calibration.json").read_text())
-    for name, content in (("crlf", text.replace(b"\n", b"\r\n")), ("bom", b"\xef\xbb\xbf" + text)):
-        (dataset / "poses.csv").write_bytes(content)
-        assert run("calibrate", dataset, "-o", tmp_path / name).code == 0
-        assert json.loads((tmp_path / name / "calibration.json").read_text()) == reference
-    pd.read_csv(dataset / "poses.csv", dtype={"pose": str}).to_parquet(dataset / "poses.parquet")
-    (dataset / "poses.csv").unlink()
-    assert run("calibrate", dataset, "-o", tmp_path / "parquet").code == 0
-    assert json.loads((tmp_path / "parquet" / "calibration.json").read_text()) == reference
 
 
 @pytest.mark.slow

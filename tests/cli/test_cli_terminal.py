@@ -13,38 +13,31 @@ import pytest
 
 import gtpin
 
+COMMANDS = ("calibrate", "diagnose", "predict", "simulate", "demo")
 
-@pytest.mark.parametrize("command", ["calibrate", "diagnose", "predict", "simulate", "demo"])
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)], ids=" ".join)
 def test_help_shows_an_example(run, command):
-    ran = run(command, "--help")
-    assert ran.code == 0
-    assert f"gtpin {command}" in ran.out
+    ran = run(*command, "--help")
+    assert (ran.code, ran.err) == (0, "")
     assert "Example" in ran.out
-    assert ran.err == ""
+    assert all(f"gtpin {name}" in ran.out or (not command and name in ran.out) for name in command or COMMANDS)
 
 
-def test_help_lists_the_commands_and_shows_an_example(run):
-    ran = run("--help")
-    assert ran.code == 0
-    assert all(command in ran.out for command in ("calibrate", "predict", "simulate", "demo"))
-    assert "Example" in ran.out
-
-
-def test_without_a_command_help_is_shown(run):
+def test_without_a_command_help_is_shown_and_without_its_arguments_what_is_missing(run):
     ran = run()
-    assert ran.code == 2
+    assert (ran.code, ran.err) == (2, "")
     assert ran.out.rstrip() == run("--help").out.rstrip()
-    assert ran.err == ""
-
-
-def test_a_command_without_its_arguments_says_which_is_missing(run):
     assert "Missing argument 'model'" in run("export").failed()
 
 
-def test_the_version_is_told(run):
-    ran = run("--version")
-    assert ran.code == 0
-    assert ran.out.strip() == f"gtpin {gtpin.__version__}"
+@pytest.mark.slow
+def test_the_version_is_told_by_the_program_and_by_the_package(run):
+    as_package = subprocess.run(
+        [sys.executable, "-m", "gtpin", "--version"], capture_output=True, text=True, check=True
+    )
+    for out in (run("--version").out, as_package.stdout):
+        assert out.strip() == f"gtpin {gtpin.__version__}"
 
 
 @pytest.mark.slow
@@ -131,12 +124,6 @@ def test_a_still_image_is_told_as_json(run, tmp_path):
     assert ran.code == 0
     assert json.loads(ran.out) == {"written": str(target)}
     assert target.stat().st_size > 0
-
-
-@pytest.mark.slow
-def test_the_package_runs_as_the_program_does():
-    ran = subprocess.run([sys.executable, "-m", "gtpin", "--version"], capture_output=True, text=True, check=True)
-    assert ran.stdout.strip() == f"gtpin {gtpin.__version__}"
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Data that can't be of the robot that they name are told apart from data that are merely bad."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from itertools import permutations
 
@@ -7,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtpin.data import Dataset, Instrument, check_commands, check_plausible
+import gtpin
+from gtpin.data import Commands, Dataset, Instrument, check_commands, check_plausible
 from gtpin.data.quaternion_order import first_misplaced, misplaced_order
 from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.robot.library import load_robot
 
 N = 60
 NAMES = ("cart1", "cart2", "turn")
@@ -216,3 +220,34 @@ def test_data_that_fit_in_no_unit_and_no_order_are_left_to_the_calibration():
     turned = np.random.default_rng(5).normal(size=(N, 4))
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     assert check(replace(data, position=data.position + 0.5, orientation=turned)).all()
+
+
+def check_robot(robot: gtpin.Robot, q: np.ndarray) -> None:
+    commands = Commands([str(i) for i in range(len(q))], q)
+    check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+
+
+@pytest.mark.parametrize("name", ["ur5", "kinova", "xarm7", "double_pendulum_continuous"])
+def test_degrees_for_radians_are_named_by_the_joint(name: str) -> None:
+    robot = load_robot(name)
+    low, high = np.maximum(robot.lower, -2.0), np.minimum(robot.upper, 2.0)
+    q = np.random.default_rng(1).uniform(low, high, (50, robot.n_actuators))
+    check_robot(robot, q)
+    with pytest.raises(DatasetError, match=r"looks? like degrees") as caught:
+        check_robot(robot, np.rad2deg(q))
+    assert "rad" in str(caught.value.hint)
+    assert str(caught.value.column).startswith("q")
+
+
+def test_a_joint_without_limits_may_turn_several_times_and_often() -> None:
+    robot = load_robot("double_pendulum_continuous")
+    rng = np.random.default_rng(2)
+    for most in (15.0, 4000.0):  # a few turns, and hundreds of them, which no degrees of one turn are
+        check_robot(robot, rng.uniform(-most, most, (50, 2)))
+
+
+def test_commands_for_fewer_joints_say_how_to_name_those_that_were_commanded() -> None:
+    with pytest.raises(
+        DatasetError, match=r"7 columns of commands, but the robot has 8 actuators.*actuators = \[...\]"
+    ):
+        check_robot(load_robot("panda"), np.zeros((5, 7)))

@@ -7,8 +7,7 @@ import pytest
 
 from gtpin.data import Conditions, Dataset, Instrument
 from gtpin.data.duplicates import counted_once
-from gtpin.data.extremes import check_extremes
-from gtpin.data.sane import sane_rows
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 N = 60

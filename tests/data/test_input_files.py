@@ -15,6 +15,7 @@ from gtpin.bench.simulator.scenario import read_scenario
 from gtpin.data.files import LARGEST_TEXT
 from gtpin.errors import GtpinError
 from gtpin.health.history import HistoryFiles, read_history
+from gtpin.importers.klipper_config import read_config
 from gtpin.importers.lines import text_lines
 
 if sys.platform == "win32":
@@ -27,6 +28,12 @@ def including(file: Path) -> object:
     return gtpin.load_robot(scene)
 
 
+def configured(file: Path) -> object:
+    config = file.with_name("printer.cfg")
+    config.write_text(f"[include {file.name}]\n", encoding="utf-8")
+    return read_config(config)
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "robot.urdf": gtpin.load_robot,
     "arm.xml": including,
@@ -36,6 +43,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "commands.csv": gtpin.Commands.read,
     "scenario.toml": read_scenario,
     "export.txt": text_lines,
+    "part.cfg": configured,
     "history.jsonl": lambda file: read_history(HistoryFiles(file.parent, file.name, "history.html")),
 }
 
@@ -62,7 +70,7 @@ def test_what_is_no_regular_file_is_refused_without_waiting(folder: Path, name: 
     assert name in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["robot.urdf", "arm.xml", "model.json", "dataset.toml", "scenario.toml"])
+@pytest.mark.parametrize("name", ["robot.urdf", "arm.xml", "model.json", "dataset.toml", "scenario.toml", "export.txt"])
 def test_a_text_of_absurd_size_is_refused_unread(folder: Path, name: str) -> None:
     with (folder / name).open("wb") as file:
         file.truncate(int(LARGEST_TEXT) + 1)  # a sparse file: it takes no room on the disk

@@ -9,7 +9,7 @@ from diagnosed import LARGE, POSES, classes, machine, said
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.data import Dataset, Instrument
 from gtpin.diagnosis import diagnose as room
 from gtpin.diagnosis.result import Diagnosis

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
 from gtpin.diagnosis.linear.design import Design

@@ -17,9 +17,8 @@ from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
-from gtpin.diagnosis.planning.map_unknown import map_unknown
 from gtpin.diagnosis.planning.measurement_conditions import with_nights
-from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, plan
+from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id

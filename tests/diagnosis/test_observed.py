@@ -9,7 +9,7 @@ from every_effect import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared

@@ -9,7 +9,7 @@ from diagnosed import LARGE, POSES
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.effects.basis import along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.sites import carts

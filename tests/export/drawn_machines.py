@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import gtpin
-from gtpin.bench.simulator.simulate import draw_commands, draw_machine
-from gtpin.bench.simulator.true_robot import true_robot
+from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
 
 
 @dataclass(frozen=True)
@@ -32,5 +31,5 @@ def draw(name: str) -> Drawn:
     rng = np.random.default_rng(len(name))
     machine = draw_machine(gtpin.load_robot(name), rng)
     model = without_scales(gtpin.Model(machine.geometry))
-    q = draw_commands(true_robot(model.geometry), 50, rng)
+    q = draw_commands(TrueRobot(model.geometry), 50, rng)
     return Drawn(model, q, model.predict(q))

@@ -14,9 +14,6 @@ import pytest
 from with_effects import active
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 from gtpin.errors import GtpinWarning
 from gtpin.export import export
 
@@ -105,13 +102,13 @@ PARTLY = [
 def test_the_error_that_is_printed_is_the_error_in_mujoco(robot: str, effect: str, site: str, tmp_path: Path) -> None:
     """All coefficients, the modulation five times as large as usual so that the error stands out."""
     nominal, q, approach = commands(robot, 60)
-    kind, rng = effects_by_id()[effect], np.random.default_rng(3)
-    at = Situation(nominal.kinematics, q, nominal.kinematics.forward(q), approach)
-    sigma = kind.basis(at, site).sigma
-    coefficients = sigma * rng.normal(size=len(sigma)) * np.where(sigma < sigma[0], 2.0, 0.5)
-    coefficients[0] = sigma[0] * (-2.0 if effect == "backlash" else 2.0)
-    one = ActiveEffect(kind, site, None, coefficients, np.zeros((len(sigma),) * 2), at.references)
-    model = replace(nominal, effects=(one,))
+
+    def drawn(sigma: np.ndarray) -> np.ndarray:
+        found = sigma * np.random.default_rng(3).normal(size=len(sigma)) * np.where(sigma < sigma[0], 2.0, 0.5)
+        found[0] = sigma[0] * (-2.0 if effect == "backlash" else 2.0)
+        return found
+
+    model = replace(nominal, effects=(active(nominal, q, effect, site, covariates=approach, drawn=drawn),))
     some = {name: values[:30] for name, values in approach.items()}
     poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:30], some)
     told = printed(words, r"to within (\S+) um")
@@ -134,11 +131,11 @@ WHOLE = [
 @pytest.mark.parametrize(("robot", "effect", "site"), WHOLE)
 def test_curves_are_held_with_all_their_waves(robot: str, effect: str, site: str, tmp_path: Path) -> None:
     nominal, q, approach = commands(robot, 60)
-    kind, rng = effects_by_id()[effect], np.random.default_rng(4)
-    at = Situation(nominal.kinematics, q, nominal.kinematics.forward(q), approach)
-    sigma = kind.basis(at, site).sigma
-    coefficients = 3.0 * sigma * rng.normal(size=len(sigma))
-    one = ActiveEffect(kind, site, None, coefficients, np.zeros((len(sigma),) * 2), at.references)
+    one = active(
+        *(nominal, q, effect, site),
+        covariates=approach,
+        drawn=lambda sigma: 3.0 * sigma * np.random.default_rng(4).normal(size=len(sigma)),
+    )
     model = replace(nominal, effects=(one,))
     some = {name: values[:12] for name, values in approach.items()}
     poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:12], some)
@@ -153,10 +150,8 @@ def test_curves_are_held_with_all_their_waves(robot: str, effect: str, site: str
 def test_a_play_that_varies_along_the_track_is_held(robot: str, sign: float, tmp_path: Path) -> None:
     """Without the part that goes with the load; also that of a drive that overshoots."""
     nominal, q, approach = commands(robot, 60)
-    kind = effects_by_id()["backlash"]
-    at = Situation(nominal.kinematics, q, nominal.kinematics.forward(q), approach)
     coefficients = sign * np.array([-5e-5, 2e-5, -1e-5, 0.0, 0.0])
-    one = ActiveEffect(kind, "cart2", None, coefficients, np.zeros((5, 5)), at.references)
+    one = active(nominal, q, "backlash", "cart2", covariates=approach, drawn=lambda _: coefficients)
     model = replace(nominal, effects=(one,))
     some = {name: values[:12] for name, values in approach.items()}
     poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:12], some)
@@ -170,16 +165,13 @@ def test_a_play_that_varies_along_the_track_is_held(robot: str, sign: float, tmp
 def test_friction_and_place_of_a_soft_cart_are_held(tmp_path: Path) -> None:
     """What friction adds is as large at all loads in the file: a part of it remains."""
     nominal, q, approach = commands("gantry_tau", 60)
-    kind = effects_by_id()["cart_compliance"]
-    at = Situation(nominal.kinematics, q, nominal.kinematics.forward(q), approach)
-    coefficients = np.zeros(len(kind.basis(at, "cart3").sigma))
-    coefficients[[0, 6, 9, 15]] = 4e-7, 3e-8, 3e-8, -2e-8
-    one = ActiveEffect(kind, "cart3", None, coefficients, np.zeros((len(coefficients),) * 2), at.references)
-    model = replace(nominal, effects=(one,))
+    one = active(nominal, q, "cart_compliance", "cart3", covariates=approach, first=4e-7)
+    coefficients = one.coefficients.copy()
+    coefficients[[6, 9, 15]] = 3e-8, 3e-8, -2e-8
+    model = replace(nominal, effects=(replace(one, coefficients=coefficients),))
     poses, words = in_mujoco(model, tmp_path / "robot.xml", q, approach)
     expected = model.predict(q, approach)
-    plain = replace(model, effects=(replace(one, coefficients=np.where(np.arange(len(coefficients)), 0.0, 4e-7)),))
-    lost = rms(plain.predict(q, approach), expected)
+    lost = rms(replace(nominal, effects=(one,)).predict(q, approach), expected)
     assert lost > 15.0
     assert rms(poses, expected) < 0.4 * lost
     assert rms(poses, expected) == pytest.approx(printed(words, r"to within (\S+) um"), rel=0.5, abs=1.0)

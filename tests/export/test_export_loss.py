@@ -10,11 +10,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from with_effects import active
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 from gtpin.export import export
 from gtpin.export.loss import with_losses
 
@@ -26,13 +24,8 @@ APPROACH = {f"approach{i + 1}": RNG.choice([-1.0, 1.0], len(Q)) for i in range(6
 
 def with_effect(name: str, site: str, first: float) -> gtpin.Model:
     """An arm with an effect whose first coefficient is given; all others are none."""
-    effect = effects_by_id()[name]
-    at = Situation(UR5.kinematics, Q, UR5.kinematics.forward(Q), APPROACH)
     nonlinear = 0.2 if name == "rack_periodic" else None
-    count = len(effect.basis(at, site, nonlinear))
-    coefficients = first * np.eye(count)[0]
-    active = ActiveEffect(effect, site, nonlinear, coefficients, np.zeros((count, count)), at.references)
-    return replace(UR5, effects=(active,))
+    return replace(UR5, effects=(active(UR5, Q, name, site, nonlinear, APPROACH, first),))
 
 
 @pytest.mark.slow
@@ -58,12 +51,9 @@ def test_a_loss_is_how_far_predictions_without_the_effect_are_off(name: str, sit
 
 
 def test_what_depends_on_a_temperature_is_told_for_a_kelvin() -> None:
-    effect = effects_by_id()["thermal_links"]
-    at = Situation(UR5.kinematics, Q, UR5.kinematics.forward(Q), {"temp_link": np.linspace(20.0, 30.0, len(Q))})
-    basis = effect.basis(at, "arm")
-    coefficients = np.full(len(basis), 1e-5)
-    active = ActiveEffect(effect, "arm", None, coefficients, np.zeros((len(basis),) * 2), at.references)
-    (text,) = with_losses(replace(UR5, effects=(active,)), ("thermal_links@arm",))
+    warm = {"temp_link": np.linspace(20.0, 30.0, len(Q))}
+    links = active(UR5, Q, "thermal_links", "arm", covariates=warm, drawn=lambda sigma: np.full(len(sigma), 1e-5))
+    (text,) = with_losses(replace(UR5, effects=(links,)), ("thermal_links@arm",))
     assert text.endswith(" um at 1 K more)")
 
 

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pinocchio as pin
 import pytest
 from drawn_machines import Drawn
@@ -66,12 +65,3 @@ def test_a_robot_without_loops_is_refused(tmp_path: Path) -> None:
         export(model, tmp_path / "out.yaml")
     assert not (tmp_path / "out.yaml").exists()
     assert not (tmp_path / "out.urdf").exists()
-
-
-def test_gtpin_reads_what_it_writes(drawn: Drawn, exported: Callable[[str], Path]) -> None:
-    read = gtpin.read_model(exported(".yaml"))
-    assert [a.joint for a in read.robot.actuators] == [a.joint for a in drawn.model.robot.actuators]
-    assert read.robot.sites == drawn.model.robot.sites
-    poses = read.predict(drawn.q)
-    np.testing.assert_allclose(poses.T, drawn.poses.T, atol=1e-9)
-    np.testing.assert_allclose(poses.R, drawn.poses.R, atol=1e-9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 import gtpin
@@ -19,17 +21,19 @@ def active(
     nonlinear: float | None = None,
     covariates: dict[str, Column] | None = None,
     first: float = 0.0,
+    drawn: Callable[[np.ndarray], np.ndarray] | None = None,
     **parameters: float,
 ) -> ActiveEffect:
     """An effect whose named parameters have the values given, its first coefficient too, and whose others are zero.
 
-    Its references are those of a fit at commands q (N, n) with the covariates.
+    ``drawn``: gives all coefficients for their prior sigmas. Its references are those of a fit at commands q (N, n) with the
+    covariates.
     """
     kind = effects_by_id()[effect]
     at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
-    size = len(kind.basis(at, site, nonlinear))
-    coefficients = np.zeros(size)
-    coefficients[0] = first
+    sigma = kind.basis(at, site, nonlinear).sigma
+    size = len(sigma)
+    coefficients = first * np.eye(size)[0] if drawn is None else drawn(sigma)
     for name, value in parameters.items():
         coefficients[_place(kind, name, size, nonlinear)] = value
     return ActiveEffect(kind, site, nonlinear, coefficients, np.zeros((size, size)), at.references)

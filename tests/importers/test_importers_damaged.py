@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from collections.abc import Callable
@@ -16,14 +15,11 @@ from printed import BED_G, G32, HEIGHTMAP, MESH, POINTS, PROBE_LOG, PROBED, ROS,
 
 from gtpin.data import Commands, Dataset
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper_delta import read_klipper_delta
-from gtpin.importers.klipper_mesh import read_klipper_mesh
-from gtpin.importers.klipper_probe import read_klipper_probe
+from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import read_linuxcnc_probe
 from gtpin.importers.points import read_points
 from gtpin.importers.ros_poses import read_ros_poses
-from gtpin.importers.rrf_g32 import read_rrf_g32
-from gtpin.importers.rrf_heightmap import read_rrf_heightmap
+from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.importers.touches import Touches
 
 Read = Callable[[Path], Touches | Dataset]
@@ -150,32 +146,6 @@ def test_a_file_that_is_missing_empty_or_no_text_is_refused(name: str, tmp_path:
         assert len(str(refused.value).splitlines()) == 1
     with pytest.raises(DatasetError, match="folder"):
         read(tmp_path)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-@pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_what_is_no_regular_file_is_refused_without_waiting(name: str, kind: str, tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    if kind == "pipe":
-        os.mkfifo(file)
-    else:
-        file.symlink_to("/dev/zero")
-    with pytest.raises(DatasetError, match="a pipe or a device"):
-        FORMATS[name][1](file)
-    if name.startswith("klipper-delta"):
-        config = tmp_path / "printer.cfg"
-        config.write_text("[include file]\n", encoding="utf-8")
-        with pytest.raises(DatasetError, match="a pipe or a device"):
-            FORMATS[name][1](config)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_file_of_absurd_size_is_refused_unread(name: str, tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    with file.open("wb") as empty:
-        empty.truncate(2_000_000_000)  # a sparse file: it takes no room on the disk
-    with pytest.raises(DatasetError, match="larger than"):
-        FORMATS[name][1](file)
 
 
 @pytest.mark.parametrize("name", FORMATS)

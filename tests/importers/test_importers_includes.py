@@ -11,8 +11,8 @@ import pytest
 from printed import places, printer_cfg
 
 from gtpin.errors import DatasetError
+from gtpin.importers.klipper import read_klipper_delta
 from gtpin.importers.klipper_config import read_config
-from gtpin.importers.klipper_delta import read_klipper_delta
 
 Write = Callable[[str, str], Path]
 

@@ -11,36 +11,25 @@ from printed import ANGLES, MESH, ORIGIN, PROBED, STEP, carriages, mesh_cfg, pla
 
 import gtpin
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper_delta import read_klipper_delta
-from gtpin.importers.klipper_mesh import read_klipper_mesh
-from gtpin.importers.klipper_probe import read_klipper_probe
+from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.touches import commands
 
 Write = Callable[[str, str], Path]
 KINEMATICS = gtpin.read_model("linear_delta").kinematics
 
 
-def test_commands_of_a_delta_calibration_bring_the_nozzle_to_where_it_touched(write: Write) -> None:
+@pytest.mark.parametrize(
+    "printer", [{}, {"believed_radius": 1.01 * 524.25}, {"angles": (ANGLES[2], ANGLES[0], ANGLES[1])}]
+)
+def test_commands_are_the_recorded_travel_whatever_the_firmware_believed_and_the_order_of_its_drives(
+    write: Write, printer: dict[str, object]
+) -> None:
     xyz = places()
-    touches = read_klipper_delta(write("printer.cfg", printer_cfg(xyz)))
+    touches = read_klipper_delta(write("printer.cfg", printer_cfg(xyz, **printer)))  # type: ignore[arg-type]
     q, poses = commands(touches, KINEMATICS, np.array(ORIGIN))
-    np.testing.assert_allclose(poses.T, 1e-3 * xyz + ORIGIN, atol=1e-7)  # steps have three decimals
     np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
-
-
-def test_commands_are_the_recorded_travel_whatever_radius_the_firmware_believed_in(write: Write) -> None:
-    xyz = places()
-    file = write("printer.cfg", printer_cfg(xyz, believed_radius=1.01 * 524.25))
-    q, _ = commands(read_klipper_delta(file), KINEMATICS, np.array(ORIGIN))
-    np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
-
-
-def test_each_drive_is_found_whatever_order_the_file_has_them_in(write: Write) -> None:
-    xyz, turned = places(), (ANGLES[2], ANGLES[0], ANGLES[1])
-    q, _ = commands(
-        read_klipper_delta(write("printer.cfg", printer_cfg(xyz, angles=turned))), KINEMATICS, np.array(ORIGIN)
-    )
-    np.testing.assert_allclose(np.diff(q, axis=0), 1e-3 * np.diff(carriages(xyz), axis=0), atol=1e-7)
+    if not printer:
+        np.testing.assert_allclose(poses.T, 1e-3 * xyz + ORIGIN, atol=1e-7)  # steps have three decimals
 
 
 @pytest.mark.parametrize(

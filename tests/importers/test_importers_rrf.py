@@ -10,9 +10,7 @@ import pytest
 from printed import BED_G, G32, HEIGHTMAP
 
 from gtpin.errors import DatasetError
-from gtpin.importers.rrf_config import read_rrf_delta
-from gtpin.importers.rrf_g32 import read_rrf_g32
-from gtpin.importers.rrf_heightmap import read_rrf_heightmap
+from gtpin.importers.rrf import read_rrf_delta, read_rrf_g32, read_rrf_heightmap
 
 Write = Callable[[str, str], Path]
 SECOND, THIRD = HEIGHTMAP.splitlines()[1:3]

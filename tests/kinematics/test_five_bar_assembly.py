@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import label
 
 import gtpin
-from gtpin.bench.simulator.true_robot import true_robot
+from gtpin.bench.simulator.simulate import TrueRobot
 from gtpin.errors import GtpinWarning
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.description import Description
@@ -149,7 +149,7 @@ def test_poses_are_in_home_s_assembly_and_all_straight_paths_are_followed(seed: 
 def test_a_virtual_machine_is_in_home_s_assembly(seed: int, knees: tuple[int, int]) -> None:
     made = FiveBar(seed, knees)
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (30, 2))
-    poses = true_robot(gtpin.Geometry.nominal(made.robot)).predict(q)
+    poses = TrueRobot(gtpin.Geometry.nominal(made.robot)).predict(q)
     there, free = poses.reached, made.straight(q)
     assert np.abs(poses.T[there, :2] - made.tip(q[there], made.side)).max() < 1e-8
     clear = np.abs(free) > 2e-3  # nearer to a limit the machine is not used

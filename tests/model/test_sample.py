@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,21 +66,6 @@ def test_the_same_numbers_come_from_the_same_seed() -> None:
     one, other = (known_model(0.5).sample(3, np.random.default_rng(7)) for _ in range(2))
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a.geometry.values, b.geometry.values)
-
-
-def test_the_joint_covariance_is_kept_in_the_file_and_files_without_it_are_read(tmp_path: Path) -> None:
-    model = known_model(0.9)
-    gtpin.write_model(model, tmp_path)
-    again = gtpin.read_model(tmp_path)
-    np.testing.assert_array_equal(again.joint_covariance, model.joint_covariance)
-    content = json.loads((tmp_path / "model.json").read_text())
-    del content["joint_covariance"]
-    (tmp_path / "model.json").write_text(json.dumps(content))
-    assert gtpin.read_model(tmp_path).joint_covariance is None
-    content["joint_covariance"] = [[1.0]]
-    (tmp_path / "model.json").write_text(json.dumps(content))
-    with pytest.raises(gtpin.GtpinError, match="joint_covariance"):
-        gtpin.read_model(tmp_path)
 
 
 def test_without_an_effect_its_rows_are_gone() -> None:

@@ -10,12 +10,11 @@ from spring_machine import SpringMachine, Springs
 
 import gtpin
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.conditions import Conditions
 from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.response import Plant
-from gtpin.bench.simulator.situation import Situation
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.response import Response
+from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.situation import RodSituation
 from gtpin.bench.simulator.visits import Visits, plan
 from gtpin.data import Dataset
 
@@ -28,7 +27,7 @@ def linear(springs: Springs, rods_weigh: bool = False) -> Cause:
     ``rods_weigh``: the half of their rods' weight that the plant's carts are spared of, a constant force, bends them too.
     """
 
-    def act(now: Situation) -> Deviation:
+    def act(now: RodSituation) -> Deviation:
         deviation, machine = now.unbent(), now.machine
         deviation.length[:] = np.array(springs.links) * now.forces
         for cart, given in springs.carts.items():
@@ -46,13 +45,13 @@ def linear(springs: Springs, rods_weigh: bool = False) -> Cause:
 class Day:
     """A machine drawn from its tolerances, and a day's visits to its poses."""
 
-    machine: Machine
+    machine: RodMachine
     visits: Visits
 
     @staticmethod
     def draw(seed: int, poses: int) -> Day:
         rng = np.random.default_rng(seed)
-        machine = Machine.draw(gtpin.load_robot("gantry_tau"), rng)
+        machine = RodMachine.draw(gtpin.load_robot("gantry_tau"), rng)
         visits = plan(machine, poses, 1, CONDITIONS, rng)
         return Day(machine, visits.take(~visits.held))
 
@@ -64,10 +63,10 @@ class Day:
 
     @cached_property
     def rigid(self) -> gtpin.Poses:
-        return self.machine.kinematics.forward(self.visits.q)
+        return self.machine.kinematics.predict(self.visits.q)
 
     def by_plant(self, springs: Springs, rods_weigh: bool = False) -> gtpin.Poses:
-        plant = Plant(self.machine, self.visits, np.zeros(3))
+        plant = Response(self.machine, self.visits, np.zeros(3))
         return plant.seen([(linear(springs, rods_weigh), 1.0)])
 
     def by_mujoco(self, springs: Springs) -> gtpin.Poses:

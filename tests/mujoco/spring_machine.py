@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.kinematics.poses import Poses
 
 Array = np.ndarray
@@ -44,7 +44,7 @@ class Springs:
 class SpringMachine:
     """The machine in MuJoCo."""
 
-    def __init__(self, machine: Machine, springs: Springs) -> None:
+    def __init__(self, machine: RodMachine, springs: Springs) -> None:
         self.machine = machine
         self.model = mujoco.MjModel.from_xml_string(_xml(machine, springs))
         self.data = mujoco.MjData(self.model)
@@ -82,7 +82,7 @@ class SpringMachine:
         return data.xpos[platform].copy(), data.xmat[platform].reshape(3, 3).copy()
 
 
-def _xml(machine: Machine, springs: Springs) -> str:
+def _xml(machine: RodMachine, springs: Springs) -> str:
     """The platform's frame is the TCP's; rods point along their z axes, half of each on either side of its spring;
     spin about their axes, which moves nothing, is left out."""
     gravity, frames = machine.robot.model.gravity.linear, _rod_frames(machine)
@@ -123,7 +123,7 @@ def _xml(machine: Machine, springs: Springs) -> str:
     return "".join([*out, "</equality></mujoco>"])
 
 
-def _rod_frames(machine: Machine) -> list[Rotation]:
+def _rod_frames(machine: RodMachine) -> list[Rotation]:
     """Rotations that turn z into the rods' directions at home, TCP frame."""
     home = machine.kinematics.home
     seats = machine.kinematics.ends(machine.robot.home_q[None]).C[0]
@@ -135,7 +135,7 @@ def _towards(vector: Array) -> Array:
     return vector / np.linalg.norm(vector)
 
 
-def _centre(machine: Machine, cart: int) -> Array:
+def _centre(machine: RodMachine, cart: int) -> Array:
     """(3,) mean of a cart's joints with all commands zero, base frame, m."""
     return machine.kinematics.C0[machine.driver == cart].mean(axis=0)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from writer import NAMES, write
 
-import gtpin.output.placing
+import gtpin.output.work_folder
 from gtpin.errors import GtpinError
 from gtpin.output.results import result_file, results_folder
 
@@ -108,7 +108,7 @@ def test_a_move_that_fails_at_any_step_is_taken_back(tmp_path, monkeypatch):
         (folder / "c.txt").write_text("mine")
         left[0] = step
         with monkeypatch.context() as patch:
-            patch.setattr(gtpin.output.placing.os, "replace", replace)
+            patch.setattr(gtpin.output.work_folder.os, "replace", replace)
             said = outcome(folder)
         if said is None:
             break

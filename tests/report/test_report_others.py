@@ -13,7 +13,7 @@ from gtpin.accuracy import analysis
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
-from gtpin.report.comparison_page import comparison_page
+from gtpin.report.comparison import comparison_page
 from gtpin.report.sensitivity_page import sensitivity_page
 
 ROBOT = load_robot("gantry_tau")

@@ -23,10 +23,8 @@ from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
-from gtpin.view.colors import of_errors, of_share
 from gtpin.view.gap import gap_of, whose
-from gtpin.view.parts import parts
-from gtpin.view.shapes import robot_as_modelled, shapes
+from gtpin.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
 from gtpin.view.still import still, write_still
 
 if TYPE_CHECKING:

@@ -21,9 +21,8 @@ from gtpin.instruments import Plane, Range, Socket, Tilt, Tracker
 from gtpin.instruments.instrument import Instrument, Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
-from gtpin.model.fitted_instrument import FittedInstrument
-from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.patches import patch
+from gtpin.model.model import FittedInstrument
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import skeleton
 from gtpin.view.gap import Gap, gap_with_instruments
 from gtpin.view.still import still

@@ -78,13 +78,7 @@ class Answer(BaseModel):
 
     @staticmethod
     def read(file: Path) -> Answer:
-        """The answer in a file.
-
-        Raises
-        ------
-        GtpinError
-            If the file can't be read, or is no answer.
-        """
+        """The answer in a file. Raises GtpinError if the file can't be read, or is no answer."""
         try:
             found = Answer.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
         except ValidationError as error:

@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.bench.benchmark.public_set import PublicSet, Published
-from gtpin.bench.blind.draw import Draft, made, measured, recipe, truth_of
+from gtpin.bench.blind.draw import Draft, made, measured, truth_of
 from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
-from gtpin.bench.blind.seal import digest_of
-from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth
-from gtpin.bench.simulator.instruments.case import InstrumentCase
-from gtpin.bench.simulator.truth import Case
+from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of
+from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.output.ownership import MARKER
 from gtpin.threads import in_one_thread
@@ -47,11 +45,10 @@ class Made:
 @in_one_thread
 def make(draft: Draft, folder: Path) -> Made:
     """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
-    kept = recipe(draft)
     left_out: tuple[LeftOut, ...] = ()
     case: Case | InstrumentCase = measured(draft) if draft.instruments else made(draft)
     if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case, kept)
+        case, left_out = without_some_touches(case)
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
     case.dataset.write(place)
@@ -64,7 +61,7 @@ def make(draft: Draft, folder: Path) -> Made:
     for file in place.glob("*.csv"):
         round_table(file)
     (place / MARKER).unlink(missing_ok=True)  # it describes the files as they were before rounding
-    truth = truth_of(case, draft.kind, kept, left_out)
+    truth = truth_of(case, draft.kind, left_out)
     content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
     (folder / TRUTHS).mkdir(exist_ok=True)
     (folder / TRUTHS / f"{draft.name}.json").write_bytes(content)
@@ -82,10 +79,7 @@ def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator
 def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
     """Names of the cases, among ``names``, whose truths do not have the published digests.
 
-    Raises
-    ------
-    GtpinError
-        If a truth can't be read.
+    Raises GtpinError if a truth can't be read.
     """
     for name in names:
         if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:

@@ -18,25 +18,15 @@ SCHEMA = "gtpin-benchmark/1"
 
 
 class Block(BaseModel):
-    """Cases of one machine, measured by one instrument.
-
-    Parameters
-    ----------
-    name
-        Beginning of the cases' names.
-    robot
-        Name of a robot, or of a URDF file in the set's folder.
-    instrument
-        Kind of the instrument that measures in place of a tracker with its own pose; empty for the tracker.
-    cases, seed
-        Number of cases, and the seed from which they are drawn.
-    """
+    """Cases of one machine, measured by one instrument."""
 
     model_config = ConfigDict(frozen=True)
 
-    name: str
-    robot: str
+    name: str  # Beginning of the cases' names
+    robot: str  # Name of a robot, or of a URDF file in the set's folder
+    # Kind of the instrument that measures in place of a tracker with its own pose; empty for the tracker
     instrument: str = ""
+    # `cases`, `seed`: Number of cases, and the seed from which they are drawn
     cases: Annotated[int, Field(ge=1)]
     seed: int
 
@@ -53,42 +43,26 @@ class Block(BaseModel):
 
 
 class Published(BaseModel):
-    """What is published of a case.
-
-    Parameters
-    ----------
-    dataset, truth
-        SHA-256 of the files that a solver sees, and of the truth.
-    leaves
-        D of a single effect: the energy that the best wrong effect leaves; None for other cases.
-    """
+    """What is published of a case."""
 
     model_config = ConfigDict(frozen=True)
 
+    # `dataset`, `truth`: SHA-256 of the files that a solver sees, and of the truth
     dataset: str
     truth: str
+    # D of a single effect: the energy that the best wrong effect leaves; None for other cases
     leaves: float | None = None
 
 
 class PublicSet(BaseModel):
-    """A set of cases that anybody can make again.
-
-    Parameters
-    ----------
-    plant
-        Digest of the plant's sources that made the set first.
-    blocks
-        The cases, by machine and instrument.
-    cases
-        What is published of each case, by its name.
-    """
+    """A set of cases that anybody can make again."""
 
     model_config = ConfigDict(frozen=True)
 
     schema_: Annotated[str, Field(alias="schema", pattern=f"^{SCHEMA}$")]
-    plant: str
-    blocks: tuple[Block, ...]
-    cases: dict[str, Published]
+    plant: str  # Digest of the plant's sources that made the set first
+    blocks: tuple[Block, ...]  # The cases, by machine and instrument
+    cases: dict[str, Published]  # What is published of each case, by its name
 
     @staticmethod
     def read(file: Path = FILE) -> PublicSet:
@@ -96,13 +70,7 @@ class PublicSet(BaseModel):
         return PublicSet.model_validate_json(file.read_bytes())
 
     def chosen(self, names: Sequence[str] | None) -> list[str]:
-        """The names of some cases; None: all.
-
-        Raises
-        ------
-        GtpinError
-            If the set has no such case.
-        """
+        """The names of some cases; None: all. Raises GtpinError if the set has no such case."""
         for name in names or ():
             if name not in self.cases:
                 known = ", ".join(f"{block.name}-00 to -{block.cases - 1:02d}" for block in self.blocks)

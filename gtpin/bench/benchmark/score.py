@@ -15,7 +15,7 @@ from gtpin.bench.benchmark.make import TRUTHS
 from gtpin.bench.benchmark.public_set import PublicSet
 from gtpin.bench.blind.judged import VISIBLE, Judged
 from gtpin.bench.blind.rates import Rate, mean, rate
-from gtpin.bench.blind.seal import digest_of, opened
+from gtpin.bench.blind.truth import digest_of, opened
 from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError
@@ -30,22 +30,13 @@ SINGLE = ("one", "power")
 
 @dataclass(frozen=True)
 class Scored:
-    """A case with its answer.
+    """A case with its answer."""
 
-    Parameters
-    ----------
-    judged
-        The truth, with D, and what the answer says.
-    error
-        RMS error of the predictions at commands that are not in the dataset, in units of the instrument's noise; None if not
-        predicted.
-    said
-        The predicted explained fraction; None if not predicted.
-    """
-
-    judged: Judged
+    judged: Judged  # The truth, with D, and what the answer says
+    # RMS error of the predictions at commands that are not in the dataset, in units of the instrument's noise; None if
+    # not predicted
     error: float | None
-    said: float | None
+    said: float | None  # The predicted explained fraction; None if not predicted
 
     def explained(self, before: float) -> float:
         """The explained fraction that is realised, for an error ``before`` of the geometry alone."""

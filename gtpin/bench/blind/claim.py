@@ -31,10 +31,7 @@ def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Ite
     A new check that ends before a case is complete leaves no files. With ``force``, files of another check, or files that
     gtpin did not write, are renamed (``NAME.old-1``).
 
-    Raises
-    ------
-    GtpinError
-        If the folder contains other files, another run uses it, or it can't be written.
+    Raises GtpinError if the folder contains other files, another run uses it, or it can't be written.
     """
     root = folder.root
     if os.path.lexists(root) and not os.path.isdir(root):

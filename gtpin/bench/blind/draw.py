@@ -7,20 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.bench.blind.left_out_touches import ONE_IN, LeftOut
-from gtpin.bench.blind.repeatability import jitter
+from gtpin.bench.blind.left_out_touches import ONE_IN, LeftOut, jitter
 from gtpin.bench.blind.truth import Kind, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
 from gtpin.bench.simulator.build import build, known_robot
-from gtpin.bench.simulator.bulk import bulk_recipe
-from gtpin.bench.simulator.case import drawn_recipe
+from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
 from gtpin.bench.simulator.instruments.choice import TOUCHED
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.tracker import Noise
-from gtpin.bench.simulator.truth import Case
+from gtpin.bench.simulator.recipe import Noise, Recipe
+from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.typing import Floats
 
 ROBOT = "gantry_tau"
@@ -119,14 +115,11 @@ def _recipe(draft: Draft) -> Recipe:
     return drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
-def truth_of(
-    case: Case | InstrumentCase, kind: Kind, recipe: Recipe | None = None, left_out: Sequence[LeftOut] = ()
-) -> Truth:
+def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut] = ()) -> Truth:
     """The truth of a case, to be sealed.
 
     Where other instruments than a tracker alone measured, it has true readings in place of true poses, because readings alone
-    do not determine where the base is. ``recipe`` is what the plant made the case from; without it the noise of instruments,
-    on which D depends, is not in the truth. ``left_out`` are the touches that are not in the case.
+    do not determine where the base is. ``left_out`` are the touches that are not in the case.
     """
     noise = Noise()
     alone = isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]
@@ -152,7 +145,7 @@ def truth_of(
         else None,
         readings=() if isinstance(case, Case) or alone else true_readings(case, left_out),
         sigma=sigma if isinstance(case, Case) else None,
-        noise=() if isinstance(case, Case) or recipe is None else true_noise(case, recipe),
+        noise=() if isinstance(case, Case) or case.recipe is None else true_noise(case),
     )
 
 
@@ -165,15 +158,15 @@ def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[Tr
     )
 
 
-def true_noise(case: InstrumentCase, recipe: Recipe) -> tuple[TrueNoise, ...]:
+def true_noise(case: InstrumentCase) -> tuple[TrueNoise, ...]:
     """The noise of every number in the instruments' tables: the instrument's own, and that of the machine's repeatability.
 
     E is computed with this noise.
     """
-    moves, found = jitter(case, recipe), []
+    moves, found = jitter(case), []
     for gauge in case.gauges:
-        moved = gauge.by_motion(case.true[gauge.stop]) @ moves[gauge.stop]
-        found.append(TrueNoise(name=gauge.name, sigma=_rows(np.sqrt(gauge.sigma**2 + (moved**2).sum(axis=2)))))
+        scattered = gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop])
+        found.append(TrueNoise(name=gauge.name, sigma=_rows(scattered)))
     return tuple(found)
 
 

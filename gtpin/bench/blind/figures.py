@@ -1,19 +1,123 @@
-"""The figures of a check, with their targets."""
+"""The figures of a check, with their targets; each over the cases that it is defined for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gtpin.bench.blind.by_instrument import visible_f1, with_instruments
-from gtpin.bench.blind.calibration import tenths
-from gtpin.bench.blind.explained_fraction import absolute_error, coverage, explained_fractions
 from gtpin.bench.blind.judged import LEFT, VISIBLE, Judged
 from gtpin.bench.blind.rates import Rate, mean, rate
 from gtpin.bench.blind.truth import Kind
 
 MOST_AFTER = 1.3
+TENTHS = 10
+SEVERAL: tuple[Kind, ...] = ("two", "three", "many")
+
+
+def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
+    """The cases of some kinds."""
+    return [case for case in cases if case.kind in kinds]
+
+
+def taken_out(cases: Iterable[Judged]) -> list[Judged]:
+    """Cases with one effect as cases with an unlisted effect: diagnosed with the effect removed from the catalogue."""
+    found = []
+    for case in of_kind(cases, "one"):
+        if case.without is not None or case.without_error is not None:
+            nameless = case.single.model_copy(update={"site": "", "leaves": case.without_left})
+            update = {"said": case.without, "error": case.without_error, "truth": (nameless,)}
+            found.append(case.model_copy(update=update))
+    return found
+
+
+def class_size(cases: Iterable[Judged]) -> Rate:
+    """Mean number of members of the classes, where a cause is named."""
+    return mean(len(c.said.members) for c in cases if c.said and c.said.members)
+
+
+# ------------------------------------------------------------------------------------ explained fraction of the gap
+
+
+@dataclass(frozen=True)
+class ExplainedFraction:
+    """The explained fraction that a diagnosis predicts, its interval, and the one realised at held-out commands."""
+
+    predicted: float
+    interval: tuple[float, float] | None
+    realised: float
+
+
+def explained_fractions(cases: Iterable[Judged]) -> list[ExplainedFraction]:
+    """The explained fractions of all cases with a prediction, without the cases of kind `power`."""
+    return [
+        ExplainedFraction(c.said.shrinkage, c.said.interval, c.shrunk.share)
+        for c in cases
+        if c.said and c.shrunk and c.said.shrinkage is not None and c.kind != "power"
+    ]
+
+
+def absolute_error(fractions: Iterable[ExplainedFraction]) -> Rate:
+    """Mean absolute difference of predicted and realised fraction."""
+    return mean(abs(f.predicted - f.realised) for f in fractions)
+
+
+def coverage(fractions: Iterable[ExplainedFraction]) -> Rate:
+    """How often the realised fraction lies in the predicted interval."""
+    return rate(f.interval[0] <= f.realised <= f.interval[1] for f in fractions if f.interval)
+
+
+# ------------------------------------------------------------------------------------------------------ reliability
+
+
+@dataclass(frozen=True)
+class Tenth:
+    """Causes whose probability lies in one tenth: its lower edge, the mean probability, the fraction correct."""
+
+    start: float
+    predicted: float
+    right: Rate
+
+
+def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
+    """The reliability of the named causes, or of all members of their classes; empty tenths are omitted."""
+    found: list[list[tuple[float, bool]]] = [[] for _ in range(TENTHS)]
+    for case in cases:
+        for cause in case.said.causes if case.said and case.kind else ():
+            probabilities = {cause.name: cause.probability} | (cause.members if members else {})
+            for name, probability in probabilities.items():
+                found[min(int(probability * TENTHS), TENTHS - 1)].append((probability, name in case.names))
+    return [
+        Tenth(i / TENTHS, sum(p for p, _ in some) / len(some), rate(right for _, right in some))
+        for i, some in enumerate(found)
+        if some
+    ]
+
+
+# -------------------------------------------------------------------------------------------------- several effects
+
+
+def with_instruments(cases: Iterable[Judged]) -> bool:
+    """Whether instruments of schema 2 measured some of the cases."""
+    return any(case.instruments for case in cases)
+
+
+def not_visible(cases: Iterable[Judged]) -> dict[str, int]:
+    """Number of the effects of the catalogue in cases with several (``effects``), and of those that are not visible."""
+    several = [case for case in of_kind(cases, *SEVERAL) if case.listed]
+    return {
+        "effects": sum(len(case.names) for case in several),
+        "not_visible": sum(len(case.not_visible) for case in several),
+    }
+
+
+def visible_f1(cases: Iterable[Judged]) -> Rate:
+    """Mean F1 of the visible effects, over the cases with several effects of the catalogue of which one is visible."""
+    several = [case for case in of_kind(cases, *SEVERAL) if case.listed]
+    return mean(case.visible_f1 for case in several if case.names - case.not_visible)
+
+
+# ------------------------------------------------------------------------------------------------------ all figures
 
 
 @dataclass(frozen=True)
@@ -28,11 +132,10 @@ class Figure:
     @property
     def reached(self) -> bool | None:
         """Whether the value reaches its target; None without cases or target."""
-        if self.rate.value is None or (self.least is None and self.most is None):
+        value = self.rate.value
+        if value is None or (self.least is None and self.most is None):
             return None
-        return (self.least is None or self.rate.value >= self.least) and (
-            self.most is None or self.rate.value <= self.most
-        )
+        return (self.least is None or value >= self.least) and (self.most is None or value <= self.most)
 
     def to_json(self) -> dict[str, Any]:
         """As in ``score.json``."""
@@ -41,100 +144,72 @@ class Figure:
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:
-    """All figures, each over the cases that it is defined for; a failed case counts as incorrect."""
-    one, none = of_kind(cases, "one"), of_kind(cases, "none")
+    """All figures; a failed case counts as incorrect."""
+    one, none, two = of_kind(cases, "one"), of_kind(cases, "none"), of_kind(cases, "two")
     seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     weak = [c for c in one if c.leaves <= VISIBLE]
     rough = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.energy > VISIBLE and c.testable and c.listed]
-    two, three = of_kind(cases, "two"), of_kind(cases, "three")
     plain = [c for c in two if all((effect.energy or 0.0) > VISIBLE for effect in c.truth)]
-    both = of_kind(cases, "known_and_unlisted")
+    both, three = of_kind(cases, "known_and_unlisted"), of_kind(cases, "three")
+    right = "cause and site right, nothing else named, D > 63"
+    confident = rate(not c.error and not c.false_confident for c in weak)
+    covered = (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
+    # Where the instruments can't show all effects, F1 of the visible ones has the target.
+    whole = Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95)
+    sets = [whole]
+    if with_instruments(cases):
+        visible = Figure("two effects: F1 of those with E > 63", visible_f1(two), least=0.95)
+        sets = [Figure(whole.name, whole.rate), visible]
     return [
         Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
         Figure("class holds the truth, E > 63", rate(c.in_class for c in seen), least=0.97),
-        Figure(
-            "members of the class, E > 63",
-            mean(len(c.said.members) for c in seen if c.said and c.said.members),
-            most=2.5,
-        ),
-        Figure(
-            "class with a member that leaves more than 63, E > 63", rate(_has_wrong_member(c) for c in seen), most=0.0
-        ),
-        Figure("cause and site right, nothing else named, D > 63", rate(c.strict for c in clear), least=0.90),
-        Figure("site that leads where right, D > 63", rate(_where(c) for c in clear), least=0.90),
-        Figure(
-            "no false name with confidence, D <= 63",
-            rate(not c.error and not c.false_confident for c in weak),
-            least=0.95,
-        ),
-        Figure("no effect: silent", rate(c.said is not None and not c.detected for c in none), least=0.99),
-        *_sets(cases),
+        Figure("members of the class, E > 63", class_size(seen), most=2.5),
+        Figure("class with a member that leaves more than 63, E > 63", rate(map(_has_wrong_member, seen)), most=0.0),
+        Figure(right, rate(c.strict for c in clear), least=0.90),
+        Figure("site that leads where right, D > 63", rate(c.where for c in clear), least=0.90),
+        Figure("no false name with confidence, D <= 63", confident, least=0.95),
+        Figure("no effect: silent", rate(c.silent for c in none), least=0.99),
+        *sets,
         Figure("two effects, E > 63 of each: F1 of the set", mean(c.f1 for c in plain), least=0.95),
         Figure("two effects, E > 63 of each: F1 of the classes", mean(c.class_f1 for c in plain)),
         Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
-        *_outside(cases),
-        Figure("known and unlisted together: unknown", rate(_unknown(c) for c in both)),
+        *_outside("outside the catalogue", of_kind(cases, "unlisted")),
+        *_outside("taken out of the catalogue", taken_out(cases)),
+        Figure("known and unlisted together: unknown", rate(c.unknown for c in both)),
         Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
         _calibrated(cases),
         Figure(
             "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
         ),
         *_shrinkage(cases, seen),
-        Figure("95 % intervals of parameters cover", rate(covered(cases))),
+        Figure("95 % intervals of parameters cover", rate(covered)),
     ]
 
 
-def _sets(cases: Sequence[Judged]) -> list[Figure]:
-    """F1 of two effects. It has no target where the instruments can't show all effects: F1 of the visible ones has it then."""
-    two = of_kind(cases, "two")
-    whole = mean(c.f1 for c in two)
-    if not with_instruments(cases):
-        return [Figure("two effects: F1 of the set", whole, least=0.95)]
+def _has_wrong_member(case: Judged) -> bool:
+    """Whether the class has a member that does not fit the true effect: it leaves more than `VISIBLE` of its energy."""
+    members = case.said.members - case.names if case.said else ()
+    return any(case.left.get(name, 0.0) > VISIBLE for name in members)
+
+
+def _outside(word: str, cases: Sequence[Judged]) -> list[Figure]:
+    """Figures of effects that are not in the catalogue."""
+    plain, where = [c for c in cases if c.leaves > LEFT], "where others leave more than 250"
+    confident = [rate(bool(c.false_confident) for c in some) for some in (plain, cases)]
     return [
-        Figure("two effects: F1 of the set", whole),
-        Figure("two effects: F1 of those with E > 63", visible_f1(two), least=0.95),
+        Figure(f"{word}: unknown, {where}", rate(c.unknown for c in plain), least=0.90),
+        Figure(f"{word}: unknown, all", rate(c.unknown for c in cases)),
+        Figure(f"{word}: a cause named with confidence, {where}", confident[0], most=0.15),
+        Figure(f"{word}: a cause named with confidence, all", confident[1], most=0.15),
+        Figure(f"{word}: any cause named, all", rate(bool(c.false_names) for c in cases)),
     ]
 
 
-def of_kind(cases: Iterable[Judged], *kinds: Kind) -> list[Judged]:
-    """The cases of some kinds."""
-    return [case for case in cases if case.kind in kinds]
-
-
-def taken_out(cases: Iterable[Judged]) -> list[Judged]:
-    """Cases with one effect as cases with an unlisted effect: diagnosed with the effect removed from the catalogue."""
-    found = []
-    for case in of_kind(cases, "one"):
-        if case.without is not None or case.without_error is not None:
-            nameless = case.single.model_copy(update={"site": "", "leaves": case.without_left})
-            found.append(
-                case.model_copy(update={"said": case.without, "error": case.without_error, "truth": (nameless,)})
-            )
-    return found
-
-
-def covered(cases: Iterable[Judged]) -> Iterable[bool]:
-    """Whether parameters of correctly named causes lie within 1.96 sigma of the true values."""
-    return (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
-
-
-def _outside(cases: Sequence[Judged]) -> list[Figure]:
-    """Figures of effects that are not in the catalogue, and of those that were removed from it."""
-    rows = []
-    for word, some in (
-        ("outside the catalogue", of_kind(cases, "unlisted")),
-        ("taken out of the catalogue", taken_out(cases)),
-    ):
-        plain = [c for c in some if c.leaves > LEFT]
-        rows_of: list[tuple[str, Callable[[Judged], bool], Sequence[Judged], dict[str, float]]] = [
-            ("unknown, where others leave more than 250", _unknown, plain, {"least": 0.90}),
-            ("unknown, all", _unknown, some, {}),
-            ("a cause named with confidence, where others leave more than 250", _confident, plain, {"most": 0.15}),
-            ("a cause named with confidence, all", _confident, some, {"most": 0.15}),
-            ("any cause named, all", _named, some, {}),
-        ]
-        rows += [Figure(f"{word}: {text}", rate(map(test, those)), **bound) for text, test, those, bound in rows_of]
-    return rows
+def _calibrated(cases: Sequence[Judged]) -> Figure:
+    """The largest calibration error of the probabilities, over the tenths."""
+    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    farthest = Rate(max(off, default=None), None, None, len(off))
+    return Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05)
 
 
 def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
@@ -147,36 +222,3 @@ def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
         Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
         Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
     ]
-
-
-def _calibrated(cases: Sequence[Judged]) -> Figure:
-    """The largest calibration error of the probabilities, over the tenths."""
-    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
-    return Figure(
-        "probabilities: farthest off of the tenths that have 30 causes",
-        Rate(max(off, default=None), None, None, len(off)),
-        most=0.05,
-    )
-
-
-def _has_wrong_member(case: Judged) -> bool:
-    """Whether the class has a member that does not fit the true effect: it leaves more than `VISIBLE` of its energy."""
-    return case.said is not None and any(
-        case.left.get(n, 0.0) > VISIBLE for n in case.said.members if n not in case.names
-    )
-
-
-def _where(case: Judged) -> bool:
-    return case.said is not None and case.said.site == case.single.site
-
-
-def _unknown(case: Judged) -> bool:
-    return case.said is not None and case.said.verdict == "unknown"
-
-
-def _confident(case: Judged) -> bool:
-    return bool(case.false_confident)
-
-
-def _named(case: Judged) -> bool:
-    return bool(case.false_names)

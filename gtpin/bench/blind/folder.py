@@ -1,10 +1,11 @@
-"""The files of a check: datasets, sealed truths in a separate folder, diagnoses, and the check's settings."""
+"""The files of a check: datasets, sealed truths, diagnoses, settings, and the digests that its files had first."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import gtpin
-from gtpin.bench.blind.record import digest_of_files
-from gtpin.bench.blind.seal import DIGEST, digest_of
-from gtpin.bench.blind.truth import TruePoses, Truth
+from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of
 from gtpin.bench.blind.worker import Outcome
 from gtpin.data.files import placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
@@ -22,34 +21,65 @@ from gtpin.data.table import Column
 from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
 
+KEY = "digests"
+"""The key of ``check.json`` that holds the digests, by kind of file and name."""
+
+
+def compared(claim: Path, kind: str, digests: Mapping[str, str]) -> list[str]:
+    """Compare digests with those that were remembered first, and remember those of new names.
+
+    Parameters
+    ----------
+    claim
+        The ``check.json`` of the check.
+    kind
+        What the files are, for messages: ``truth``, ``dataset``, ``diagnosis``.
+    digests
+        SHA-256 of each file, by the case's name.
+
+    Returns
+    -------
+    changed
+        ``KIND of NAME`` for each file whose digest is another one, or that was remembered and is not there.
+    """
+    content = json.loads(claim.read_text(encoding="utf-8"))
+    known: dict[str, str] = content.setdefault(KEY, {}).setdefault(kind, {})
+    new = {name: digest for name, digest in digests.items() if name not in known}
+    changed = [f"{kind} of {name}" for name, digest in digests.items() if known.get(name, digest) != digest]
+    changed += [f"{kind} of {name}" for name in known if name not in digests]
+    if new:
+        known.update(new)
+        with placed_file(claim) as unfinished:
+            unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return changed
+
+
+def digest_of_files(files: Mapping[str, bytes]) -> str:
+    """SHA-256 of several files with their names."""
+    found = hashlib.sha256()
+    for name, content in sorted(files.items()):
+        found.update(name.encode() + b"\0" + digest_of(content).encode() + b"\0")
+    return found.hexdigest()
+
+
 JUDGES = ("bench", "report", "commands")
 """Parts of gtpin that a diagnosis does not depend on."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of a check and the digests of its sources. Results are valid for these settings only.
+    """The settings of a check and the digests of its sources. Results are valid for these settings only."""
 
-    Parameters
-    ----------
-    cases, seed
-        Number of cases and the seed from which they are drawn; the seed is None for cases that somebody else made.
-    source
-        Digest of the cases that somebody else made, or None.
-    robot
-        Robot of the cases, or None for cases that somebody else made.
-    plant, diagnosis
-        Digests of the source files that make the cases, and of those that diagnose them.
-    instruments
-        Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made.
-    """
-
+    # `cases`, `seed`: Number of cases and the seed from which they are drawn; the seed is None for cases that somebody
+    # else made
     cases: int
     seed: int | None
-    source: str | None
-    robot: str | None
+    source: str | None  # Digest of the cases that somebody else made, or None
+    robot: str | None  # Robot of the cases, or None for cases that somebody else made
+    # `plant`, `diagnosis`: Digests of the source files that make the cases, and of those that diagnose them
     plant: str | None
     diagnosis: str
+    # Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made
     instruments: str | None = None
 
 

@@ -11,22 +11,51 @@ import numpy as np
 from gtpin.bench.blind.difficulty import Best, Difficulty
 from gtpin.bench.blind.judged import Judged, Shrunk
 from gtpin.bench.blind.oracle import fit_known_causes, fit_known_causes_to_readings
-from gtpin.bench.blind.realised_readings import rms_of_readings, shrunk_readings
-from gtpin.bench.blind.seal import SealError, opened
 from gtpin.bench.blind.smooth import gaussian_process_positions
 from gtpin.bench.blind.statement import Named, Statement
 from gtpin.bench.blind.true_parameters import true_parameters
-from gtpin.bench.blind.truth import TrueEffect, TruePoses, Truth
+from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
+from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
+from gtpin.robot.measured_joints import measured_joint
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
+
+
+def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
+    """RMS errors of all instruments' readings in units of their noise, predicted by the baseline and by the model with the
+    causes."""
+    before, after = (
+        rms_of_readings(dataset, truth, predicted) for predicted in (outcome.baseline_readings, outcome.model_readings)
+    )
+    return Shrunk(before=before, after=after)
+
+
+def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
+    """RMS error of predicted readings (H, c), by instrument, in units of the noise; of joints that turn, modulo full turns."""
+    turning = _turning(dataset)
+    errors = []
+    for true in truth.readings:
+        error = np.array(predicted[true.name]) - np.array(true.values)
+        if true.name in turning:
+            error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
+        errors.append((error / np.array(true.sigma)).ravel())
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+def _turning(dataset: Dataset) -> frozenset[str]:
+    """Names of the encoders at joints that turn."""
+    tables = () if dataset.readings is None else dataset.readings.tables
+    encoders = [table for table in tables if isinstance(table, EncoderTable)]
+    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
+
 
 Left = Mapping[str, Best]
 """Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
@@ -193,13 +222,7 @@ def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:
-    """(H, 3) true positions in the order of the commands.
-
-    Raises
-    ------
-    GtpinError
-        If the poses are not the same.
-    """
+    """(H, 3) true positions in the order of the commands. Raises GtpinError if the poses are not the same."""
     place = {pose: i for i, pose in enumerate(poses.pose)}
     if len(place) != len(commands) or not all(pose in place for pose in commands.pose):
         raise GtpinError(

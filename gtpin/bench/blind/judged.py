@@ -15,24 +15,18 @@ LEFT = 250.0
 
 
 class Shrunk(BaseModel):
-    """Position errors at held-out commands, against the true poses.
-
-    Parameters
-    ----------
-    before, after
-        RMS length of the position error, m, of the geometry alone and of the model with the named causes; where other
-        instruments than a tracker alone measured, RMS error of their readings in units of the noise.
-    knowing
-        The same error, of a fit to which the true causes are given; None if there is no such fit, as where an encoder reads.
-    smoothed
-        The same error, of a Gaussian process that names no cause; None if it was not fitted.
-    """
+    """Position errors at held-out commands, against the true poses."""
 
     model_config = ConfigDict(frozen=True)
 
+    # `before`, `after`: RMS length of the position error, m, of the geometry alone and of the model with the named
+    # causes; where other instruments than a tracker alone measured, RMS error of their readings in units of the noise
     before: float
     after: float
+    # The same error, of a fit to which the true causes are given; None if there is no such fit, as where an encoder
+    # reads
     knowing: float | None = None
+    # The same error, of a Gaussian process that names no cause; None if it was not fitted
     smoothed: float | None = None
 
     @property
@@ -42,58 +36,33 @@ class Shrunk(BaseModel):
 
 
 class Judged(BaseModel):
-    """A case, its truth and its diagnosis.
-
-    Parameters
-    ----------
-    kind
-        Kind of case; None if its seal was broken.
-    poses, planned
-        Rows of the dataset, and different commands among them.
-    truth
-        Its true effects with E and D, without displacements.
-    rival
-        The wrong effect (``effect@site``) that leaves the least energy of a single true effect; empty where not known.
-    listed
-        Whether all its effects are in the catalogue.
-    instruments
-        Kinds of the instruments that measured it; None for a tracker alone.
-    testable
-        Whether the dataset has the covariates that its known effects need.
-    error
-        Message of the error if the case failed.
-    said
-        The scored part of the diagnosis; None if the case failed.
-    left
-        Energy of a single true effect that remains when another effect is fitted to it, by that effect: each member of the
-        named class, and the true effect in its textbook form.
-    without, without_error, without_left
-        The diagnosis with the true effect removed from the catalogue; the error if that failed; and the energy that the best
-        of the other effects leaves.
-    shrunk
-        None without true poses, or if the case failed.
-    parameters
-        Name, value, sigma and true value of the parameters of causes that are named correctly.
-    """
+    """A case, its truth and its diagnosis."""
 
     model_config = ConfigDict(frozen=True)
 
     name: str
-    kind: Kind | None = None
+    kind: Kind | None = None  # Kind of case; None if its seal was broken
+    # `poses`, `planned`: Rows of the dataset, and different commands among them
     poses: int = 0
     planned: int = 0
-    truth: tuple[TrueEffect, ...] = ()
+    truth: tuple[TrueEffect, ...] = ()  # Its true effects with E and D, without displacements
+    # The wrong effect (``effect@site``) that leaves the least energy of a single true effect; empty where not known
     rival: str = ""
-    listed: bool = True
-    instruments: tuple[str, ...] | None = None
-    testable: bool = True
-    error: str | None = None
-    said: Statement | None = None
+    listed: bool = True  # Whether all its effects are in the catalogue
+    instruments: tuple[str, ...] | None = None  # Kinds of the instruments that measured it; None for a tracker alone
+    testable: bool = True  # Whether the dataset has the covariates that its known effects need
+    error: str | None = None  # Message of the error if the case failed
+    said: Statement | None = None  # The scored part of the diagnosis; None if the case failed
+    # Energy of a single true effect that remains when another effect is fitted to it, by that effect: each member of
+    # the named class, and the true effect in its textbook form
     left: dict[str, float] = {}
+    # `without`, `without_error`, `without_left`: The diagnosis with the true effect removed from the catalogue; the
+    # error if that failed; and the energy that the best of the other effects leaves
     without: Statement | None = None
     without_error: str | None = None
     without_left: float | None = None
-    shrunk: Shrunk | None = None
+    shrunk: Shrunk | None = None  # None without true poses, or if the case failed
+    # Name, value, sigma and true value of the parameters of causes that are named correctly
     parameters: tuple[tuple[str, float, float, float], ...] = ()
 
     @property
@@ -121,6 +90,21 @@ class Judged(BaseModel):
     def detected(self) -> bool:
         """Whether the verdict is not `none`."""
         return self.said is not None and self.said.verdict != "none"
+
+    @property
+    def silent(self) -> bool:
+        """Whether the verdict is `none`; not where the case failed."""
+        return self.said is not None and self.said.verdict == "none"
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the verdict is `unknown`."""
+        return self.said is not None and self.said.verdict == "unknown"
+
+    @property
+    def where(self) -> bool:
+        """Whether the site that leads is that of the single effect."""
+        return self.said is not None and self.said.site == self.single.site
 
     @property
     def strict(self) -> bool:

@@ -11,13 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.blind.repeatability import jitter, stops
-from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.energy import Past
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.instruments.past import PastReadings
-from gtpin.bench.simulator.instruments.tables import Read
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.truth import Truth
+from gtpin.bench.simulator.truth import InstrumentCase, Read, Truth
 from gtpin.data.files import write_table
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
@@ -31,23 +27,17 @@ ONE_IN = 6
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Touches of an instrument that are not in its table.
+    """Touches of an instrument that are not in its table."""
 
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    pose, q, columns
-        (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is touched, as in a table.
-    values, sigma
-        (M, c) distance of the target from what it touches, without the noise of the touch, and this noise, m. ``values`` are
-        those of a machine that returns exactly to its commands: no model predicts the scatter of its repeatability.
-    """
-
-    name: str
+    name: str  # Name of the instrument
+    # `pose`, `q`, `columns`: (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is
+    # touched, as in a table
     pose: Ids
     q: Floats
     columns: dict[str, Column]
+    # `values`, `sigma`: (M, c) distance of the target from what it touches, without the noise of the touch, and this
+    # noise, m. ``values`` are those of a machine that returns exactly to its commands: no model predicts the scatter
+    # of its repeatability.
     values: Floats
     sigma: Floats
 
@@ -57,15 +47,15 @@ class LeftOut:
         write_table(folder / f"commands-{self.name}.csv", {"pose": self.pose, **commands, **self.columns})
 
 
-def without_some_touches(case: InstrumentCase, recipe: Recipe) -> tuple[InstrumentCase, tuple[LeftOut, ...]]:
+def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[LeftOut, ...]]:
     """A case without some touches, and these touches. E is computed again for the remaining rows.
 
     No touch is left out where an encoder measures too: the displacements of its joint are not known here, so E can't be
     computed again.
     """
-    if case.true.joints or not any(gauge.touches for gauge in case.gauges):
+    if case.recipe is None or case.true.joints or not any(gauge.touches for gauge in case.gauges):
         return case, ()
-    kept = [_kept(gauge, recipe.seed) for gauge in case.gauges]
+    kept = [_kept(gauge, case.recipe.seed) for gauge in case.gauges]
     found = tuple(
         _left_out(case, gauge, read, ~rows)
         for gauge, read, rows in zip(case.gauges, case.dataset.read, kept, strict=True)
@@ -78,7 +68,7 @@ def without_some_touches(case: InstrumentCase, recipe: Recipe) -> tuple[Instrume
     )
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(kept)]) for effect in case.effects)
     fewer = replace(case, gauges=gauges, dataset=replace(case.dataset, read=tables), effects=effects)
-    return replace(fewer, effects=_measured_again(fewer, recipe)), found
+    return replace(fewer, effects=_measured_again(fewer)), found
 
 
 def _kept(gauge: Gauge, seed: int) -> Rows:
@@ -97,16 +87,33 @@ def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> Lef
     return LeftOut(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
 
 
-def _measured_again(case: InstrumentCase, recipe: Recipe) -> tuple[Truth, ...]:
+def _measured_again(case: InstrumentCase) -> tuple[Truth, ...]:
     """The effects of a case with E computed as by the plant, for the rows that the case has; the largest E first."""
     used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
     gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
     poses = case.true[used]
     by_tolerance = case.machine.by_tolerance(case.dataset.q[used], poses)
-    past = PastReadings.of(gauges, poses, by_tolerance, jitter(case, recipe)[used])
+    past = Past.of_readings(gauges, poses, by_tolerance, jitter(case)[used])
     found = []
     for effect in case.effects:
         at_stops = np.zeros((len(case.dataset.q), 6))
         at_stops[rows] = effect.displacement
         found.append(replace(effect, energy=past.energy(at_stops[used])))
     return tuple(sorted(found, key=lambda effect: -effect.energy))
+
+
+def jitter(case: InstrumentCase) -> Floats:
+    """(N, 6 + k, n) motions of the poses at stops, and of k joints, by 1 sigma of each actuator's repeatability, m and rad.
+
+    NaN at stops at which no instrument measures.
+    """
+    used = stops(case)
+    by_command = case.machine.command_jacobian(case.dataset.q[used], case.true[used])
+    found = np.full((len(case.dataset.q), *by_command.shape[1:]), np.nan)
+    found[used] = by_command * case.repeatability
+    return found
+
+
+def stops(case: InstrumentCase) -> npt.NDArray[np.int_]:
+    """Indices of the stops at which an instrument measures."""
+    return np.unique(np.concatenate([gauge.stop for gauge in case.gauges]))

@@ -77,10 +77,7 @@ def fit_known_causes_to_readings(
         By the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no estimate
         of the noise makes this fit worse. A known distance of sockets has the noise of the calibration.
 
-    Raises
-    ------
-    ConvergenceError
-        If the fit does not converge.
+    Raises ConvergenceError if the fit does not converge.
     """
     split = single(dataset, baseline.model.robot)
     observed = Observed.of(split, baseline)

@@ -12,12 +12,12 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gtpin.bench.blind.truth import Kind, Six, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
-from gtpin.data import columns
 from gtpin.data.description import describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
+from gtpin.data.instrument_tables import written
 from gtpin.data.names import POSITION
 from gtpin.data.read_instruments import is_second
-from gtpin.data.second_schema import SecondDescription, describe_second, write_second
+from gtpin.data.second_schema import SecondDescription, describe_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
@@ -61,10 +61,7 @@ class _TruthFile(BaseModel):
 def given(folder: Path) -> list[Given]:
     """Find all cases in a folder, ``NAME/`` and ``NAME.truth.json``, in the order of their names.
 
-    Raises
-    ------
-    GtpinError
-        If there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
+    Raises GtpinError if there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
     """
     try:
         entries = sorted(folder.iterdir())
@@ -161,7 +158,7 @@ def _poses(folder: Path, name: str) -> TruePoses | None:
     if not file.exists():
         return None
     table = read_table(file)
-    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), columns.orientation(table)
+    pose, T, turns = table.column("pose").tolist(), table.matrix(POSITION), table.orientation()
     if len(set(pose)) < len(pose):
         raise DatasetError("a pose is there twice", file=file, column="pose", hint="give each command one true pose")
     commands = find_table(folder / name, "commands")
@@ -201,10 +198,7 @@ def take_in(case: Given, place: Path) -> None:
                 of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
                 (place / ROBOT).write_bytes(Description.read(urdf).xml.encode() if of_two else read_bytes(urdf))
                 moved = said.common.model_copy(update={"robot": ROBOT})
-                if said.instruments:
-                    write_second(place / "dataset.toml", moved, said.instruments)
-                else:
-                    write_description(place / "dataset.toml", moved)
+                write_description(place / "dataset.toml", moved, [written(one) for one in said.instruments])
         except GtpinError:
             return  # its diagnosis reports the error
 

@@ -72,38 +72,24 @@ def figure_table(result: Mapping[str, Any]) -> Table:
 
 def effect_table(result: Mapping[str, Any]) -> Table:
     """Accuracy by effect."""
-    head = (
-        "effect",
-        "cases",
-        "strict",
-        "95 %",
-        "in class",
-        "class size",
-        "detected",
-        "where",
-        "taken out",
-        "then unknown",
-        "then misnamed",
-    )
+    columns = {
+        "strict": "strict",
+        "strict_bounds": "95 %",
+        "in_class": "in class",
+        "class_size": "class size",
+        "detected": "detected",
+        "where": "where",
+        "taken_out": "taken out",
+        "taken_out_unknown": "then unknown",
+        "taken_out_misnamed": "then misnamed",
+    }
     rows = []
     for effect, row in result["by_effect"].items():
         low, high = row["strict_bounds"]
-        rows.append(
-            (
-                effect,
-                str(row["cases"]),
-                number(row["strict"]),
-                f"{low:.2f} .. {high:.2f}",
-                number(row["in_class"]),
-                number(row["class_size"]),
-                number(row["detected"]),
-                number(row["where"]),
-                str(row["taken_out"]),
-                number(row["taken_out_unknown"]),
-                number(row["taken_out_misnamed"]),
-            )
-        )
-    return Table(head, rows)
+        cells = {key: number(row[key]) for key in columns if not key.endswith("bounds")}
+        cells |= {"strict_bounds": f"{low:.2f} .. {high:.2f}", "taken_out": str(row["taken_out"])}
+        rows.append((effect, str(row["cases"]), *(cells[key] for key in columns)))
+    return Table(("effect", "cases", *columns.values()), rows)
 
 
 def instrument_table(result: Mapping[str, Any]) -> Table:
@@ -118,12 +104,7 @@ def instrument_table(result: Mapping[str, Any]) -> Table:
         "shrinkage_error": "shrinkage error",
     }
     rows = [
-        (
-            name,
-            str(row["cases"]),
-            *(_cell(row[key]) for key in columns),
-            f"{row['not_visible']} of {row['effects']}",
-        )
+        (name, str(row["cases"]), *(_cell(row[key]) for key in columns), f"{row['not_visible']} of {row['effects']}")
         for name, row in result.get("by_instrument", {}).items()
     ]
     return Table(("instrument", "cases", *columns.values(), "not visible"), rows)

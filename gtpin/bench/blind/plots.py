@@ -10,107 +10,78 @@ import numpy as np
 
 from gtpin.bench.blind.figures import of_kind
 from gtpin.bench.blind.judged import VISIBLE, Judged
-from gtpin.bench.blind.power import EDGES, matched_filter
+from gtpin.bench.blind.score import EDGES, matched_filter
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing
 from gtpin.report.palette import ACCENT, BAD, DATA, FIT, GOOD, LOW, MID, MYSTERY, WARN, ZERO
 
 COLORS = (ACCENT, FIT, GOOD, MYSTERY)
+DOTTED = {"color": ZERO, "dash": "dot"}
+Trace = dict[str, Any]
 
 
 def plots(result: Mapping[str, Any], cases: Sequence[Judged]) -> dict[str, Plot]:
     """By name: ``reliability``, ``power``, ``confusion``, ``shrinkage``, ``difficulty``; plots without data are omitted."""
-    made = {
-        "reliability": _reliability(result["reliability"]),
-        "power": _power(result["power"]),
-        "confusion": _confusion(result["confusion"]),
-        "shrinkage": _shrinkage(cases),
-        "difficulty": _difficulty(cases),
+    made = (
+        _reliability(result["reliability"]),
+        _power(result["power"]),
+        _confusion(result["confusion"]),
+        _shrinkage(cases),
+        _difficulty(cases),
+    )
+    return {plot.name: plot for plot in made if plot is not None}
+
+
+def _plot(name: str, title: str, caption: str, traces: Sequence[Trace], layout: Trace, **more: Any) -> Plot:
+    return Plot(name, title, partial(Drawing, traces, layout), (), caption, **more)
+
+
+def _axis(title: str, low: float | None = None, high: float | None = None, **more: Any) -> Trace:
+    return {"title": {"text": title}, **({} if low is None else {"range": [low, high]}), **more}
+
+
+def _diagonal(start: float) -> Trace:
+    """A dotted line of equal numbers, without a legend."""
+    ends = [start, 1]
+    return {"x": ends, "y": ends, "mode": "lines", "line": DOTTED, "showlegend": False, "hoverinfo": "skip"}
+
+
+def _rates(x: Sequence[float], rates: Sequence[Mapping[str, Any]], **more: Any) -> Trace:
+    """Rates with their bounds, and their numbers of cases as text."""
+    bounds = {
+        "array": [r["high"] - r["value"] for r in rates],
+        "arrayminus": [r["value"] - r["low"] for r in rates],
     }
-    return {name: plot for name, plot in made.items() if plot is not None}
-
-
-def _bounds(rates: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Error bars of rates."""
-    above = [r["high"] - r["value"] for r in rates]
-    below = [r["value"] - r["low"] for r in rates]
-    return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1}
+    bars = {"type": "data", "symmetric": False, **bounds, "thickness": 1}
+    texts = [f"{r['of']} cases" for r in rates]
+    return {"x": x, "y": [r["value"] for r in rates], "error_y": bars, "text": texts, **more}
 
 
 def _reliability(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Plot | None:
-    traces: list[dict[str, Any]] = [
-        {
-            "x": [0, 1],
-            "y": [0, 1],
-            "mode": "lines",
-            "line": {"color": ZERO, "dash": "dot"},
-            "showlegend": False,
-            "hoverinfo": "skip",
-        }
-    ]
+    traces = [_diagonal(0)]
     for (name, tenths), color in zip(rows.items(), COLORS, strict=False):
-        rates = [t["right"] for t in tenths]
-        traces.append(
-            {
-                "x": [t["said"] for t in tenths],
-                "y": [r["value"] for r in rates],
-                "name": name,
-                "mode": "markers",
-                "error_y": _bounds(rates),
-                "marker": {"color": color, "size": 8},
-                "text": [f"{r['of']} cases" for r in rates],
-            }
-        )
-    layout = {
-        "xaxis": {"title": {"text": "predicted probability"}, "range": [0, 1.02]},
-        "yaxis": {"title": {"text": "fraction correct"}, "range": [-0.02, 1.02]},
-    }
+        said, right = [t["said"] for t in tenths], [t["right"] for t in tenths]
+        traces.append(_rates(said, right, name=name, mode="markers", marker={"color": color, "size": 8}))
     caption = "Probabilities of the named causes, and of all members of their classes, by tenths; bars: 95 %."
-    return (
-        Plot("reliability", "Reliability of the probabilities", partial(Drawing, traces, layout), (), caption)
-        if rows["causes"]
-        else None
-    )
+    axes = {"xaxis": _axis("predicted probability", 0, 1.02), "yaxis": _axis("fraction correct", -0.02, 1.02)}
+    title = "Reliability of the probabilities"
+    return _plot("reliability", title, caption, traces, axes) if rows["causes"] else None
 
 
 def _power(rows: Sequence[Mapping[str, Any]]) -> Plot | None:
     if not rows:
         return None
     grid = np.geomspace(EDGES[0], EDGES[-1], 60)
-    traces: list[dict[str, Any]] = [
-        {
-            "x": grid,
-            "y": [matched_filter(e) for e in grid],
-            "mode": "lines",
-            "name": "matched filter",
-            "line": {"color": ZERO, "dash": "dot"},
-        }
-    ]
+    limit = [matched_filter(e) for e in grid]
+    traces: list[Trace] = [{"x": grid, "y": limit, "mode": "lines", "name": "matched filter", "line": DOTTED}]
     for number, color in zip(sorted({row["poses"] for row in rows}), COLORS, strict=False):
         some = [row for row in rows if row["poses"] == number]
-        rates = [row["found"] for row in some]
-        traces.append(
-            {
-                "x": [row["energy"] for row in some],
-                "y": [r["value"] for r in rates],
-                "name": f"{number} poses",
-                "mode": "lines+markers",
-                "error_y": _bounds(rates),
-                "line": {"color": color},
-                "text": [f"{r['of']} cases" for r in rates],
-            }
-        )
-    layout = {
-        "xaxis": {"type": "log", "title": {"text": "E"}},
-        "yaxis": {"title": {"text": "share detected"}, "range": [-0.02, 1.05]},
-    }
-    return Plot(
-        "power",
-        "Share detected by energy",
-        partial(Drawing, traces, layout),
-        (),
-        "Single effects by the energy that geometry can't explain; bars: 95 %.",
-    )
+        found = [row["found"] for row in some]
+        look = {"name": f"{number} poses", "mode": "lines+markers", "line": {"color": color}}
+        traces.append(_rates([row["energy"] for row in some], found, **look))
+    caption = "Single effects by the energy that geometry can't explain; bars: 95 %."
+    axes = {"xaxis": _axis("E", type="log"), "yaxis": _axis("share detected", -0.02, 1.05)}
+    return _plot("power", "Share detected by energy", caption, traces, axes)
 
 
 def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
@@ -118,17 +89,14 @@ def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
         return None
     last = ["unknown", "ambiguous", "explained", "none", "failed"]
     named = sorted({word for row in counts.values() for word in row} - set(last))
-    columns = [
-        word for word in [*dict.fromkeys([*counts, *named]), *last] if any(word in row for row in counts.values())
-    ]
-    shares = [[row.get(word, 0) / sum(row.values()) for word in columns] for row in counts.values()]
-    texts = [[row.get(word, 0) or "" for word in columns] for row in counts.values()]
+    words = [*dict.fromkeys([*counts, *named]), *last]
+    columns = [word for word in words if any(word in row for row in counts.values())]
     trace = {
         "type": "heatmap",
         "x": columns,
         "y": list(counts),
-        "z": shares,
-        "text": texts,
+        "z": [[row.get(word, 0) / sum(row.values()) for word in columns] for row in counts.values()],
+        "text": [[row.get(word, 0) or "" for word in columns] for row in counts.values()],
         "texttemplate": "%{text}",
         "showscale": False,
         "colorscale": [[0, LOW], [1, MID]],
@@ -136,105 +104,56 @@ def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
         "xgap": 1,
         "ygap": 1,
     }
-    layout = {"yaxis": {"autorange": "reversed"}, "xaxis": {"side": "top", "tickangle": -60}, "margin": {"t": 110}}
+    layout: Trace = {
+        "yaxis": {"autorange": "reversed"},
+        "xaxis": {"side": "top", "tickangle": -60},
+        "margin": {"t": 110},
+    }
     caption = (
         "Rows: the true effect; columns: the leading cause, or the verdict if no cause is named. Numbers of cases."
     )
-    return Plot(
-        "confusion",
-        "Confusion matrix of single effects",
-        partial(Drawing, [trace], layout),
-        (),
-        caption,
-        height=130 + 24 * len(counts),
-    )
+    title = "Confusion matrix of single effects"
+    return _plot("confusion", title, caption, [trace], layout, height=130 + 24 * len(counts))
 
 
 def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
-    some = [c for c in cases if c.said and c.shrunk and c.said.shrinkage is not None]
+    some = [
+        (c, c.said.shrinkage, c.shrunk.share) for c in cases if c.said and c.shrunk and c.said.shrinkage is not None
+    ]
     if not some:
         return None
-    line = {
-        "x": [-0.2, 1],
-        "y": [-0.2, 1],
-        "mode": "lines",
-        "line": {"color": ZERO, "dash": "dot"},
-        "showlegend": False,
-        "hoverinfo": "skip",
-    }
     dots = {
-        "x": [c.said.shrinkage for c in some if c.said],
-        "y": [max(c.shrunk.share, -1.0) for c in some if c.shrunk],
+        "x": [predicted for _, predicted, _ in some],
+        "y": [max(share, -1.0) for _, _, share in some],
         "mode": "markers",
         "name": "cases",
         "marker": {"color": DATA, "size": 5, "opacity": 0.6},
-        "text": [c.name for c in some],
+        "text": [c.name for c, _, _ in some],
     }
-    layout = {
-        "xaxis": {"title": {"text": "predicted"}},
-        "yaxis": {"title": {"text": "realised at held-out commands"}},
-        "showlegend": False,
-    }
-    return Plot(
-        "shrinkage",
-        "Explained fraction of the gap, predicted and realised",
-        partial(Drawing, [line, dots], layout),
-        (),
-        "One dot per case; values below -1 are drawn at -1.",
-    )
+    axes: Trace = {"xaxis": _axis("predicted"), "yaxis": _axis("realised at held-out commands"), "showlegend": False}
+    title = "Explained fraction of the gap, predicted and realised"
+    caption = "One dot per case; values below -1 are drawn at -1."
+    return _plot("shrinkage", title, caption, [_diagonal(-0.2), dots], axes)
 
 
 def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     one = [c for c in of_kind(cases, "one") if c.energy == c.energy and c.leaves == c.leaves]
     if not one:
         return None
-    groups = (
-        ("right, alone", GOOD),
-        ("class holds it", WARN),
-        ("wrong or unknown", BAD),
-        ("not detected", DATA),
-    )
+    groups = {"right, alone": GOOD, "class holds it": WARN, "wrong or unknown": BAD, "not detected": DATA}
     traces = []
-    for number, (name, color) in enumerate(groups):
+    for number, (name, color) in enumerate(groups.items()):
         some = [c for c in one if _group(c) == number]
-        traces.append(
-            {
-                "x": [c.energy for c in some],
-                "y": [max(c.leaves, 1.0) for c in some],
-                "mode": "markers",
-                "name": name,
-                "marker": {"color": color, "size": 6},
-                "text": [f"{c.name} {c.single.name}" for c in some],
-            }
-        )
-    lines = [
-        {
-            "type": "line",
-            "y0": VISIBLE,
-            "y1": VISIBLE,
-            "xref": "paper",
-            "x0": 0,
-            "x1": 1,
-            "line": {"color": ZERO, "dash": "dot"},
-        }
-    ]
-    layout = {
-        "xaxis": {"type": "log", "title": {"text": "E"}},
-        "yaxis": {"type": "log", "title": {"text": "D"}},
-        "shapes": lines,
-    }
-    return Plot(
-        "difficulty",
-        "Energy, and what the best wrong effect leaves",
-        partial(Drawing, traces, layout),
-        (),
-        "Single effects; dotted: D = 63.",
-    )
+        look = {"mode": "markers", "name": name, "marker": {"color": color, "size": 6}}
+        texts = [f"{c.name} {c.single.name}" for c in some]
+        traces.append({"x": [c.energy for c in some], "y": [max(c.leaves, 1.0) for c in some], "text": texts, **look})
+    line = {"type": "line", "y0": VISIBLE, "y1": VISIBLE, "xref": "paper", "x0": 0, "x1": 1, "line": DOTTED}
+    axes: Trace = {"xaxis": _axis("E", type="log"), "yaxis": _axis("D", type="log"), "shapes": [line]}
+    title, caption = "Energy, and what the best wrong effect leaves", "Single effects; dotted: D = 63."
+    return _plot("difficulty", title, caption, traces, axes)
 
 
 def _group(case: Judged) -> int:
     if case.strict:
         return 0
-    if not case.detected:
-        return 3
-    return 1 if case.in_class else 2
+    return 3 if not case.detected else 1 if case.in_class else 2

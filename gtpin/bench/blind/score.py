@@ -4,43 +4,51 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
-from gtpin.bench.blind.by_instrument import by_instrument, not_visible, visible_f1, with_instruments
-from gtpin.bench.blind.calibration import Tenth, tenths
-from gtpin.bench.blind.explained_fraction import absolute_error, coverage, explained_fractions
-from gtpin.bench.blind.figures import figures, of_kind, taken_out
+import numpy as np
+
+from gtpin.bench.blind.figures import (
+    absolute_error,
+    class_size,
+    coverage,
+    explained_fractions,
+    figures,
+    not_visible,
+    of_kind,
+    taken_out,
+    tenths,
+    visible_f1,
+    with_instruments,
+)
 from gtpin.bench.blind.judged import VISIBLE, Judged, Shrunk
-from gtpin.bench.blind.power import power
 from gtpin.bench.blind.rates import Rate, mean, rate
 from gtpin.bench.blind.statement import Named, Statement
+from gtpin.distributions import norm
 
 SCHEMA = "gtpin-score/1"
 POSES = (60, 120, 240)
+EDGES = (2.0, 8.0, 16.0, 32.0, 63.0, 125.0, 250.0)
+"""Edges of the power curve's bins of energy."""
+FALSE_ALARM = 0.01
 
 
 def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The content of ``score.json``; a fraction is None if there are no cases for it.
-
-    Parameters
-    ----------
-    about
-        Settings of the check, to be recorded.
-    """
-    one = of_kind(cases, "one")
+    """The content of ``score.json``, with the settings ``about`` of the check; a fraction is None without cases for it."""
+    one, none, unlisted = of_kind(cases, "one"), of_kind(cases, "none"), of_kind(cases, "unlisted")
     several = [c for c in of_kind(cases, "two", "three", "many") if c.listed]
-    none, unlisted = of_kind(cases, "none"), of_kind(cases, "unlisted")
     fractions = explained_fractions(cases)
-    return {
+    found = {
         "schema": SCHEMA,
         "cases": len(cases),
         "strict": rate(c.strict for c in one).value,
         "in_class": rate(c.in_class for c in one).value,
-        "class_size": mean(len(c.said.members) for c in one if c.said and c.said.members).value,
+        "class_size": class_size(one).value,
         "site": rate(_site(c) for c in one).value,
         "false_alarm": rate(c.detected for c in none).value,
-        "unknown_recognised": rate(c.said is not None and c.said.verdict == "unknown" for c in unlisted).value,
+        "unknown_recognised": rate(c.unknown for c in unlisted).value,
         "unknown_misnamed": rate(bool(c.false_names) for c in unlisted).value,
         "set_f1": mean(c.f1 for c in several).value,
         "shrinkage_error": absolute_error(fractions).value,
@@ -52,23 +60,18 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "baselines": baselines(cases),
         "confusion": confusion(one),
         "reliability": {
-            "causes": [_tenth(t) for t in tenths(cases)],
-            "members": [_tenth(t) for t in tenths(cases, members=True)],
+            name: [{"start": t.start, "said": t.predicted, "right": t.right.to_json()} for t in tenths(cases, members)]
+            for name, members in (("causes", False), ("members", True))
         },
         "power": [asdict(found) for found in power(cases, POSES)],
         "check": dict(about or {}),
         "failures": [c.name for c in cases if c.error is not None],
-        **(_of_instruments(cases) if with_instruments(cases) else {}),
     }
-
-
-def _of_instruments(cases: Sequence[Judged]) -> dict[str, Any]:
-    """Additional keys of a score where other instruments than a tracker alone measured."""
-    return {
-        "set_f1_visible": visible_f1(cases).value,
-        "not_visible": not_visible(cases),
-        "by_instrument": by_instrument(cases),
-    }
+    if with_instruments(cases):
+        found["set_f1_visible"] = visible_f1(cases).value
+        found["not_visible"] = not_visible(cases)
+        found["by_instrument"] = by_instrument(cases)
+    return found
 
 
 def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
@@ -85,13 +88,44 @@ def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
             "in_class": inside.value,
             "strict_bounds": [strict.low, strict.high],
             "in_class_bounds": [inside.low, inside.high],
-            "class_size": mean(len(c.said.members) for c in some if c.said and c.said.members).value,
+            "class_size": class_size(some).value,
             "detected": rate(c.detected for c in some).value,
             "site": rate(_site(c) for c in some).value,
-            "where": rate(c.said is not None and c.said.site == c.single.site for c in some).value,
+            "where": rate(c.where for c in some).value,
             "taken_out": len(out),
-            "taken_out_unknown": rate(c.said is not None and c.said.verdict == "unknown" for c in out).value,
+            "taken_out_unknown": rate(c.unknown for c in out).value,
             "taken_out_misnamed": rate(bool(c.false_confident) for c in out).value,
+        }
+    return found
+
+
+def _site(case: Judged) -> bool:
+    """Whether the leading cause is at the true site."""
+    return bool(case.said and case.said.names and case.said.names[0].split("@")[1] == case.single.site)
+
+
+def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
+    """By instruments: number of cases, of effects and of effects that are not visible, and rates with their bounds."""
+    by_name: dict[str, list[Judged]] = {}
+    for case in cases:
+        by_name.setdefault(" + ".join(case.instruments) if case.instruments else "tracker", []).append(case)
+    found = {}
+    for name, some in sorted(by_name.items()):
+        one = of_kind(some, "one")
+        seen = [case for case in one if case.energy > VISIBLE]
+        rates = {
+            "detected": rate(case.detected for case in seen),
+            "in_class": rate(case.in_class for case in seen),
+            "strict": rate(case.strict for case in one if case.leaves > VISIBLE),
+            "silent": rate(case.silent for case in of_kind(some, "none")),
+            "false_with_confidence": rate(bool(case.false_confident) for case in some if case.kind),
+            "set_f1_visible": visible_f1(some),
+            "shrinkage_error": absolute_error(explained_fractions(some)),
+        }
+        found[name] = {
+            "cases": len(some),
+            **not_visible(some),
+            **{key: value.to_json() for key, value in rates.items()},
         }
     return found
 
@@ -100,63 +134,83 @@ def confusion(one: Sequence[Judged]) -> dict[str, dict[str, int]]:
     """Counts by true single effect (first key) and diagnosis: the leading cause's effect, or the verdict if there is none."""
     found: dict[str, Counter[str]] = {}
     for case in one:
-        found.setdefault(case.single.effect, Counter())[_called(case)] += 1
+        named = case.said.names if case.said else ("failed",)
+        called = named[0].split("@")[0] if named else case.said.verdict if case.said else ""
+        found.setdefault(case.single.effect, Counter())[called] += 1
     return {effect: dict(sorted(found[effect].items())) for effect in sorted(found)}
 
 
-def _called(case: Judged) -> str:
-    if case.said is None:
-        return "failed"
-    return case.said.names[0].split("@")[0] if case.said.names else case.said.verdict
+@dataclass(frozen=True)
+class Found:
+    """Fraction of effects that is detected, for a number of poses and a bin of E from ``start`` to ``end``.
+
+    ``energy`` is the geometric mean of E in the bin, and ``limit`` the fraction that a matched filter detects.
+    """
+
+    poses: int
+    start: float
+    end: float
+    energy: float
+    found: Rate
+    limit: float
 
 
-def _site(case: Judged) -> bool:
-    """Whether the leading cause is at the true site."""
-    return bool(case.said and case.said.names and case.said.names[0].split("@")[1] == case.single.site)
+def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
+    """Power curves of the cases of kind `power`, by number of poses and energy."""
+    rows = []
+    for number in numbers:
+        for start, end in pairwise(EDGES):
+            some = [c for c in of_kind(cases, "power") if c.planned == number and start <= c.energy < end]
+            if some:
+                limit = float(np.mean([matched_filter(c.energy) for c in some]))
+                middle = float(np.exp(np.mean([np.log(c.energy) for c in some])))
+                rows.append(Found(number, start, end, middle, rate(c.detected for c in some), limit))
+    return rows
 
 
-def _tenth(tenth: Tenth) -> dict[str, Any]:
-    return {"start": tenth.start, "said": tenth.predicted, "right": tenth.right.to_json()}
+def matched_filter(energy: float) -> float:
+    """Detection probability of a filter that knows the effect's shape and sign, at 1 % false alarms; 95 % at E = 15.8."""
+    return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(energy)))
 
 
 def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
     """Scores of the diagnosis and of its baselines, by the baseline's name and the figure's name."""
+    silent = [_saying(c, Statement(verdict="none")) for c in cases]
     return {
-        "diagnosis": _row(cases, lambda shrunk: shrunk.after),
-        "geometry only": _row([_silent(c) for c in cases], lambda shrunk: shrunk.before),
-        "Gaussian process": _row([_silent(c) for c in cases], lambda shrunk: shrunk.smoothed),
-        "largest score": _row([_largest_evidence(c) for c in cases], None),
-        "knows the cause": _row([], lambda shrunk: shrunk.knowing, cases),
+        "diagnosis": _row(cases, cases, lambda shrunk: shrunk.after),
+        "geometry only": _row(silent, cases, lambda shrunk: shrunk.before),
+        "Gaussian process": _row(silent, cases, lambda shrunk: shrunk.smoothed),
+        "largest score": _row([_largest_evidence(c) for c in cases], cases, None),
+        "knows the cause": _row([], cases, lambda shrunk: shrunk.knowing),
     }
 
 
 def _row(
-    cases: Sequence[Judged], after: Callable[[Shrunk], float | None] | None, others: Sequence[Judged] = ()
+    cases: Sequence[Judged], every: Sequence[Judged], after: Callable[[Shrunk], float | None] | None
 ) -> dict[str, Any]:
-    one = of_kind(cases, "one")
-    outside = of_kind(cases, "unlisted")
+    """Figures of a baseline: of the causes that it names in ``cases``, and of its errors in all of them."""
     shares = [
         1.0 - (left / c.shrunk.before) ** 2
-        for c in of_kind(cases or others, "one")
+        for c in of_kind(every, "one")
         if c.shrunk and after and c.shrunk.smoothed and c.shrunk.knowing and (left := after(c.shrunk)) is not None
     ]
     figures: dict[str, Rate] = {
-        "strict": rate(c.strict for c in one if c.leaves > VISIBLE),
+        "strict": rate(c.strict for c in of_kind(cases, "one") if c.leaves > VISIBLE),
         "set_f1": mean(c.f1 for c in of_kind(cases, "two")),
         "false_alarm": rate(bool(c.said and c.said.causes) for c in of_kind(cases, "none")),
-        "misnamed": rate(bool(c.false_names) for c in outside),
+        "misnamed": rate(bool(c.false_names) for c in of_kind(cases, "unlisted")),
         "shrinkage": mean(shares),
     }
     return {name: found.to_json() for name, found in figures.items()}
 
 
-def _silent(case: Judged) -> Judged:
-    return case.model_copy(update={"said": Statement(verdict="none")})
+def _saying(case: Judged, statement: Statement) -> Judged:
+    return case.model_copy(update={"said": statement})
 
 
 def _largest_evidence(case: Judged) -> Judged:
     """The case with a diagnosis that always names the candidate with the largest evidence."""
     if case.said is None or not case.said.top:
-        return _silent(case)
+        return _saying(case, Statement(verdict="none"))
     named = Named(name=case.said.top, probability=1.0, members={case.said.top: 1.0})
-    return case.model_copy(update={"said": Statement(verdict="explained", causes=(named,))})
+    return _saying(case, Statement(verdict="explained", causes=(named,)))

@@ -33,10 +33,7 @@ def processes() -> int:
 def workers(cluster: str | None = None) -> Iterator[None]:
     """Context for parallel work: new processes of this machine, or the workers of a cluster, by its scheduler's address.
 
-    Raises
-    ------
-    GtpinError
-        If dask is not installed, no scheduler answers, or it has no workers.
+    Raises GtpinError if dask is not installed, no scheduler answers, or it has no workers.
     """
     if cluster is not None:
         with _client(cluster), parallel_config(backend="dask"):
@@ -52,10 +49,7 @@ def workers(cluster: str | None = None) -> Iterator[None]:
 def check_cluster(cluster: str | None) -> None:
     """Check before any work that a cluster has workers, by its scheduler's address; without one there is nothing to check.
 
-    Raises
-    ------
-    GtpinError
-        If dask is not installed, no scheduler answers, or it has no workers.
+    Raises GtpinError if dask is not installed, no scheduler answers, or it has no workers.
     """
     if cluster is not None:
         with _client(cluster):
@@ -95,10 +89,7 @@ def spread(
     lost
         Names of the work that was not done because a process died; one of them ended the process.
 
-    Raises
-    ------
-    GtpinError
-        If the work can't be started in the workers.
+    Raises GtpinError if the work can't be started in the workers.
     """
     waiting = dict.fromkeys(names)
     tasks = (delayed(_named)(work, name, arguments(name), os.getpid()) for name in names)

@@ -23,26 +23,16 @@ class Named(BaseModel):
 
 
 class Statement(BaseModel):
-    """The scored part of a diagnosis.
-
-    Parameters
-    ----------
-    verdict, causes
-        As in ``diagnosis.json``; causes by ``effect@site``, the largest first.
-    site
-        Site with the largest share in ``where``; empty if all shares are zero.
-    top
-        Candidate with the largest log evidence, ``effect@site``; empty without candidates.
-    shrinkage, interval
-        As in ``diagnosis.json``; None if not given.
-    """
+    """The scored part of a diagnosis."""
 
     model_config = ConfigDict(frozen=True)
 
+    # `verdict`, `causes`: As in ``diagnosis.json``; causes by ``effect@site``, the largest first
     verdict: Literal["none", "explained", "ambiguous", "unknown"]
     causes: tuple[Named, ...] = ()
-    site: str = ""
-    top: str = ""
+    site: str = ""  # Site with the largest share in ``where``; empty if all shares are zero
+    top: str = ""  # Candidate with the largest log evidence, ``effect@site``; empty without candidates
+    # `shrinkage`, `interval`: As in ``diagnosis.json``; None if not given
     shrinkage: float | None = None
     interval: tuple[float, float] | None = None
 

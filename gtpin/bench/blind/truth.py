@@ -1,12 +1,19 @@
-"""The truth of a case: the effects of its machine, and its true poses."""
+"""The truth of a case, the effects of its machine and its true poses, and its seal: a digest that is published first."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+
+from gtpin.data.files import placed_file, read_bytes
+from gtpin.errors import GtpinError
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
 """Kind of case: see ``docs/blind.md``."""
@@ -17,29 +24,19 @@ Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 class TrueEffect(BaseModel):
-    """A true effect of a machine.
-
-    Parameters
-    ----------
-    effect, site
-        Its id and its site; the id of an unlisted effect is in no catalogue.
-    energy
-        E: its whitened energy that geometry can't explain.
-    leaves
-        D: the part of E that the best wrong effect leaves; None if the file does not give it.
-    amplitude
-        Its size relative to the typical size.
-    displacement
-        (N, 6) TCP displacement by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base frame.
-    """
+    """A true effect of a machine."""
 
     model_config = ConfigDict(frozen=True)
 
+    # `effect`, `site`: Its id and its site; the id of an unlisted effect is in no catalogue
     effect: Annotated[str, Field(min_length=1)]
     site: str = ""
-    energy: Positive | None = None
+    energy: Positive | None = None  # E: its whitened energy that geometry can't explain
+    # D: the part of E that the best wrong effect leaves; None if the file does not give it
     leaves: Positive | None = None
-    amplitude: Finite | None = None
+    amplitude: Finite | None = None  # Its size relative to the typical size
+    # (N, 6) TCP displacement by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base
+    # frame
     displacement: tuple[Six, ...] | None = None
 
     @property
@@ -69,69 +66,101 @@ class TrueReadings(BaseModel):
     Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; the
     predictions of the worker have the same assignment. The reading of a touch is the distance of the target from what it
     touches.
-
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    values, sigma
-        (H, c) readings and their noise, m or rad; for a tracker, positions.
     """
 
     model_config = ConfigDict(frozen=True)
 
-    name: str
+    name: str  # Name of the instrument
+    # `values`, `sigma`: (H, c) readings and their noise, m or rad; for a tracker, positions
     values: tuple[tuple[Finite, ...], ...]
     sigma: tuple[tuple[Finite, ...], ...]
 
 
 class TrueNoise(BaseModel):
-    """The noise of an instrument's readings with which E is computed.
-
-    Parameters
-    ----------
-    name
-        Name of the instrument.
-    sigma
-        (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad.
-    """
+    """The noise of an instrument's readings with which E is computed."""
 
     model_config = ConfigDict(frozen=True)
 
-    name: str
+    name: str  # Name of the instrument
+    # (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad
     sigma: tuple[tuple[Finite, ...], ...]
 
 
 class Truth(BaseModel):
-    """The sealed truth of a case.
-
-    Parameters
-    ----------
-    kind
-        Kind of case.
-    effects
-        True effects of the machine; can be empty.
-    poses
-        True poses at the held-out commands, if known.
-    readings
-        True readings where other instruments than a tracker alone measured; ``poses`` is then None.
-    sigma
-        (6,) the instrument's noise, m and rad, with which displacements are whitened; None if not known.
-    noise
-        The same for instruments of schema 2, for each number; empty if not known.
-    """
+    """The sealed truth of a case."""
 
     model_config = ConfigDict(frozen=True)
 
-    kind: Kind
-    effects: tuple[TrueEffect, ...]
-    poses: TruePoses | None = None
+    kind: Kind  # Kind of case
+    effects: tuple[TrueEffect, ...]  # True effects of the machine; can be empty
+    poses: TruePoses | None = None  # True poses at the held-out commands, if known
+    # True readings where other instruments than a tracker alone measured; ``poses`` is then None
     readings: tuple[TrueReadings, ...] = ()
+    # (6,) the instrument's noise, m and rad, with which displacements are whitened; None if not known
     sigma: Six | None = None
-    noise: tuple[TrueNoise, ...] = ()
+    noise: tuple[TrueNoise, ...] = ()  # The same for instruments of schema 2, for each number; empty if not known
 
     @model_serializer(mode="wrap")
     def _without_empty_noise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave the noise out where there is none: truths of a tracker's cases keep the digests that were published."""
         found: dict[str, Any] = handler(self)
         return found if self.noise else {name: value for name, value in found.items() if name != "noise"}
+
+
+MANIFEST = "gtpin-blind-manifest/1"
+
+
+class SealError(GtpinError):
+    """The truth is missing, or its digest is not the published one."""
+
+
+DIGEST = "truth.sha256"
+"""File in a case's folder with the digest of its truth."""
+
+
+def seal(truth: Truth, case: Path, file: Path) -> None:
+    """Write the SHA-256 of a truth to the case's folder, then the truth to a file in another folder."""
+    content = truth.model_dump_json().encode() + b"\n"
+    (case / DIGEST).write_text(digest_of(content) + "\n", encoding="utf-8")
+    with placed_file(file) as unfinished:
+        unfinished.write_bytes(content)
+
+
+def digest_of(content: bytes) -> str:
+    """SHA-256 of bytes, in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def opened(file: Path, digest: str) -> Truth:
+    """Read a sealed truth. Raises SealError if the file is missing, or its digest is not the published one."""
+    try:
+        content = read_bytes(file)
+    except GtpinError as error:
+        raise SealError(error.what, file=file, hint="the case can't be scored without its truth") from None
+    if digest_of(content) != digest:
+        raise SealError("the seal is broken: not the digest that was published", file=file, hint="make the case anew")
+    try:
+        return Truth.model_validate_json(content)
+    except ValidationError as error:
+        raise SealError(f"no truth ({error.errors()[0]['msg']})", file=file, hint="make the case anew") from None
+
+
+def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> str:
+    """Write the digests of all truths by case name, and return the digest of the manifest itself.
+
+    ``plant``: digest of the sources of the simulated machine; None where somebody else made the cases.
+    """
+    manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
+    content = (json.dumps(manifest, indent=1) + "\n").encode()
+    with placed_file(file) as unfinished:
+        unfinished.write_bytes(content)
+    return digest_of(content)
+
+
+def read_manifest(file: Path) -> dict[str, str]:
+    """Read the digests by case name. Raises SealError if the file can't be read."""
+    try:
+        truths = json.loads(read_bytes(file))["truths"]
+        return {str(name): str(digest) for name, digest in truths.items()}
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise SealError("no manifest", file=file, hint="start again in a new folder") from None

@@ -31,27 +31,19 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Outcome(BaseModel):
-    """The outcome of diagnosing one case.
+    """The outcome of diagnosing one case."""
 
-    Parameters
-    ----------
-    diagnosis
-        The content of ``diagnosis.json``; None if the diagnosis failed.
-    baseline, model
-        (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None without such a file.
-    baseline_readings, model_readings
-        (H, c) readings at ``commands.csv`` that these models predict, by name of the instrument, for a dataset of schema 2.
-        Where there is a file ``commands-NAME.csv``, the instrument's readings are at its commands and with its ids.
-    error
-        Message of the error with which the diagnosis failed.
-    """
-
-    diagnosis: dict[str, Any] | None = None
+    diagnosis: dict[str, Any] | None = None  # The content of ``diagnosis.json``; None if the diagnosis failed
+    # `baseline`, `model`: (H, 3) positions, m, at ``commands.csv``, of the geometry alone and with the causes; None
+    # without such a file
     baseline: list[list[Number]] | None = None
     model: list[list[Number]] | None = None
+    # `baseline_readings`, `model_readings`: (H, c) readings at ``commands.csv`` that these models predict, by name of
+    # the instrument, for a dataset of schema 2. Where there is a file ``commands-NAME.csv``, the instrument's readings
+    # are at its commands and with its ids.
     baseline_readings: dict[str, list[list[Number]]] = {}
     model_readings: dict[str, list[list[Number]]] = {}
-    error: str | None = None
+    error: str | None = None  # Message of the error with which the diagnosis failed
 
 
 @in_one_thread

@@ -1,19 +1,18 @@
 """Virtual machines to try the package on: with errors of the geometry alone, or with effects as well."""
 
-from gtpin.bench.simulator.bulk import draw_case
-from gtpin.bench.simulator.case import make_case
-from gtpin.bench.simulator.digest import digest
-from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
-from gtpin.bench.simulator.instruments.plain import simulate_measured
-from gtpin.bench.simulator.later import measure_at
+from gtpin.bench.simulator.build import measure_at
+from gtpin.bench.simulator.case import draw_case, make_case
+from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
+from gtpin.bench.simulator.recipe import Conditions, Noise, digest
 from gtpin.bench.simulator.scenario import simulate_scenario
 from gtpin.bench.simulator.simulate import Simulation, simulate
-from gtpin.bench.simulator.truth import Case, Truth
+from gtpin.bench.simulator.truth import Case, InstrumentCase, Truth
 
 __all__ = [
     "Case",
+    "Conditions",
     "InstrumentCase",
+    "Noise",
     "Simulation",
     "Truth",
     "build_measured",

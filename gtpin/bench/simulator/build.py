@@ -1,4 +1,4 @@
-"""Makes a case from a recipe: the machine is drawn from its tolerances, commanded, and measured."""
+"""Makes a case from a recipe: the machine is drawn from its tolerances, commanded, and measured; once more later if wanted."""
 
 from __future__ import annotations
 
@@ -7,26 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.background import weak_others
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import kind
-from gtpin.bench.simulator.energy import Past, PastGeometry
-from gtpin.bench.simulator.looped.machine import LoopedMachine
-from gtpin.bench.simulator.looped.robot import LoopedArm
-from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.energy import Past, Rows, effects_of
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.recipe import Recipe, Wanted
-from gtpin.bench.simulator.response import Plant
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Recipe
+from gtpin.bench.simulator.response import Response
+from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, Truth
-from gtpin.bench.simulator.visits import plan
+from gtpin.bench.simulator.visits import BACK_OFF, Visits, plan
 from gtpin.data import Commands, Dataset
 from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
@@ -36,44 +30,43 @@ from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
-Rows = npt.NDArray[np.int_]
-CLOSE = 1e-3
-STEPS = 6
+LATER = 600.0
+"""Time from the day's last visit to the first later one, where the commands have no column ``time``, s."""
+
+
+@cache
+def known_robot(robot: str) -> Robot | Arm:
+    """A robot by its name or path. It is loaded once, because the simulator does not change it."""
+    found = load_robot(robot)
+    return found if found.rods else Arm.of(found)
+
+
+def capacity(robot: Robot | Arm) -> float:
+    """Payload that a robot may carry, kg; 20 kg for a robot with rods."""
+    return robot.capacity if isinstance(robot, Arm) else 20.0
+
+
+def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
+    """A machine of a robot, drawn from its tolerances."""
+    return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else RodMachine.draw(robot, rng)
 
 
 @dataclass(frozen=True)
 class Built:
-    """A machine with its effects and its visits of a day, before anything is measured.
+    """A machine with its effects and its visits of a day, before anything is measured."""
 
-    Parameters
-    ----------
-    plant
-        The machine and all its visits.
-    active, truths
-        All its effects with their amplitudes, and the truth about those that the recipe asks for.
-    rows
-        Indices of the measured visits, in the order of the dataset's rows.
-    background
-        Joint energy E of the weak effects.
-    repeatability
-        (n,) standard deviation of each actuator, m or rad.
-    jitter
-        Random deviations by the repeatability, at every visit.
-    away
-        Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the same.
-    rng
-        Source of the instrument's noise.
-    """
-
-    plant: Plant
+    response: Response  # The machine and all its visits
+    # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
     active: Sequence[tuple[Cause, float]]
     truths: Sequence[Truth]
-    rows: Rows
-    background: float
-    repeatability: Floats
-    jitter: Any
+    rows: Rows  # Indices of the measured visits, in the order of the dataset's rows
+    background: float  # Joint energy E of the weak effects
+    repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
+    jitter: Deviation  # Random deviations by the repeatability, at every visit
+    # Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the
+    # same
     away: tuple[Floats, Floats] | None
-    rng: np.random.Generator
+    rng: np.random.Generator  # Source of the instrument's noise
 
     def in_frame(self, seen: Poses) -> Poses:
         """Poses (N), base frame, in the instrument's frame."""
@@ -83,10 +76,7 @@ class Built:
 def assemble(recipe: Recipe) -> Built:
     """Draw the machine and the visits of a recipe.
 
-    Raises
-    ------
-    GtpinError
-        If an effect or site is not known, or there is nothing to measure.
+    Raises GtpinError if an effect or site is not known, or there is nothing to measure.
     """
     noise, conditions = recipe.noise, recipe.conditions
     if recipe.poses < 2 or recipe.held_out < 1:
@@ -94,28 +84,22 @@ def assemble(recipe: Recipe) -> Built:
         raise GtpinError(what, hint="ask for at least two, and one held out")
     # A random stream for each part, so that the draws of one part do not change the others.
     streams = [np.random.default_rng(part) for part in np.random.SeedSequence([recipe.seed, 1]).spawn(5)]
-    robot = known_robot(recipe.robot)
-    if noise.free_target and not isinstance(robot, Arm):
-        raise GtpinError(
-            "a free target on six rods", hint="leave free_target out: the plant's rods carry theirs at the TCP"
-        )
-    machine = drawn_machine(robot, streams[0])
+    machine = drawn_machine(known_robot(recipe.robot), streams[0])
     if isinstance(machine, ArmMachine):
-        machine = _as_measured(machine, noise, streams[0])
+        target = noise.target(streams[0]) if noise.free_target else machine.target
+        machine = replace(machine, free=(noise.free, noise.free_target), target=target)
+    elif noise.free_target:
+        hint = "leave free_target out: the simulator's rods carry theirs at the TCP"
+        raise GtpinError("a free target on six rods", hint=hint)
     visits = plan(machine, recipe.poses, recipe.held_out, conditions, streams[1])
-    plant = Plant(machine, visits, np.array(noise.station))
+    response = Response(machine, visits, np.array(noise.station))
     rows = streams[4].permutation(np.flatnonzero(~visits.held))
-    past = PastGeometry.of(machine, visits.q[rows], plant.ideal.poses[rows], noise.sigma)
-    causes, truths = strong(recipe.wanted, recipe.seed, plant, rows, past)
-    weak: list[tuple[Cause, float]] = []
-    energy = 0.0
-    if recipe.background:
-        taken = {(want.effect, want.site) for want in recipe.wanted}
-        weak, energy = weak_others(plant, rows, past, taken, bool(recipe.wanted), streams[2])
+    past = Past.of_poses(machine, visits.q[rows], response.ideal.poses[rows], noise.sigma)
+    strong, truths, weak, energy = effects_of(recipe, response, rows, past, streams[2])
     repeatability = noise.repeatability_of(machine, streams[3])
     return Built(
-        plant=plant,
-        active=[*causes, *weak],
+        response=response,
+        active=[*strong, *weak],
         truths=truths,
         rows=rows,
         background=energy,
@@ -129,19 +113,19 @@ def assemble(recipe: Recipe) -> Built:
 def build(recipe: Recipe) -> Case:
     """Make the case of a recipe; see :func:`~gtpin.bench.simulator.case.make_case`."""
     made = assemble(recipe)
-    plant, rows = made.plant, made.rows
-    held = np.flatnonzero(plant.visits.held)
-    mine, held_visits = plant.visits.take(rows), plant.visits.take(held)
-    truth = made.in_frame(plant.seen(made.active)[held])
-    true = made.in_frame(plant.seen(made.active, made.jitter)[rows])
-    columns = mine.columns(recipe.conditions)
+    response, conditions = made.response, recipe.conditions
+    held = np.flatnonzero(response.visits.held)
+    mine, held_visits = response.visits.take(made.rows), response.visits.take(held)
+    truth = made.in_frame(response.seen(made.active)[held])
+    true = made.in_frame(response.seen(made.active, made.jitter)[made.rows])
+    measured = recipe.noise.measured(true, made.rng)
     return Case(
         name=f"case{recipe.seed:05d}",
-        dataset=as_dataset(recipe, ids(mine.pose), mine.q, columns, recipe.noise.measured(true, made.rng)),
-        commands=Commands(ids(np.arange(len(held))), held_visits.q, held_visits.columns(recipe.conditions)),
+        dataset=as_dataset(recipe, ids(mine.pose), mine.q, mine.columns(conditions), measured),
+        commands=Commands(ids(np.arange(len(held))), held_visits.q, held_visits.columns(conditions)),
         truth=truth,
         effects=tuple(sorted(made.truths, key=lambda truth: -truth.energy)),
-        machine=plant.machine,
+        machine=response.machine,
         visits=mine,
         true=true,
         background=made.background,
@@ -149,86 +133,102 @@ def build(recipe: Recipe) -> Case:
     )
 
 
-def strong(
-    wanted: Sequence[Wanted], seed: int, plant: Plant, rows: Rows, past: Past
-) -> tuple[list[tuple[Cause, float]], list[Truth]]:
-    """The effects that a recipe asks for, with their amplitudes, and their truth at the measured rows."""
-    causes, truths = [], []
-    for want, part in zip(wanted, np.random.SeedSequence([seed, 2]).spawn(len(wanted)), strict=True):
-        found = kind(want.effect, plant.machine.robot)
-        cause = found.at(plant.machine.robot, want.site, np.random.default_rng(part), want.periods)
-        amplitude = 1.0 if want.amplitude is None else want.amplitude
-        if want.energy is not None:
-            amplitude = amplitude_for(plant, cause, rows, past, want.energy, found.largest)
-        displacement = plant.displacement([(cause, amplitude)])[rows]
-        causes.append((cause, amplitude))
-        truths.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement))
-    return causes, truths
+def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
+    """Measure the machine of a case again, after its day, with the same instrument at the same place.
+
+    These covariates of the commands are applied: ``approach1..n`` and ``speed1..n`` (with equal signs), ``payload``,
+    ``fx fy fz``, ``session``, ``time`` (after the day's last visit), ``temp_frame`` and ``temp_link``. Covariates that are not
+    given have their values at the end of the day; directions of approach are then random, speeds and forces zero. Effects that
+    depend on earlier loads and moves start without this history.
+
+    Parameters
+    ----------
+    commands
+        Commands, and covariates by name, in the order in which they are measured.
+    seed
+        Seed of the instrument's noise and the repeatability. The same seed gives the same bytes.
+
+    Returns
+    -------
+    Dataset
+        One row for each command, with the covariates of the case's dataset and those of the commands.
+
+    Raises
+    ------
+    GtpinError
+        If conditions contradict each other, or a pose can't be reached.
+    """
+    made, recipe = assemble(case.recipe), case.recipe
+    rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, 5, seed]))
+    visits = _later(made.response.visits, commands, recipe.conditions, rng)
+    response = Response(made.response.machine, visits, made.response.station)
+    jitter = response.machine.jitter(made.repeatability, len(visits), rng)
+    true = made.in_frame(response.seen(made.active, jitter))
+    columns = {**visits.columns(recipe.conditions), **commands.covariates}
+    return as_dataset(recipe, commands.pose, commands.q, columns, recipe.noise.measured(true, rng))
+
+
+def _later(day: Visits, commands: Commands, conditions: Conditions, rng: np.random.Generator) -> Visits:
+    """The commands as visits after those of a day."""
+    given, q, total = commands.covariates, commands.q, len(commands)
+
+    def wanted(name: str, otherwise: Column | float) -> Floats:
+        return np.asarray(np.broadcast_to(np.asarray(given.get(name, otherwise), dtype=float), total))
+
+    def each(name: str, otherwise: Floats) -> Floats:
+        return np.column_stack([wanted(f"{name}{i + 1}", otherwise[:, i]) for i in range(q.shape[1])])
+
+    last = float(day.time[-1])
+    time = wanted("time", last + LATER + conditions.interval * np.arange(total))
+    if not total or time[0] <= last or (np.diff(time) < 0.0).any():
+        raise GtpinError("times that do not go on from the day", hint=f"give ascending times after {last:.0f} s")
+    speed = each("speed", np.zeros_like(q))
+    approach = each("approach", np.where(speed != 0.0, np.sign(speed), rng.choice([-1.0, 1.0], q.shape)))
+    if (np.abs(approach) != 1.0).any() or (speed * approach < 0.0).any():
+        what = "an actuator that moves one way and comes from the other"
+        raise GtpinError(what, hint="give speed the approach's sign")
+    session = np.full(total, day.session[-1])
+    if "session" in given:
+        names = [str(name) for name in given["session"]]
+        if wrong := [name for name in names if not name.isdecimal() or int(name) >= 20]:
+            raise GtpinError(f"session {wrong[0]!r}", hint="number the simulator's sessions from 0 to 19")
+        session = np.array([int(name) for name in names])
+    temperatures = (wanted("temp_frame", day.day.frame[-1]), wanted("temp_link", day.day.link[-1]))
+    return Visits(
+        pose=np.arange(total),
+        held=np.zeros(total, dtype=bool),
+        q=q,
+        before=q - approach * rng.uniform(*BACK_OFF, q.shape),
+        time=time,
+        session=session,
+        payload=wanted("payload", day.payload[-1]),
+        force=np.column_stack([wanted(f"f{axis}", 0.0) for axis in "xyz"]),
+        speed=speed,
+        acceleration=np.abs(speed) * approach * 0.4 * rng.standard_normal((total, 1)),
+        day=day.day.continued(time, *temperatures),
+    )
 
 
 def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column], seen: Poses) -> Dataset:
     """The measurements as a dataset."""
-    robot, noise = recipe.robot, recipe.noise
     return Dataset(
-        robot=str(Path(robot).absolute()) if robot.endswith(".urdf") or "/" in robot or os.sep in robot else robot,
+        robot=reference(recipe.robot),
         pose=pose,
         q=q,
         position=seen.T,
-        orientation=seen.quaternions if noise.orientations else None,
+        orientation=seen.quaternions if recipe.noise.orientations else None,
         covariates=columns,
-        instrument=noise.instrument,
+        instrument=recipe.noise.instrument,
         conditions=Reference(reference_temperature=recipe.conditions.reference_temperature),
     )
+
+
+def reference(robot: str) -> str:
+    """A robot's name, or the absolute path of its file, as a dataset names it."""
+    is_file = robot.endswith(".urdf") or "/" in robot or os.sep in robot
+    return str(Path(robot).absolute()) if is_file else robot
 
 
 def ids(numbers: Rows) -> Ids:
     """(N,) ids of poses, from their numbers."""
     return np.array([str(number) for number in numbers], dtype=object)
-
-
-@cache
-def known_robot(robot: str) -> Robot | Arm:
-    """A robot by its name or path. It is loaded once, because the plant does not change it."""
-    found = load_robot(robot)
-    if found.rods:
-        return found
-    return LoopedArm.of(found) if found.description.loops else Arm.of(found)
-
-
-def capacity(robot: Robot | Arm) -> float:
-    """Payload that a robot may carry, kg; 20 kg for a robot with rods."""
-    return robot.capacity if isinstance(robot, Arm) else 20.0
-
-
-def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> Machine | ArmMachine:
-    """A machine of a robot, drawn from its tolerances."""
-    if isinstance(robot, LoopedArm):
-        return LoopedMachine.draw(robot, rng)
-    return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else Machine.draw(robot, rng)
-
-
-def nominal_arm(robot: Arm) -> ArmMachine:
-    """The machine that the URDF of an arm or of a robot with loops describes."""
-    return LoopedMachine.nominal(robot) if isinstance(robot, LoopedArm) else ArmMachine.nominal(robot)
-
-
-def _as_measured(machine: ArmMachine, noise: Noise, rng: np.random.Generator) -> ArmMachine:
-    machine = replace(machine, free=(noise.free, noise.free_target))
-    return replace(machine, target=noise.target(rng)) if noise.free_target else machine
-
-
-def amplitude_for(
-    plant: Plant, cause: Cause, rows: npt.NDArray[np.int_], past: Past, energy: float, largest: float
-) -> float:
-    """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
-    amplitude = 1.0
-    for _ in range(STEPS):
-        reached = past.energy(plant.displacement([(cause, amplitude)])[rows])
-        if abs(reached - energy) <= CLOSE * energy:
-            break
-        # The energy is almost proportional to the square of the amplitude.
-        wanted = amplitude * np.sqrt(energy / reached) if reached > 0.0 else largest
-        if wanted >= largest and amplitude == largest:
-            break
-        amplitude = float(min(wanted, largest))
-    return amplitude

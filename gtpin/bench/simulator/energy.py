@@ -1,49 +1,166 @@
-"""E of an effect: the whitened energy of its displacement of the poses that the geometry can't absorb."""
+"""E of an effect: the whitened energy of its changes of what was measured that the geometry can't absorb; and effects that have
+a wanted E, or a weak one."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.bench.simulator.arms.machine import ArmMachine
+from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import kind, listed
+from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.recipe import Recipe
+from gtpin.bench.simulator.response import Response
+from gtpin.bench.simulator.truth import Truth
 from gtpin.typing import Floats
 
+Rows = npt.NDArray[np.int_]
 
-class Past(Protocol):
-    """Computes E of displacements."""
-
-    def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6 + k) of the poses, m and rad, base frame, and of k joints that are read."""
+FREE = 3.0
+"""Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""
+BESIDE = (2.0, 12.0)
+"""Range from which the joint energy of a machine's weak effects, too weak to be detected, is drawn beside a wanted effect."""
+ALONE = (0.5, 4.0)
+"""The same range where it has none."""
+MANY = (2, 5)
+MOST = 2.0
+"""Largest amplitude of a weak effect, in typical sizes: one with little energy is not made larger."""
+CLOSE = 1e-3
+STEPS = 6
 
 
 @dataclass(frozen=True)
-class PastGeometry:
-    """Computes E = d' (I + B B')^-1 d of displacements d (N, 6) that are whitened by the instrument's sigmas.
+class Past:
+    """Computes E = d' (I + B B')^-1 d of displacements (N, 6 + k) of the poses, m and rad, base frame, and of k joints.
 
-    Parameters
-    ----------
-    B
-        (6 N, p) whitened derivative of the poses by the geometry's parameters, in units of their tolerances.
-    sigma
-        (6,) the instrument's sigmas, m and rad.
+    d is the whitened change of everything that was measured.
     """
 
+    # For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by
+    # poses and joints; or the sigmas (6,), m and rad, of poses that are measured themselves
+    H: tuple[tuple[Rows, Floats], ...] | Floats
+    # (K, p) whitened derivative of all K numbers by the geometry, in units of the tolerances, and by the instruments'
+    # unknowns, in units of their prior sigmas
     B: Floats
-    sigma: Floats
 
     @staticmethod
-    def of(machine: Machine | ArmMachine, q: Floats, poses: Poses, sigma: Floats) -> PastGeometry:
-        """For measured commands q (N, n) of a machine and its poses there."""
-        return PastGeometry((machine.by_tolerance(q, poses) / sigma[:, None]).reshape(6 * len(q), -1), sigma)
+    def of_poses(machine: Machine, q: Floats, poses: Poses, sigma: Floats) -> Past:
+        """For poses (N) of a machine at commands q (N, n), measured with the sigmas (6,)."""
+        return Past(sigma, (machine.by_tolerance(q, poses) / sigma[:, None]).reshape(6 * len(q), -1))
+
+    @staticmethod
+    def of_readings(gauges: Sequence[Gauge], poses: Poses, by_tolerance: Floats, jitter: Floats) -> Past:
+        """For instruments, and ``poses`` (N) at all stops.
+
+        Parameters
+        ----------
+        by_tolerance
+            (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
+        jitter
+            (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
+            because some instruments are more precise than the machine.
+        """
+        H, blocks = [], []
+        own = [len(gauge.hidden) for gauge in gauges]
+        for i, gauge in enumerate(gauges):
+            here = poses[gauge.stop]
+            plain = gauge.by_motion(here)
+            sigma = gauge.scattered(plain, jitter[gauge.stop])[..., None]
+            slope = plain / sigma
+            priors = np.array([min(one.prior, FREE) for one in gauge.hidden])
+            hidden = np.zeros((*gauge.sigma.shape, sum(own)))
+            hidden[..., sum(own[:i]) : sum(own[: i + 1])] = gauge.by_hidden(here) * priors / sigma
+            block = np.concatenate([slope @ by_tolerance[gauge.stop], hidden], axis=2)
+            H.append((gauge.stop, slope))
+            blocks.append(block.reshape(-1, block.shape[2]))
+        return Past(tuple(H), np.vstack(blocks))
+
+    def whitened(self, displacement: Floats) -> Floats:
+        """(K,) whitened change of all numbers by a displacement (N, 6 + k) of the stops, m and rad."""
+        if not isinstance(self.H, tuple):
+            return np.asarray((displacement / self.H).ravel())
+        return np.concatenate([np.einsum("mci,mi->mc", slope, displacement[stop]).ravel() for stop, slope in self.H])
 
     def energy(self, displacement: Floats) -> float:
-        """E of a displacement (N, 6), m and rad, by Woodbury's identity."""
-        d = (displacement / self.sigma).ravel()
+        """E of a displacement (N, 6 + k), by Woodbury's identity."""
+        d = self.whitened(displacement)
         projected = self.B.T @ d
         absorbed = projected @ cho_solve(cho_factor(np.eye(len(projected)) + self.B.T @ self.B), projected)
         return float(d @ d - absorbed)
+
+
+def effects_of(
+    recipe: Recipe, response: Response, rows: Rows, past: Past, rng: np.random.Generator
+) -> tuple[list[tuple[Cause, float]], list[Truth], list[tuple[Cause, float]], float]:
+    """The effects of a recipe at some of the visits.
+
+    Returns
+    -------
+    strong, truths
+        Those that it asks for, with their amplitudes, and the truth about them.
+    weak, energy
+        Further effects at other sites, with their amplitudes, and their joint E.
+    """
+    strong, truths = [], []
+    robot = response.machine.robot
+    parts = np.random.SeedSequence([recipe.seed, 2]).spawn(len(recipe.wanted))
+    for want, part in zip(recipe.wanted, parts, strict=True):
+        found = kind(want.effect, robot)
+        cause = found.at(robot, want.site, np.random.default_rng(part), want.periods)
+        amplitude = 1.0 if want.amplitude is None else want.amplitude
+        if want.energy is not None:
+            amplitude = amplitude_for(response, cause, rows, past, want.energy, found.largest)
+        displacement = response.displacement([(cause, amplitude)])[rows]
+        strong.append((cause, amplitude))
+        truths.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement))
+    if not recipe.background:
+        return strong, truths, [], 0.0
+    taken = {(want.effect, want.site) for want in recipe.wanted}
+    return strong, truths, *weak_others(response, rows, past, taken, rng)
+
+
+def amplitude_for(response: Response, cause: Cause, rows: Rows, past: Past, energy: float, largest: float) -> float:
+    """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
+    amplitude = 1.0
+    for _ in range(STEPS):
+        reached = past.energy(response.displacement([(cause, amplitude)])[rows])
+        if abs(reached - energy) <= CLOSE * energy:
+            break
+        # The energy is almost proportional to the square of the amplitude.
+        wanted = amplitude * np.sqrt(energy / reached) if reached > 0.0 else largest
+        if wanted >= largest and amplitude == largest:
+            break
+        amplitude = float(min(wanted, largest))
+    return amplitude
+
+
+def weak_others(
+    response: Response, rows: Rows, past: Past, taken: Collection[tuple[str, str]], rng: np.random.Generator
+) -> tuple[list[tuple[Cause, float]], float]:
+    """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
+    robot = response.machine.robot
+    causes, shares, displaced = [], [], []
+    kinds = listed(robot)
+    for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
+        site = str(rng.choice(kinds[i].sites(robot)))
+        if (kinds[i].name, site) in taken:
+            continue
+        cause = kinds[i].at(robot, site, rng)
+        displacement = response.displacement([(cause, 1.0)])[rows]
+        share = float(min(np.sqrt(rng.exponential() / max(past.energy(displacement), 1e-9)), MOST))
+        causes.append(cause)
+        shares.append(share)
+        displaced.append(share * displacement)
+    wanted = float(rng.uniform(*(BESIDE if taken else ALONE)))
+    if not causes:
+        return [], 0.0
+    whole = past.energy(np.sum(displaced, axis=0))
+    factor = min(np.sqrt(wanted / max(whole, 1e-9)), MOST / max(shares))
+    active = [(cause, share * factor) for cause, share in zip(causes, shares, strict=True)]
+    return active, past.energy(response.displacement(active)[rows])

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.tree import STRAIGHT, Bending, Placed, moved, placed
-from gtpin.bench.simulator.arms.urdf import Frame, Joint, read_urdf, turn
 from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, moved, placed
+from gtpin.bench.simulator.urdf import Frame, Joint, read_urdf, turn
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -33,58 +33,42 @@ NUDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """A tree of J joints, some of them driven, with L pairs of points that coincide.
+    """A tree of J joints, some of them driven, with L pairs of points that coincide."""
 
-    Parameters
-    ----------
-    joints
-        The joints with their true placements, parents first.
-    driven, passive
-        Indices of the commanded joints, and of the passive ones.
-    pairs
-        Pairs of points that coincide.
-    ends, axes
-        Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and second of each pair,
-        and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints.
-    across
-        (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that in the
-        plane of a planar loop.
-    tcp
-        The TCP frame.
-    home_q
-        (n,) commands at home.
-    start
-        (J,) coordinates of the nominal robot at home. They choose the assembly mode.
-    """
-
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # The joints with their true placements, parents first
+    # `driven`, `passive`: Indices of the commanded joints, and of the passive ones
     driven: tuple[int, ...]
     passive: tuple[int, ...]
-    pairs: tuple[tuple[Frame, Frame], ...]
+    pairs: tuple[tuple[Frame, Frame], ...]  # Pairs of points that coincide
+    # `ends`, `axes`: Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and
+    # second of each pair, and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints
     ends: tuple[str, ...]
     axes: Floats
+    # (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that
+    # in the plane of a planar loop
     across: Floats
-    tcp: Frame
-    home_q: Floats
-    start: Floats
+    tcp: Frame  # The TCP frame
+    home_q: Floats  # (n,) commands at home
+    start: Floats  # (J,) coordinates of the nominal robot at home. They choose the assembly mode.
 
     @staticmethod
-    def of(robot: Robot, twists: Mapping[str, Floats], moved: Mapping[str, Floats] | None = None) -> Loops:
-        """The loops of a robot whose joints deviate by twists (6,), m and rad, and whose points by (3,), m.
+    def of(robot: Robot, off: Mapping[str, Floats]) -> Loops:
+        """The tree of a robot, and its loops, whose joints and points deviate.
 
-        ``twists`` has the names of joints, ``moved`` those of :attr:`ends`; all others are as in the URDF.
+        ``off``: twist (6,), m and rad, of ``placement[JOINT]``, and displacement (6,), m, of ``anchor[END]``, with the names of
+        :attr:`ends`; all others are as in the URDF.
         """
         urdf = read_urdf(robot.description.xml)
-        if any(joint.follows for joint in urdf.joints):
-            raise RobotError("a <mimic> joint in a robot with loops", hint="the plant can't close these")
+        if robot.description.loops and any(joint.follows for joint in urdf.joints):
+            raise RobotError("a <mimic> joint in a robot with loops", hint="the simulator can't close these")
         names = [joint.name for joint in urdf.joints]
-        joints = tuple(_off(joint, twists.get(joint.name)) for joint in urdf.joints)
+        joints = tuple(_off(joint, off.get(f"placement[{joint.name}]")) for joint in urdf.joints)
         driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
         points, ends, axes = [], [], []
         for loop in robot.description.loops:
             for anchor in (loop.anchor1, loop.anchor2):
                 on, name = urdf.links[anchor.link], f"{loop.name}.{anchor.link}"
-                at = np.array(anchor.xyz) + (moved or {}).get(name, np.zeros(3))
+                at = np.array(anchor.xyz) + off.get(f"anchor[{name}]", np.zeros(6))[:3]
                 points.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ at))
                 ends.append(name)
                 axes.append(on.R)
@@ -118,7 +102,7 @@ class Loops:
         """Indices of the joints of the loops."""
         return tuple(sorted(_closing(self.joints, self.pairs)))
 
-    def forward(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> Poses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close.
 
         The poses have the coordinates of the passive joints.
@@ -181,7 +165,7 @@ class Loops:
         found[~(change <= CHANGED)] = np.nan
         return found, change
 
-    def command_jacobian(self, q: Floats) -> Floats:
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
         x = self.led(q)
         pairs = [[self._poses(self.closed(x, q + s)) for s in (step, -step)] for step in NUDGE * np.eye(q.shape[1])]

@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.arms.situation import ArmSituation
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.looped.machine import LoopedMachine
-from gtpin.bench.simulator.looped.situation import LoopedSituation
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rotations import exp
-from gtpin.bench.simulator.situation import Situation
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.poses import Poses, exp
+from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.situation import RodSituation
 from gtpin.bench.simulator.visits import Visits
 from gtpin.errors import ConvergenceError
 from gtpin.typing import Floats
@@ -32,69 +30,48 @@ SETTLED = 1e-10
 
 
 @dataclass(frozen=True)
-class Plant:
-    """A machine, its visits of a day, and the instrument that measures them.
+class Response:
+    """A machine, its visits of a day, and the instrument that measures them."""
 
-    Parameters
-    ----------
-    machine, visits
-        The machine, and all its visits. They are solved together, because effects can depend on earlier visits.
-    station
-        (3,) position of the instrument, base frame, m.
-    read
-        Names of the joints that encoders read.
-    """
-
-    machine: Machine | ArmMachine
+    # `machine`, `visits`: The machine, and all its visits. They are solved together, because effects can depend on
+    # earlier visits.
+    machine: RodMachine | ArmMachine
     visits: Visits
-    station: Floats
-    read: tuple[str, ...] = ()
+    station: Floats  # (3,) position of the instrument, base frame, m
+    read: tuple[str, ...] = ()  # Names of the joints that encoders read
 
     @cached_property
-    def ideal(self) -> Any:
-        """The machine with errors of its geometry alone: an ArmSituation or LoopedSituation, or a Situation for rods."""
+    def ideal(self) -> RodSituation | ArmSituation:
+        """The machine with errors of its geometry alone."""
         if isinstance(self.machine, ArmMachine):
-            kind = LoopedSituation if isinstance(self.machine, LoopedMachine) else ArmSituation
-            return kind.of(self.machine, self.visits)
-        return Situation.of(self.machine, self.visits)
+            return ArmSituation.of(self.machine, self.visits)
+        return RodSituation.of(self.machine, self.visits)
 
     @cached_property
     def there(self) -> Poses:
         """(N) poses of this machine without effects, base frame, with the coordinates of the joints ``read``."""
-        seen: Poses = self.ideal.seen(self.read)
-        return seen
+        return self.ideal.seen(self.read)
 
     def by_command(self) -> Floats:
-        """(N, 6 + k, n) derivative of these poses, position and rotation vector, base frame, and of the k joints, by
-        commands."""
-        if isinstance(self.machine, ArmMachine):
-            return self.machine.command_jacobian(self.visits.q, self.read)
+        """(N, 6 + k, n) derivative by commands of these poses, position and rotation vector, and of the k joints."""
         return self.machine.command_jacobian(self.visits.q, self.there)
 
-    def settled(self, active: Active, jitter: Any = None) -> tuple[Any, Any]:
+    def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Any, Deviation]:
         """The situation with some causes and with ``jitter``, random deviations by the repeatability; and the total deviation.
 
-        Raises
-        ------
-        ConvergenceError
-            If the iteration of forces and deflections does not converge.
+        Raises ConvergenceError if the iteration of forces and deflections does not converge.
         """
         now = self.ideal
         for _ in range(ROUNDS):
-            deviation = self._total(now, active, jitter)
+            deviation = now.unbent() if jitter is None else jitter
+            for cause, amplitude in active:
+                deviation = deviation + cause(now) * amplitude
             before, now = now, now.settled_by(deviation)
-            change = np.abs(now.poses.minus(before.poses)).max()
-            if change < SETTLED:
+            if np.abs(now.poses.minus(before.poses)).max() < SETTLED:
                 return now, deviation
         raise ConvergenceError("the machine does not come to rest", hint="make the effects smaller")
 
-    def _total(self, now: Any, active: Active, jitter: Any) -> Any:
-        total = now.unbent() if jitter is None else jitter
-        for cause, amplitude in active:
-            total = total + cause(now) * amplitude
-        return total
-
-    def seen(self, active: Active, jitter: Any = None) -> Poses:
+    def seen(self, active: Active, jitter: Deviation | None = None) -> Poses:
         """(N) poses that the instrument reads without noise, base frame, with the coordinates of the joints ``read``."""
         now, deviation = self.settled(active, jitter)
         T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station

@@ -14,9 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gtpin.bench.simulator.build import build, capacity, known_robot
 from gtpin.bench.simulator.case import Case, energies
 from gtpin.bench.simulator.causes.kinds import kind
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.recipe import Recipe, Wanted
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe, Wanted
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import GtpinError
 from gtpin.references import is_path
@@ -56,10 +54,7 @@ class Scenario(BaseModel):
 def read_scenario(file: Path | str) -> Scenario:
     """Read a scenario file. A path of a URDF in it is relative to its folder.
 
-    Raises
-    ------
-    GtpinError
-        If the file is no TOML, or has an unknown key or a value that is not allowed.
+    Raises GtpinError if the file is no TOML, or has an unknown key or a value that is not allowed.
     """
     file = Path(file)
     try:

@@ -1,29 +1,76 @@
-"""A robot drawn from its tolerances, measured by a noisy instrument."""
+"""A robot drawn from its tolerances, without effects, measured by a noisy instrument."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.bench.simulator.arms.reach import in_front
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.loops import Loops
+from gtpin.bench.simulator.machine import CONDITIONED, collected, gain, rounded
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.true_robot import Open, TrueRobot, true_robot
+from gtpin.bench.simulator.rods import Rods
+from gtpin.bench.simulator.universal import Universal
+from gtpin.bench.simulator.visits import REPEATED
 from gtpin.data import Commands, Dataset, Instrument
-from gtpin.errors import GtpinError, UnreachableError
+from gtpin.errors import GtpinError, ModelError, UnreachableError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
-TRIES = 50
-"""Number of draws for each wanted pose after which a robot counts as unable to reach its range."""
-REPEATED = 0.1
-"""Share of the poses that are visited twice, so that the noise can be estimated."""
-CONDITIONED = 1.5
-"""Largest ratio of the TCP's motion by unit commands to that at home: commands with a larger one are not used."""
-RESOLUTION = 1e-6
-"""Step to which commands are rounded, as by a controller, m or rad."""
+
+@dataclass(frozen=True)
+class TrueRobot:
+    """A robot with deviations of its geometry and no effects, as :class:`~gtpin.bench.simulator.machine.Moved`.
+
+    Its poses have the coordinates of passive joints of loops, and with ``read`` the angle of the first rod's universal joint.
+    """
+
+    geometry: Geometry
+    read: bool = False
+
+    @cached_property
+    def chain(self) -> Rods | ArmMachine | Loops:
+        """Its kinematics. Raises ModelError if the robot has rods, but not six."""
+        robot, off = self.geometry.robot, _off_nominal(self.geometry)
+        if robot.rods:
+            if len(robot.rods) != 6:
+                raise ModelError(f"{robot.name} has {len(robot.rods)} rods", hint="six hold a platform")
+            return Rods(self.geometry)
+        if robot.description.loops:
+            return Loops.of(robot, off)
+        arm = Arm.of(robot)
+        places = (*(f"placement[{name}]" for name in arm.sites), "platform")
+        twists = np.array([off.get(place, np.zeros(6)) for place in places])
+        return replace(ArmMachine.of(arm), twists=twists[:-1], tool=twists[-1])
+
+    def predict(self, q: Floats) -> Poses:
+        """Poses at commands q (N, n), base frame; NaN out of reach."""
+        poses, chain = self.chain.predict(q), self.chain
+        if not self.read or not isinstance(chain, Rods):
+            return poses
+        joint, angle, there = Universal.of(self.geometry.robot, 0), np.full(len(q), np.nan), poses.reached
+        angle[there] = joint.coordinate(poses[there], chain.ends(q[there]))
+        return poses.with_joints({joint.name: angle})
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6, n) derivative of the poses by the commands: position and rotation vector, base frame."""
+        return self.chain.command_jacobian(q, poses)
+
+
+def _off_nominal(geometry: Geometry) -> dict[str, Floats]:
+    """(6,) m and rad, deviation of each joint's placement, of the tool and of the points of loops: ``placement[JOINT]``."""
+    axes = ("x", "y", "z", "rx", "ry", "rz")
+    found: dict[str, Floats] = {}
+    for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):
+        place, _, axis = parameter.name.rpartition(".")
+        if axis in axes:
+            found.setdefault(place, np.zeros(6))[axes.index(axis)] = value
+    return found
 
 
 @dataclass(frozen=True)
@@ -52,23 +99,20 @@ def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:
     """A machine whose geometric parameters deviate from nominal by normal draws from their tolerances."""
     geometry = Geometry.nominal(robot)
     drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
-    return true_robot(geometry.with_values(drawn))
+    return TrueRobot(geometry.with_values(drawn))
 
 
 def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> Floats:
     """(count, n) commands, uniform over the part of the ranges where the machine is as well conditioned as around home.
 
-    Raises
-    ------
-    UnreachableError
-        If hardly any commands can be reached.
+    Raises UnreachableError if hardly any commands can be reached.
     """
-    if isinstance(machine, Open):
-        return in_front(machine.machine, count, rng)
+    if isinstance(machine.chain, ArmMachine):
+        return machine.chain.reachable(count, rng)
     robot = machine.geometry.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
-    at_home = _gain(machine, robot.home_q[None])[0]
+    at_home = gain(machine, robot.home_q[None])[0]
     if not np.isfinite(at_home):
         equations, passive = 3 * len(robot.constraints), robot.n_passive
         raise UnreachableError(
@@ -78,34 +122,22 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
             if equations > passive
             else "give a home inside the workspace, or smaller tolerances",
         )
-    found = np.zeros((0, robot.n_actuators))
-    for _ in range(TRIES):
-        drawn = np.round(rng.uniform(lower, upper, (count, robot.n_actuators)) / RESOLUTION) * RESOLUTION
-        drawn = drawn[_gain(machine, drawn) <= CONDITIONED * at_home]
-        found = np.vstack([found, drawn])
-        if len(found) >= count:
-            return found[:count]
-    raise UnreachableError(
-        f"{robot.name} reaches hardly any of the commands in its range", hint="narrow the range in the URDF"
-    )
 
+    def conditioned() -> Floats:
+        q = rounded(rng.uniform(lower, upper, (count, robot.n_actuators)))
+        return np.asarray(q[gain(machine, q) <= CONDITIONED * at_home])
 
-def _gain(machine: TrueRobot, q: Floats) -> Floats:
-    """(N,) motion of the TCP by unit commands: the norm of its derivative; infinite out of reach."""
-    poses = machine.predict(q)
-    gain = np.full(len(q), np.inf)
-    there = poses.reached
-    gain[there] = np.linalg.norm(machine.command_jacobian(q[there], poses[there]), axis=(1, 2))
-    return gain
+    found = collected(conditioned, count)
+    if found is None:
+        what = f"{robot.name} reaches hardly any of the commands in its range"
+        raise UnreachableError(what, hint="narrow the range in the URDF")
+    return found
 
 
 def measure(machine: TrueRobot, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Measured positions (N, 3), m, and quaternions (N, 4), scalar first, base frame, with the instrument's noise.
 
-    Raises
-    ------
-    GtpinError
-        If the instrument states no sigmas.
+    Raises GtpinError if the instrument states no sigmas.
     """
     if instrument.position_sigma is None or instrument.orientation_sigma is None:
         raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")

@@ -1,48 +1,29 @@
-"""Posture, forces and motion of a machine on rods at every visit. Effects depend on them."""
+"""Posture, forces and motion of a machine at every visit. Effects depend on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from gtpin.bench.simulator.closing import RodEnds, by_pose, each_solved
 from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.rods import RodEnds, by_pose, each_solved
 from gtpin.bench.simulator.visits import Visits
 from gtpin.typing import Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Situation:
-    """N closed postures, in the order of time.
+    """N postures of a machine of any kind, in the order of time."""
 
-    Parameters
-    ----------
-    machine, visits
-        The machine, and its commands and conditions.
-    poses, ends
-        The platform's poses, base frame, and the rods' ends there.
-    """
-
-    machine: Machine
+    # `machine`, `visits`: The machine, and its commands and conditions
+    machine: Any
     visits: Visits
-    poses: Poses
-    ends: RodEnds
-
-    @staticmethod
-    def of(machine: Machine, visits: Visits) -> Situation:
-        """The machine with errors of its geometry alone."""
-        ends = machine.ends(visits.q, machine.unbent(len(visits)))
-        return Situation(machine, visits, machine.kinematics.forward(visits.q), ends)
-
-    def settled_by(self, deviation: Deviation) -> Situation:
-        """The postures with a deviation, solved from the present ones."""
-        ends = self.machine.ends(self.visits.q, deviation)
-        return Situation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
+    poses: Poses  # Poses of the platform or of the target, base frame
 
     def __len__(self) -> int:
         return len(self.visits)
@@ -54,20 +35,58 @@ class Situation:
 
     @cached_property
     def places(self) -> Floats:
-        """(N, n) places of the carts in their ranges: see :meth:`~gtpin.bench.simulator.machine.Machine.places`."""
-        return self.machine.places(self.q)
-
-    def seen(self, read: Sequence[str]) -> Poses:
-        """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
-        return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
+        """(N, n) places of the commands: see :meth:`~gtpin.bench.simulator.machine.Machine.places`."""
+        return np.asarray(self.machine.places(self.q))
 
     def unbent(self) -> Deviation:
         """Deviations of zero, to be filled in."""
-        return self.machine.unbent(len(self))
+        deviation: Deviation = self.machine.unbent(len(self))
+        return deviation
+
+    def off(self, **changes: tuple[Any, Floats]) -> Deviation:
+        """The deviation with some fields filled in: for each, (N, ...) values, and their index after the visit's."""
+        deviation = self.unbent()
+        for name, (at, values) in changes.items():
+            getattr(deviation, name)[:, at] = values
+        return deviation
+
+    def driven(self, cart: int, error: Floats) -> Deviation:
+        """The error (N,) of a drive: of a cart along its track, m, of an arm or a joint about its axis, rad, of a leg, m."""
+        return self.off(travel=(cart, error))
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(N, 3) unit vectors of the last move of the platform or the target, base frame."""
+        by_command = self.machine.command_jacobian(self.q, self.poses)[:, :3]
+        step = np.einsum("nij,nj->ni", by_command, self.q - self.visits.before)
+        return np.asarray(step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))
+
+
+@dataclass(frozen=True, eq=False)
+class RodSituation(Situation):
+    """N closed postures of a machine on rods; ``ends``: the rods' ends there."""
+
+    machine: RodMachine
+    ends: RodEnds
+
+    @staticmethod
+    def of(machine: RodMachine, visits: Visits) -> RodSituation:
+        """The machine with errors of its geometry alone."""
+        ends = machine.ends(visits.q, machine.unbent(len(visits)))
+        return RodSituation(machine, visits, machine.predict(visits.q), ends)
+
+    def settled_by(self, deviation: Deviation) -> RodSituation:
+        """The postures with a deviation, solved from the present ones."""
+        ends = self.machine.ends(self.visits.q, deviation)
+        return RodSituation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
+
+    def seen(self, read: tuple[str, ...]) -> Poses:
+        """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
+        return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
-        """See :meth:`~gtpin.bench.simulator.closing.RodEnds.rods`."""
+        """See :meth:`~gtpin.bench.simulator.rods.RodEnds.rods`."""
         return self.ends.rods(self.poses)
 
     @cached_property
@@ -128,10 +147,3 @@ class Situation:
         mine = self.machine.driver == cart
         pulls = self.forces[:, mine, None] * self.along[:, mine]
         return np.asarray(np.cross(self.machine.levers[mine], pulls).sum(axis=1))
-
-    @cached_property
-    def motion(self) -> Floats:
-        """(N, 3) unit vectors of the TCP's last move, base frame."""
-        by_command = self.machine.kinematics.command_jacobian(self.q, self.poses)[:, :3]
-        step = np.einsum("nij,nj->ni", by_command, self.q - self.visits.before)
-        return np.asarray(step / np.linalg.norm(step, axis=1, keepdims=True))

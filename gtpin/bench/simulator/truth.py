@@ -5,54 +5,51 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.machine import Machine
+import tomli_w
+
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.recipe import Recipe
+from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import Visits
 from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
+from gtpin.data.ids import Ids
+from gtpin.data.table import Column
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
+SCHEMA = "gtpin-dataset/2"
 TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
-"""Files with the tables of the plant's instruments."""
+"""Files with the tables of the simulator's instruments."""
 DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
 """Files that the folder of a virtual machine's dataset may contain."""
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """An effect that a machine has.
+    """An effect that a machine has."""
 
-    Parameters
-    ----------
-    effect, site
-        Its id and its site.
-    energy
-        Its E.
-    amplitude
-        Its size in typical sizes.
-    displacement
-        (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad, base
-        frame.
-    """
-
+    # `effect`, `site`: Its id and its site
     effect: str
     site: str
-    energy: float
-    amplitude: float
+    energy: float  # Its E
+    amplitude: float  # Its size in typical sizes
+    # (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad,
+    # base frame
     displacement: Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class AnyCase:
     """A dataset whose truth is known.
 
     Parameters
@@ -62,29 +59,33 @@ class Case:
     dataset, commands
         The measurements, and the held-out commands with their covariates.
     truth
-        The machine's poses at the commands, instrument's frame, without noise and errors by repeatability.
+        The machine's poses at the commands, without noise and errors by repeatability: where there is a tracker, as it measures
+        them (in its frame, with effects of the frame), else those of the TCP in the base frame.
     effects
-        The true effects; empty for a machine without an effect.
-    machine, visits
-        The machine, and the visits of the dataset's rows, in their order.
+        The true effects; empty for a machine without an effect. Displacements are at the rows of all tables, one after the
+        other.
+    machine
+        The machine.
     true
-        Poses at the dataset's rows without the instrument's noise, instrument's frame.
-    background
-        Joint energy E of the weak effects.
+        Poses without the instrument's noise: of :class:`Case` at the dataset's rows, in the instrument's frame; of
+        :class:`InstrumentCase` at the stops, in the base frame, with effects of the frame.
     recipe
-        The recipe of the case.
+        What it was made from; None for a machine without effects.
     """
 
     name: str
-    dataset: Dataset
+    dataset: Any
     commands: Commands
     truth: Poses
     effects: tuple[Truth, ...]
-    machine: Machine | ArmMachine
-    visits: Visits
+    machine: Any
     true: Poses
-    background: float
-    recipe: Recipe
+    recipe: Recipe | None
+
+    @property
+    def more(self) -> dict[str, object]:
+        """Further keys of ``NAME.truth.json``."""
+        return {}
 
     def write(self, folder: Path | str, name: str | None = None, *, force: bool = False) -> None:
         """Write ``FOLDER/NAME/`` (the dataset and commands.csv), ``NAME.truth.json`` and ``NAME.truth.csv``.
@@ -108,26 +109,110 @@ class Case:
         self.commands.write(folder / "commands.csv")
 
     def write_truth(self, folder: Path, name: str) -> None:
-        """Write ``NAME.truth.json`` and ``NAME.truth.csv`` into a folder that is being written."""
-        write_truth(folder, name, self.effects, self.commands, self.truth)
+        """Write ``NAME.truth.json``, and ``NAME.truth.csv`` with the poses at the commands, into a folder that is being
+        written."""
+        json_name, csv_name = truth_names(name)
+        listed = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in self.effects]
+        text = json.dumps({"effects": listed, **self.more}, indent=1, allow_nan=False) + "\n"
+        (folder / json_name).write_text(text, encoding="utf-8")
+        columns = dict(zip("xyz", self.truth.T.T, strict=True))
+        columns |= dict(zip(("qw", "qx", "qy", "qz"), self.truth.quaternions.T, strict=True))
+        write_table(folder / csv_name, {"pose": self.commands.pose, **columns})
 
 
-def write_truth(
-    folder: Path,
-    name: str,
-    effects: Sequence[Truth],
-    commands: Commands,
-    poses: Poses,
-    more: Mapping[str, object] | None = None,
-) -> None:
-    """Write ``NAME.truth.json``, with the further keys ``more``, and ``NAME.truth.csv``, the poses at the commands."""
-    json_name, csv_name = truth_names(name)
-    listed = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in effects]
-    text = json.dumps({"effects": listed, **(more or {})}, indent=1, allow_nan=False) + "\n"
-    (folder / json_name).write_text(text, encoding="utf-8")
-    columns = dict(zip("xyz", poses.T.T, strict=True))
-    columns |= dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
-    write_table(folder / csv_name, {"pose": commands.pose, **columns})
+@dataclass(frozen=True, eq=False)
+class Case(AnyCase):
+    """A case that a tracker measured.
+
+    Parameters
+    ----------
+    visits
+        The visits of the dataset's rows, in their order.
+    background
+        Joint energy E of the weak effects.
+    """
+
+    dataset: Dataset
+    machine: RodMachine | ArmMachine
+    recipe: Recipe
+    visits: Visits
+    background: float
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """An instrument's ``[[instrument]]`` in dataset.toml, and its table: the stop of each row (M,), and its own columns."""
+
+    described: dict[str, Any]
+    stop: Ints
+    columns: dict[str, Column]
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """A dataset of schema 2."""
+
+    # `robot`, `tcp`: Names of the robot and of its TCP frame in dataset.toml
+    robot: str
+    tcp: str | None
+    reference_temperature: float  # Temperature at which the geometry holds, degC
+    # `pose`, `q`, `covariates`: (N,) id, (N, n) commands and (N,) covariates of each of the machine's stops
+    pose: Ids
+    q: Floats
+    covariates: dict[str, Column]
+    read: tuple[Read, ...]  # Description and table of each instrument
+
+    def __len__(self) -> int:
+        return sum(len(one.stop) for one in self.read)
+
+    def write(self, folder: Path) -> None:
+        """Write dataset.toml and a CSV file for each instrument into a folder, which is created if it is missing."""
+        folder.mkdir(parents=True, exist_ok=True)
+        head = {"schema": SCHEMA, "robot": self.robot, **({"tcp": self.tcp} if self.tcp else {})}
+        about = {"conditions": {"reference_temperature": self.reference_temperature}}
+        text = tomli_w.dumps({**head, **about, "instrument": [one.described for one in self.read]})
+        (folder / "dataset.toml").write_text(text, encoding="utf-8", newline="\n")
+        for one in self.read:
+            columns: dict[str, Column] = {"pose": self.pose[one.stop]}
+            columns |= {f"q{i + 1}": values for i, values in enumerate(self.q[one.stop].T)}
+            columns |= one.columns | {name: values[one.stop] for name, values in self.covariates.items()}
+            write_table(folder / f"{one.described['name']}.csv", columns)
+
+
+@dataclass(frozen=True, eq=False)
+class InstrumentCase(AnyCase):
+    """A case that any instruments measured.
+
+    Parameters
+    ----------
+    gauges
+        The instruments, with the true values of their unknowns.
+    steady
+        As ``true``, without errors by repeatability.
+    geometry
+        Deviations of the geometry's parameters from nominal, by name, m and rad.
+    repeatability
+        (n,) standard deviation of each actuator, m or rad.
+    held
+        By instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and their sigmas;
+        with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
+    """
+
+    dataset: Tables
+    gauges: tuple[Gauge, ...]
+    steady: Poses
+    geometry: dict[str, float]
+    repeatability: Floats
+    held: dict[str, tuple[Floats, Floats]]
+
+    @property
+    def hidden(self) -> dict[str, float]:
+        """True values of the instruments' unknowns, m or rad, by the names of the parameters."""
+        return {one.name: float(one.value) for gauge in self.gauges for one in gauge.hidden if one.prior > 0.0}
+
+    @property
+    def more(self) -> dict[str, object]:
+        return {"instruments": self.hidden, "geometry": self.geometry}
 
 
 def truth_names(name: str) -> tuple[str, str]:

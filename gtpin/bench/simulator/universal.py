@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.urdf import read_urdf
-from gtpin.bench.simulator.closing import RodEnds
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rods import NUDGE
-from gtpin.bench.simulator.rotations import exp
+from gtpin.bench.simulator.poses import Poses, exp
+from gtpin.bench.simulator.rods import NUDGE, RodEnds
+from gtpin.bench.simulator.urdf import read_urdf
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -24,24 +22,15 @@ CLOSED = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Universal:
-    """Two axes that intersect: at angles x the rod has the direction R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame.
+    """Two axes that intersect: at angles x the rod has the direction R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame."""
 
-    Parameters
-    ----------
-    name
-        Name of the joint of the first axis, whose angle an encoder reads.
-    rod
-        Index of the rod.
-    R1, R2
-        (3, 3) rotations of the first joint's frame to the TCP frame, and of the second's to the first's.
-    a1, a2, t
-        (3,) unit vectors: each axis in its joint's frame, and the rod's direction in the second joint's frame.
-    """
-
-    name: str
-    rod: int
+    name: str  # Name of the joint of the first axis, whose angle an encoder reads
+    rod: int  # Index of the rod
+    # `R1`, `R2`: (3, 3) rotations of the first joint's frame to the TCP frame, and of the second's to the first's
     R1: Floats
     R2: Floats
+    # `a1`, `a2`, `t`: (3,) unit vectors: each axis in its joint's frame, and the rod's direction in the second joint's
+    # frame
     a1: Floats
     a2: Floats
     t: Floats
@@ -50,10 +39,7 @@ class Universal:
     def of(robot: Robot, rod: int) -> Universal:
         """The joint of a rod. Names are from ``robot``, numbers from the URDF's text.
 
-        Raises
-        ------
-        RobotError
-            If the rod is not connected to the platform by two revolute joints.
+        Raises RobotError if the rod is not connected to the platform by two revolute joints.
         """
         urdf = read_urdf(robot.description.xml, still=("floating",))
         loop, which = robot.description.loops[robot.rods[rod].loop], robot.rods[rod].rod_end

@@ -1,4 +1,4 @@
-"""The visits of a machine over a day: commands, motion, loads and times."""
+"""The visits of a machine over a day: commands, motion, loads, times and temperatures."""
 
 from __future__ import annotations
 
@@ -8,17 +8,67 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.arms.reach import in_front
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.day import Day
-from gtpin.bench.simulator.looped.machine import LoopedMachine
-from gtpin.bench.simulator.looped.reach import well_led
+from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.reach import reachable
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
+
+STEP = 20.0
+"""Time between two temperatures of a day, s."""
+
+
+@dataclass(frozen=True)
+class Day:
+    """Temperatures over time, degC. At time 0 everything is at the reference temperature."""
+
+    time: Floats  # (M,) times, s, from 0
+    # `frame`, `link`: (M,) readings of the two sensors, degC: the frame follows the air slowly; the links follow the
+    # air and are heated by work
+    frame: Floats
+    link: Floats
+    end: float  # End of the day's work, s: slow changes depend on the time over ``end``
+
+    @staticmethod
+    def draw(rng: np.random.Generator, duration: float, reference: float, warming: float = 1.0) -> Day:
+        """A random day of ``duration``, s, from ``reference``, degC; ``warming``: a factor on the changes of temperature."""
+        time = np.arange(0.0, duration + 2.0 * STEP, STEP)
+        hours = time / 3600.0
+        span = max(float(hours[-1]), 1e-3)
+        swing = curve(rng, 0.0, span, max(0.4 * span, 0.5), "twice")(hours)
+        rise = rng.uniform(1.5, 5.0) * rng.choice([1.0, 1.0, -1.0])
+        air = rise * (1.0 - np.exp(-time / rng.uniform(1500.0, 5000.0))) + rng.uniform(0.3, 0.9) * (swing - swing[0])
+        work = rng.uniform(0.5, 3.0) * (1.0 - np.exp(-time / rng.uniform(800.0, 2500.0)))
+        frame = _lagged(air, rng.uniform(600.0, 2400.0))
+        link = _lagged(rng.uniform(0.4, 1.0) * air + work, rng.uniform(300.0, 1200.0))
+        return Day(time, reference + warming * frame, reference + warming * link, float(time[-1]))
+
+    def continued(self, time: Floats, frame: Floats, link: Floats) -> Day:
+        """The day, continued by readings of the sensors (N,), degC, at later times (N,), s, ascending."""
+        return Day(
+            np.concatenate([self.time, time]),
+            np.concatenate([self.frame, frame]),
+            np.concatenate([self.link, link]),
+            self.end,
+        )
+
+    def frame_at(self, time: Floats, delay: float = 0.0) -> Floats:
+        """Readings of the frame's sensor, degC, at times (N,) less a delay, s."""
+        return np.asarray(np.interp(time - delay, self.time, self.frame))
+
+    def link_at(self, time: Floats, delay: float = 0.0) -> Floats:
+        """Readings of the links' sensor, degC, at times (N,) less a delay, s."""
+        return np.asarray(np.interp(time - delay, self.time, self.link))
+
+
+def _lagged(source: Floats, constant: float) -> Floats:
+    """(M,) response of a first-order lag with a time constant, s, to a source (M,), from zero."""
+    from scipy.signal import lfilter
+
+    share = STEP / (constant + STEP)
+    return np.asarray(lfilter([share], [1.0, share - 1.0], source))
+
 
 Bools = npt.NDArray[np.bool_]
 
@@ -32,41 +82,22 @@ SPEED = (0.05, 0.30)
 
 @dataclass(frozen=True)
 class Visits:
-    """N visits in the order of time.
+    """N visits in the order of time."""
 
-    Parameters
-    ----------
-    pose
-        (N,) number of the pose; two visits of one pose share it.
-    held
-        (N,) mask of visits that are not measured: the held-out commands.
-    q, before
-        (N, n) commands, and starts of the actuators' last moves, m or rad.
-    time
-        (N,) time, s.
-    session
-        (N,) number of the session, from 0.
-    payload
-        (N,) payload, kg.
-    force
-        (N, 3) force on the tool, base frame, N.
-    speed, acceleration
-        (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the dataset.
-    day
-        The temperatures.
-    """
-
-    pose: Ints
-    held: Bools
+    pose: Ints  # (N,) number of the pose; two visits of one pose share it
+    held: Bools  # (N,) mask of visits that are not measured: the held-out commands
+    # `q`, `before`: (N, n) commands, and starts of the actuators' last moves, m or rad
     q: Floats
     before: Floats
-    time: Floats
-    session: Ints
-    payload: Floats
-    force: Floats
+    time: Floats  # (N,) time, s
+    session: Ints  # (N,) number of the session, from 0
+    payload: Floats  # (N,) payload, kg
+    force: Floats  # (N, 3) force on the tool, base frame, N
+    # `speed`, `acceleration`: (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the
+    # dataset
     speed: Floats
     acceleration: Floats
-    day: Day
+    day: Day  # The temperatures
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -106,39 +137,16 @@ def session_ids(session: Ints) -> Ids:
     return np.array([str(s) for s in session], dtype=object)
 
 
-def plan(
-    machine: Machine | ArmMachine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator
-) -> Visits:
+def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator) -> Visits:
     """A day's visits: of ``poses`` poses, a tenth of them twice, and of ``held_out`` others in between.
 
-    Raises
-    ------
-    UnreachableError
-        If hardly any poses can be reached.
+    Raises UnreachableError if hardly any poses can be reached.
     """
-    return visited(machine, drawn(machine, poses + held_out, rng), poses, poses, conditions, rng)
-
-
-def drawn(machine: Machine | ArmMachine, count: int, rng: np.random.Generator) -> Floats:
-    """(count, n) random commands all over the workspace, m or rad.
-
-    Raises
-    ------
-    UnreachableError
-        If hardly any poses can be reached.
-    """
-    if isinstance(machine, LoopedMachine):
-        return well_led(machine, count, rng)
-    return in_front(machine, count, rng) if isinstance(machine, ArmMachine) else reachable(machine, count, rng)
+    return visited(machine, machine.reachable(poses + held_out, rng), poses, poses, conditions, rng)
 
 
 def visited(
-    machine: Machine | ArmMachine,
-    q: Floats,
-    poses: int,
-    repeatable: int,
-    conditions: Conditions,
-    rng: np.random.Generator,
+    machine: Machine, q: Floats, poses: int, repeatable: int, conditions: Conditions, rng: np.random.Generator
 ) -> Visits:
     """A day's visits of commands q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
     again = rng.choice(repeatable, size=int(REPEATED * repeatable), replace=False)

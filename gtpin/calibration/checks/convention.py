@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.checks.suspected import Size
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Point, Problem
-from gtpin.data.orientation_convention import misread
-from gtpin.data.readings import RotationReading, orientation_readings, position_readings
+from gtpin.data.readings import RotationReading, misread, orientation_readings, position_readings
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
-from gtpin.data.extremes import check_extremes
+from gtpin.data.sane import check_extremes
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Model

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.command_readings import command_readings
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.data.orientation_convention import misread
-from gtpin.data.readings import Orientations, RotationReading, orientation_readings, position_readings
+from gtpin.data.readings import Orientations, RotationReading, misread, orientation_readings, position_readings
 from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log

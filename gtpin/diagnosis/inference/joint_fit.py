@@ -18,9 +18,8 @@ from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import FitConditions
+from gtpin.model.fit_conditions import FitConditions, Unexplained
 from gtpin.model.model import Model
-from gtpin.model.unexplained import Unexplained
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats

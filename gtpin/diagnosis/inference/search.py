@@ -27,11 +27,8 @@ def most(hypotheses: HypothesisSet) -> int:
 def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
     """A model of everything that is not noise, by one search from a single first explanation.
 
-    Parameters
-    ----------
-    before
-        An earlier such model, of these poses with another noise. A search of a robot without rods, whose models are long,
-        starts from it.
+    ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
+    long, starts from it.
     """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
     return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
@@ -57,19 +54,10 @@ def search(
 ) -> Model:
     """The model of largest worth that was found, out of some explanations.
 
-    Parameters
-    ----------
-    terms
-        The explanations that the model can have.
-    alone
-        Gain in log evidence of each as the only one.
-    beginnings
-        Number of first explanations that are tried.
-    largest
-        Largest number of explanations in the model; by default :func:`most`.
-    start
-        A model of these hypotheses that is extended first. If it then has more than ``MOST`` explanations, no other first
-        explanation is tried.
+    ``terms``: the explanations that the model can have. ``alone``: gain in log evidence of each as the only one.
+    ``beginnings``: number of first explanations that are tried. ``largest``: largest number of explanations in the model; by
+    default :func:`most`. ``start``: a model of these hypotheses that is extended first. If it then has more than ``MOST``
+    explanations, no other first explanation is tried.
     """
     largest = most(hypotheses) if largest is None else largest
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))

@@ -30,14 +30,7 @@ RESOLUTION = 1e-6
 class Known:
     """The measured poses, and the geometry about which the problem is linear.
 
-    Parameters
-    ----------
-    observed
-        The N measured poses.
-    model
-        The calibrated geometry.
-    references
-        Reference values of the diagnosis.
+    ``observed``: the N measured poses. ``model``: the calibrated geometry. ``references``: reference values of the diagnosis.
     """
 
     observed: Observed
@@ -59,16 +52,8 @@ class Known:
 class Trials:
     """M rows that could be measured, together with the N measured rows.
 
-    Parameters
-    ----------
-    design
-        The linear problem of all N + M rows, the measured rows first.
-    measured
-        Number of measured rows, N.
-    q
-        (M, n) commands of the further rows, m or rad.
-    conditions
-        Measurement conditions of all rows.
+    ``design``: the linear problem of all N + M rows, the measured rows first. ``measured``: number of measured rows, N. ``q``:
+    (M, n) commands of the further rows, m or rad. ``conditions``: measurement conditions of all rows.
     """
 
     design: Design
@@ -100,12 +85,8 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
 
     Half of the commands are measured ones, the others are between two measured ones.
 
-    Parameters
-    ----------
-    words, effort
-        Covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`.
-    count
-        Number of rows before those that can't be reached are left out.
+    ``words``, ``effort``: covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`. ``count``:
+    number of rows before those that can't be reached are left out.
     """
     q = known.observed.measured.q
     again = rng.choice(len(q), min(count // 2, len(q)), replace=False)

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.files import FILES, write_accuracy
+from gtpin.accuracy.figures import FILES, write_accuracy
 from gtpin.output.shown import Presentation
 from gtpin.report.accuracy_text import accuracy_text
 from gtpin.report.sensitivity_page import sensitivity_page, step_table
-from gtpin.report.show.table_figure import table_figure
 from gtpin.report.workspace_maps import workspace_map
 
 if TYPE_CHECKING:
@@ -39,15 +38,16 @@ class AccuracyPresentation(Presentation):
         """The columns of sensitivity.csv."""
         return self.accuracy.sensitivity.to_table()
 
-    def write(self, folder: Path) -> None:
-        """Write the files of ``gtpin sensitivity``."""
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin sensitivity``; return the content of the JSON."""
         write_accuracy(self.accuracy, folder)
         (folder / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
+        return self.accuracy.to_json()
 
     def parameters(self) -> Figure:
         """The report's table of steps."""
         title = f"Mean change of the TCP's position, µm, by a step of {self.accuracy.sensitivity.step:g}"
-        return table_figure(step_table(self.accuracy), title)
+        return step_table(self.accuracy).figure(title)
 
     def workspace(self, quantity: str) -> Figure:
         """Slices of the workspace, coloured by a quantity."""

@@ -7,7 +7,7 @@ from gtpin.bench.blind.difficulty import SCALES, Difficulty
 from gtpin.bench.blind.oracle import fit_known_causes
 from gtpin.bench.blind.smooth import gaussian_process_positions
 from gtpin.bench.simulator.case import Case, make_case
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.effects.catalogue import effects_by_id

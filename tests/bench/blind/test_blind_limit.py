@@ -1,19 +1,24 @@
 """The rival that knows the true displacements: its evidence, what it names where all is plain, and where nothing is there."""
 
+import sys
 from collections.abc import Sequence
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from gtpin.bench.blind.draw import truth_of
-from gtpin.bench.blind.limit import CLASS_NATS, Enumeration, Limit
 from gtpin.bench.simulator.case import Case, make_case
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "blind"))
+
+from limit import CLASS_NATS, Enumeration, Limit
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
 

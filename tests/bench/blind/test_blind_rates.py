@@ -2,8 +2,8 @@
 
 import pytest
 
-from gtpin.bench.blind.power import matched_filter
 from gtpin.bench.blind.rates import mean, rate
+from gtpin.bench.blind.score import matched_filter
 
 
 @pytest.mark.parametrize(

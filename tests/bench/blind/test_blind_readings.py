@@ -19,15 +19,13 @@ from gtpin.bench.blind.difficulty import SCALES, Difficulty
 from gtpin.bench.blind.draw import Draft, made, measured, recipe, truth_of
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.left_out_touches import without_some_touches
+from gtpin.bench.blind.left_out_touches import jitter, without_some_touches
 from gtpin.bench.blind.oracle import fit_known_causes_to_readings
-from gtpin.bench.blind.repeatability import jitter
 from gtpin.bench.blind.run import check, check_given
-from gtpin.bench.blind.seal import digest_of, seal
-from gtpin.bench.blind.truth import Truth
+from gtpin.bench.blind.truth import Truth, digest_of, seal
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Commands, Dataset
@@ -47,11 +45,11 @@ def a_case(
 ) -> tuple[InstrumentCase, Truth]:
     """A case as a check makes it, written into a folder, and its truth."""
     draft = Draft("x", "one", seed, (effect,), poses, instruments=tuple(instruments), **more)
-    case, left_out = without_some_touches(measured(draft), recipe(draft))
+    case, left_out = without_some_touches(measured(draft))
     case.write_dataset(folder)
     for touches in left_out:
         touches.write(folder)
-    return case, truth_of(case, "one", recipe(draft), left_out)
+    return case, truth_of(case, "one", left_out)
 
 
 def graded(folder: Path, truth: Truth) -> tuple[Difficulty, ReadingsCalibration]:
@@ -288,7 +286,7 @@ def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
 def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     draft = Draft("x", "two", 7, ("backlash", "linearity"), 60, instruments=("range", "plane"))
     whole = measured(draft)
-    case, (touches,) = without_some_touches(whole, recipe(draft))
+    case, (touches,) = without_some_touches(whole)
     wire, bed = case.gauges
     assert len(wire.stop) == len(whole.gauges[0].stop)
     assert len(bed.stop) + len(touches.values) == len(whole.gauges[1].stop)
@@ -308,10 +306,10 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
     noise = usual.noise.model_copy(update={"repeatability": (5e-5, 5e-5)})
     loose = replace(usual, noise=noise)
     whole = build_measured(loose, draft.instruments)
-    _, (touches,) = without_some_touches(whole, loose)
+    _, (touches,) = without_some_touches(whole)
     (gauge,) = whole.gauges
     own = gauge.kept(np.isin(whole.dataset.pose[gauge.stop], touches.pose))
-    moved = own.by_motion(whole.true[own.stop]) @ jitter(whole, loose)[own.stop]
+    moved = own.by_motion(whole.true[own.stop]) @ jitter(whole)[own.stop]
     sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
     assert np.median(sigma / own.sigma) > 2.0
     squares, count = float(((touches.values / sigma) ** 2).sum()), touches.values.size
@@ -323,7 +321,7 @@ def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.Monk
     monkeypatch.setattr(gtpin.bench.blind.left_out_touches, "ONE_IN", 10_000)
     draft = Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket"))
     whole = measured(draft)
-    case, _ = without_some_touches(whole, recipe(draft))
+    case, _ = without_some_touches(whole)
     assert case.effects[0].energy == pytest.approx(whole.effects[0].energy, rel=0.01)
 
 
@@ -331,7 +329,7 @@ def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.Monk
 def test_all_touches_stay_where_an_encoder_reads_too() -> None:
     draft = Draft("x", "one", 7, ("backlash",), 20, instruments=("encoder", "plane"))
     whole = measured(draft)
-    assert without_some_touches(whole, recipe(draft)) == (whole, ())
+    assert without_some_touches(whole) == (whole, ())
 
 
 @pytest.mark.slow
@@ -352,7 +350,7 @@ def test_one_diagnosis_of_instruments_is_judged_by_all_of_their_readings(tmp_pat
 
 def test_the_truth_of_a_tracker_is_sealed_as_before() -> None:
     draft = Draft("x", "one", 7, ("backlash",), 60)
-    truth = truth_of(made(draft), "one", recipe(draft))
+    truth = truth_of(made(draft), "one")
     assert set(json.loads(truth.model_dump_json())) == {"kind", "effects", "poses", "readings", "sigma"}
     assert Truth.model_validate_json(truth.model_dump_json()) == truth
 

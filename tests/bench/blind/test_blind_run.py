@@ -17,8 +17,8 @@ from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.score import score
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import Case, drawn_recipe
-from gtpin.bench.simulator.conditions import Conditions
 from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.recipe import Conditions
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError, GtpinWarning
 

@@ -5,14 +5,12 @@ from typing import Any
 import pytest
 from handmade import cause, diagnosis, judged
 
-from gtpin.bench.blind.calibration import tenths
-from gtpin.bench.blind.figures import figures
+from gtpin.bench.blind.figures import figures, tenths
 from gtpin.bench.blind.judged import Judged, Shrunk
 from gtpin.bench.blind.page import instrument_table, score_page
-from gtpin.bench.blind.power import power
 from gtpin.bench.blind.rates import rate
 from gtpin.bench.blind.reasons import failure
-from gtpin.bench.blind.score import baselines, confusion, score
+from gtpin.bench.blind.score import baselines, confusion, power, score
 from gtpin.bench.blind.statement import Statement
 
 LINEARITY = ("linearity@cart1", 500.0, 100.0)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import plan
 from gtpin.robot.description import Description
 
@@ -64,9 +64,9 @@ def urdf_file(folder: Path) -> Path:
     return file
 
 
-def a_plant(conditions: Conditions | None = None, poses: int = 70, seed: int = 0) -> Plant:
+def a_plant(conditions: Conditions | None = None, poses: int = 70, seed: int = 0) -> Response:
     """A machine drawn from the tolerances on its way through a day."""
     rng = np.random.default_rng(seed)
     machine = ArmMachine.draw(nominal()[1], rng)
     conditions = conditions or Conditions(sessions=3, push=30.0, payloads=(0.0, 2.0, 4.0), warming=1.5)
-    return Plant(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))
+    return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.looped.machine import LoopedMachine
-from gtpin.bench.simulator.looped.robot import LoopedArm
-from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import plan
 from gtpin.robot.description import Description
 
@@ -85,16 +85,16 @@ ROBOTS = {
 
 
 @cache
-def nominal(name: str) -> tuple[gtpin.Robot, LoopedArm]:
+def nominal(name: str) -> tuple[gtpin.Robot, Arm]:
     """The robot as the package has it, and as the plant has it."""
     robot = gtpin.Robot(Description.parse(ROBOTS[name]()))
-    return robot, LoopedArm.of(robot)
+    return robot, Arm.of(robot)
 
 
 @cache
-def a_plant(name: str, poses: int = 50, seed: int = 0) -> Plant:
+def a_plant(name: str, poses: int = 50, seed: int = 0) -> Response:
     """A machine drawn from the tolerances on its way through a day."""
     rng = np.random.default_rng(seed)
-    machine = LoopedMachine.draw(nominal(name)[1], rng)
+    machine = ArmMachine.draw(nominal(name)[1], rng)
     conditions = Conditions(sessions=3, push=5.0, payloads=(0.0, 0.5, 1.0), warming=1.5)
-    return Plant(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))
+    return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from arm_urdf import a_plant, nominal
 
-from gtpin.bench.simulator.arms.deviation import ArmDeviation
-from gtpin.bench.simulator.arms.situation import ArmSituation
+from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.case import make_case
-from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
-from gtpin.bench.simulator.causes.arms.heat import ALUMINIUM
-from gtpin.bench.simulator.causes.arms.loads import _beam
-from gtpin.bench.simulator.causes.kinds import CATALOGUE, kind
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.causes.arm_loads import ALUMINIUM, _beam
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, CATALOGUE, kind
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import Visits
 
 ARM = nominal()[1]
@@ -34,11 +32,11 @@ def cause(name: str, site: str, seed: int = 0):
     return kind(name, ARM).at(ARM, site, np.random.default_rng(seed))
 
 
-def changed(visits: Visits, **fields: object) -> Plant:
-    return Plant(PLANT.machine, replace(visits, **fields), PLANT.station)
+def changed(visits: Visits, **fields: object) -> Response:
+    return Response(PLANT.machine, replace(visits, **fields), PLANT.station)
 
 
-def travel(name: str, site: str, plant: Plant = PLANT, seed: int = 0) -> np.ndarray:
+def travel(name: str, site: str, plant: Response = PLANT, seed: int = 0) -> np.ndarray:
     return cause(name, site, seed)(plant.ideal).travel[:, ARM.sites.index(site)]
 
 
@@ -69,7 +67,7 @@ def test_what_a_cause_does_is_repeatable_and_another_machine_s_is_another(name: 
 
 @pytest.mark.parametrize(("name", "site"), [(k.name, s) for k in ARM_CATALOGUE for s in k.sites(ARM)])
 def test_each_effect_stays_at_its_site(name: str, site: str) -> None:
-    deviation: ArmDeviation = cause(name, site)(PLANT.ideal)
+    deviation: Deviation = cause(name, site)(PLANT.ideal)
     for c in range(ARM.n_actuators):
         assert site == ARM.sites[c] or not (deviation.travel[:, c].any() or deviation.axis[:, c].any())
         assert site in (ARM.link_sites[c], "arm") or not deviation.tip[:, c].any()
@@ -104,7 +102,7 @@ def test_clearance_is_on_the_load_s_side_and_a_vertical_axis_under_gravity_alone
     assert (np.sign(gap) == np.sign(load)).all()
     visits = PLANT.visits
     level = replace(PLANT.machine, twists=0.0 * PLANT.machine.twists)
-    still = Plant(level, replace(visits, force=0.0 * visits.force), PLANT.station)
+    still = Response(level, replace(visits, force=0.0 * visits.force), PLANT.station)
     assert np.abs(still.ideal.load(0)).max() < 1e-9
     assert np.abs(travel("joint_clearance", "pan", still)).max() < 1e-12
 
@@ -245,7 +243,7 @@ def test_a_loose_foot_lifts_to_one_side_and_a_creeping_joint_remembers() -> None
     crept = travel("creep", "shoulder")
     swapped = PLANT.visits.take(np.r_[np.arange(len(PLANT.visits))[::-1]])
     swapped = replace(swapped, time=PLANT.visits.time)
-    back = cause("creep", "shoulder")(Plant(PLANT.machine, swapped, PLANT.station).ideal).travel[::-1, 2]
+    back = cause("creep", "shoulder")(Response(PLANT.machine, swapped, PLANT.station).ideal).travel[::-1, 2]
     assert np.abs(crept - back).max() > 1e-5
 
 

@@ -11,14 +11,14 @@ from arm_urdf import a_plant, nominal, urdf_file
 import gtpin
 from gtpin.bench.blind.draw import drafts, made, truth_of
 from gtpin.bench.simulator import make_case, simulate
-from gtpin.bench.simulator.arms.machine import ArmMachine
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.arms.tree import moved
-from gtpin.bench.simulator.arms.urdf import read_urdf
-from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.rotations import exp, log
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED
+from gtpin.bench.simulator.loops import Loops
+from gtpin.bench.simulator.poses import exp, log
+from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.tree import moved
+from gtpin.bench.simulator.urdf import read_urdf
 
 PLANT = a_plant()
 
@@ -119,9 +119,11 @@ def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None
         + "</robot>"
     )
     tree = read_urdf(xml)
-    machine = ArmMachine.nominal(Arm("m", tree.joints, (0,), tree.links["c"], np.zeros(3), np.full(6, 5e-4)))
+    none = np.zeros((0, 3, 3))
+    loops = Loops(tree.joints, (0,), (), (), (), none, none, tree.links["c"], np.zeros(1), np.zeros(3))
+    machine = ArmMachine.of(Arm("m", loops, np.zeros(3), np.full(6, 5e-4)))
     q = np.array([[0.4]])
-    np.testing.assert_allclose(machine.coordinates(q), [[0.4, -0.5, 0.0]])
+    np.testing.assert_allclose(machine.bodies(q)[0].x, [[0.4, -0.5, 0.0]])
     angle = 0.4 - 0.5
     T = np.array([1.0 + np.cos(0.4) + np.cos(angle), np.sin(0.4) + np.sin(angle), 0.0])
     np.testing.assert_allclose(machine.forward(q).T[0], T, atol=1e-14)
@@ -158,7 +160,7 @@ def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_pat
     # One constant placement on either side of the TCP's poses: X_free = A X_plain B, effects apart.
     machine, q = free.machine, free.visits.q
     assert 0.0 < np.abs(machine.target.p).max() < 0.07
-    bare = replace(machine, target=ArmMachine.nominal(machine.robot).target).forward(q)
+    bare = replace(machine, target=ArmMachine.of(machine.robot).target).forward(q)
     seen = machine.forward(q)
     B = np.swapaxes(bare.R, 1, 2) @ seen.R
     assert np.abs(B - B[0]).max() < 1e-12

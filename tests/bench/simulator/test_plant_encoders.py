@@ -13,15 +13,14 @@ from typer.testing import CliRunner
 import gtpin
 from gtpin.bench.blind.draw import drafts, measured, truth_of
 from gtpin.bench.blind.judge import judge
-from gtpin.bench.blind.seal import digest_of, seal
+from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.conditions import Conditions
 from gtpin.bench.simulator.instruments import build
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.cli import app
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.kinematics import kinematics
@@ -36,7 +35,7 @@ JOINT = "elbow_left"
 EXACT = 1e-8
 
 
-def none(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
+def none(gauge: Gauge, noise: Noise, seed: int) -> Floats:
     return np.zeros(gauge.sigma.shape)
 
 

@@ -15,15 +15,12 @@ from test_plant_loops import spatial_loop
 
 import gtpin
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.instruments import build, plain
-from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.case import InstrumentCase
+from gtpin.bench.simulator.instruments import build
+from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.instruments.choice import KINDS
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.instruments.plain import simulate_measured
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe
+from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.instruments.readings import Readings, single
@@ -37,7 +34,7 @@ TABLES = {"tracker": "tracker", "camera": "camera", "range": "wire", "plane": "b
 TABLES |= {"ballbar": "ballbar"}
 
 
-def none(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> np.ndarray:
+def none(gauge: Gauge, noise: Noise, seed: int) -> np.ndarray:
     return np.zeros(gauge.sigma.shape)
 
 
@@ -121,7 +118,6 @@ def misses(written: Written, kind: str, poses: Poses, up: np.ndarray) -> np.ndar
 def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geometry_fulfil(
     robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plain, "errors", none)
     nominal = gtpin.load_robot(robot)
     written = Written(simulate_measured(nominal, robot, ALL, poses=24, seed=5, held_out=3), tmp_path)
     geometry = gtpin.Geometry.nominal(nominal)
@@ -251,7 +247,6 @@ def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None
 
 @pytest.mark.slow
 def test_an_encoder_reads_a_passive_joint_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plain, "errors", none)
     robot = spatial_loop()
     case = simulate_measured(robot, "rusr", ["encoder"], poses=12, seed=1, held_out=2)
     (read,), machine = case.dataset.read, case.machine

@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 from gtpin.bench.simulator import make_case, measure_at
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Conditions, Noise
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.rotations import from_quaternions, log

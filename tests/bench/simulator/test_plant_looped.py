@@ -9,12 +9,11 @@ import pytest
 from looped_urdf import ROBOTS, a_plant, nominal
 
 import gtpin
-from gtpin.bench.simulator.arms.urdf import Frame
-from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE
-from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
-from gtpin.bench.simulator.looped.machine import LoopedMachine
-from gtpin.bench.simulator.looped.situation import LoopedSituation
+from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.arm_situation import ArmSituation
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
 from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.urdf import Frame
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.joint_loads import joint_loads
@@ -22,7 +21,7 @@ from gtpin.kinematics.joint_loads import joint_loads
 NAMES = tuple(ROBOTS)
 
 
-def by_pinocchio(machine: LoopedMachine) -> ChainKinematics:
+def by_pinocchio(machine: ArmMachine) -> ChainKinematics:
     """The package's kinematics of the same geometry."""
     geometry = gtpin.Geometry.nominal(gtpin_robot(machine))
     places = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
@@ -35,7 +34,7 @@ def by_pinocchio(machine: LoopedMachine) -> ChainKinematics:
     return ChainKinematics(geometry.with_values(np.array(values)))
 
 
-def gtpin_robot(machine: LoopedMachine) -> gtpin.Robot:
+def gtpin_robot(machine: ArmMachine) -> gtpin.Robot:
     return next(nominal(name)[0] for name in NAMES if nominal(name)[1] is machine.robot)
 
 
@@ -81,7 +80,7 @@ def test_a_drive_bears_what_the_energy_of_all_weights_and_of_the_push_changes_by
     now, step = plant.ideal, 1e-5
 
     def work(q: np.ndarray) -> np.ndarray:
-        at = LoopedSituation.of(machine, replace(visits, q=q), near=now.bodies)
+        at = ArmSituation.of(machine, replace(visits, q=q), near=now.bodies)
         centres = at.bodies.p + np.einsum("njik,jk->nji", at.bodies.R, machine.centres)
         weights = np.einsum("nji,i,j->n", centres, machine.robot.gravity, machine.masses)
         on_tool = visits.payload[:, None] * machine.robot.gravity + visits.force
@@ -105,8 +104,8 @@ def test_what_followers_bear_about_their_own_axes_is_nothing(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_loads_of_the_joints_are_the_package_s_by_recursive_newton_and_euler(name: str) -> None:
     robot, arm = nominal(name)
-    machine, visits = LoopedMachine.nominal(arm), a_plant(name).visits
-    now = LoopedSituation.of(machine, visits)
+    machine, visits = ArmMachine.of(arm), a_plant(name).visits
+    now = ArmSituation.of(machine, visits)
     theirs = joint_loads(robot, visits.q, visits.force, visits.payload)
     for j, joint in enumerate(arm.joints):
         force, moment = now.carried_by(j)
@@ -130,7 +129,7 @@ def test_a_joint_that_is_off_is_one_that_is_commanded_or_placed_elsewhere(name: 
         joint = machine.joints[j]
         other = (*machine.joints[:j], replace(joint, p=joint.p + joint.R @ shift), *machine.joints[j + 1 :])
         at = machine.bodies(q, shifted, near)[0].at(machine.seen)
-        assert off(at, replace(machine.loops, joints=other, tcp=machine.tcp).forward(q)) < 1e-10
+        assert off(at, replace(machine.loops, joints=other, tcp=machine.tcp).predict(q)) < 1e-10
 
 
 def test_what_sits_beside_a_link_s_end_moves_with_it_as_one_body() -> None:
@@ -169,6 +168,6 @@ def test_commands_are_all_over_the_ranges_where_the_loops_lead_the_tcp_well(name
     half = (machine.robot.upper - machine.robot.lower) / 2.0
     assert (np.abs(q - (machine.robot.upper + machine.robot.lower) / 2.0) <= half).all()
     assert (np.ptp(q, axis=0) > half).all()
-    home = np.linalg.norm(machine.command_jacobian(machine.robot.loops.home_q[None]))
-    assert (np.linalg.norm(machine.command_jacobian(q), axis=(1, 2)) <= 1.5 * home).all()
+    home = np.linalg.norm(machine.command_jacobian(home_q := machine.robot.loops.home_q[None], machine.predict(home_q)))
+    assert (np.linalg.norm(machine.command_jacobian(q, machine.predict(q)), axis=(1, 2)) <= 1.5 * home).all()
     assert (np.abs(machine.places(q)) <= 0.8 + 1e-9).all()

@@ -13,15 +13,13 @@ from typer.testing import CliRunner
 
 from gtpin.bench.blind.draw import drafts, made, truth_of
 from gtpin.bench.simulator import draw_case, make_case
-from gtpin.bench.simulator.build import build, known_robot
+from gtpin.bench.simulator.build import build, known_robot, measure_at
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_UNLISTED
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
-from gtpin.bench.simulator.conditions import Conditions
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_UNLISTED, kind, listed, unlisted
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.later import measure_at
-from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.response import Response
 from gtpin.cli import app
 from gtpin.data import Commands
 
@@ -85,7 +83,7 @@ def test_gravity_loads_the_drives_of_an_upright_loop_and_a_push_alone_those_of_a
     for name, low, high in (("five_bar", 0.05, np.inf), ("level", 0.0, 2e-2)):
         plant = a_plant(name)
         still = replace(plant.visits, force=0.0 * plant.visits.force)
-        at = Plant(plant.machine, still, plant.station).ideal
+        at = Response(plant.machine, still, plant.station).ideal
         share = np.abs(at.load(0)).max() / plant.machine.usual_load(0)
         assert low <= share <= high
         assert np.abs(plant.ideal.load(0)).max() / plant.machine.usual_load(0) > 0.05
@@ -94,10 +92,10 @@ def test_gravity_loads_the_drives_of_an_upright_loop_and_a_push_alone_those_of_a
 def test_a_base_that_tilts_turns_all_that_stands_on_it_about_its_origin() -> None:
     for name in NAMES:
         now = a_plant(name).ideal
-        turn = np.tile([1e-4, -2e-4, 5e-5], (len(now), 1))
-        moved = now.settled_by(now.tilted(turn)).poses.minus(now.poses)
+        turn = np.array([1e-4, -2e-4, 5e-5])
+        moved = now.settled_by(now.tilted(np.ones(len(now)), turn)).poses.minus(now.poses)
         np.testing.assert_allclose(moved[:, :3], np.cross(turn, now.poses.T), atol=2e-7)
-        np.testing.assert_allclose(moved[:, 3:], turn, atol=2e-7)
+        np.testing.assert_allclose(moved[:, 3:], np.tile(turn, (len(now), 1)), atol=2e-7)
 
 
 @pytest.mark.parametrize(("name", "site"), [(n, s) for n in NAMES for s in nominal(n)[1].pin_sites])

@@ -4,9 +4,8 @@ import numpy as np
 
 import gtpin
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.rotations import log
-from gtpin.bench.simulator.simulate import draw_machine
-from gtpin.bench.simulator.true_robot import true_robot
+from gtpin.bench.simulator.poses import log
+from gtpin.bench.simulator.simulate import TrueRobot, draw_machine
 from gtpin.robot.description import Description
 
 
@@ -33,7 +32,7 @@ def test_poses_are_pinocchio_s_closed_postures() -> None:
     xyz, rotvec = (" ".join(map(repr, v.tolist())) for v in (first.T, log(first.R)))
     robot = spatial_loop(f'<home q="0" tcp_xyz="{xyz}" tcp_rotvec="{rotvec}"/>')
     home, q = gtpin.home(robot), np.linspace(-0.6, 0.6, 7)[:, None]
-    found = Loops.of(robot, {}).forward(q)
+    found = Loops.of(robot, {}).predict(q)
     for i, row in enumerate(q):
         posture = home.moved_to(row)
         assert np.abs(found.T[i] - posture.T).max() < 1e-9
@@ -47,12 +46,12 @@ def test_a_drawn_machine_closes_its_loop_and_moves_as_its_jacobian_says() -> Non
     assert poses.reached.all()
     slope = machine.predict(q + step).minus(machine.predict(q - step)) / (2.0 * step)
     np.testing.assert_allclose(machine.command_jacobian(q, poses)[:, :, 0], slope, atol=1e-6)
-    assert np.abs(poses.T - true_robot(gtpin.Geometry.nominal(spatial_loop())).predict(q).T).max() > 1e-5
+    assert np.abs(poses.T - TrueRobot(gtpin.Geometry.nominal(spatial_loop())).predict(q).T).max() > 1e-5
 
 
 def test_commands_at_which_the_loop_is_open_have_no_pose() -> None:
     robot = spatial_loop()
-    found = Loops.of(robot, {}).forward(np.array([[0.1], [0.2]]))
+    found = Loops.of(robot, {}).predict(np.array([[0.1], [0.2]]))
     assert found.reached.all()
-    far = Loops.of(robot, {"rocker_joint": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
-    assert not far.forward(np.array([[0.1]])).reached.any()
+    far = Loops.of(robot, {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
+    assert not far.predict(np.array([[0.1]])).reached.any()

@@ -6,9 +6,9 @@ import pytest
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.response import Plant
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.response import Response
+from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 from gtpin.kinematics.statics import rod_forces
 from gtpin.robot.geometry import Geometry
@@ -19,10 +19,10 @@ EVERYTHING = Conditions(sessions=3, push=150.0, warming=1.5)
 PLACES = [(k.name, site) for k in (*CATALOGUE, *UNLISTED) for site in k.sites(ROBOT)]
 
 
-def a_plant(seed: int = 0, conditions: Conditions = EVERYTHING, poses: int = 90) -> Plant:
+def a_plant(seed: int = 0, conditions: Conditions = EVERYTHING, poses: int = 90) -> Response:
     rng = np.random.default_rng(seed)
-    machine = Machine.draw(ROBOT, rng)
-    return Plant(machine, plan(machine, poses, 10, conditions, rng), STATION)
+    machine = RodMachine.draw(ROBOT, rng)
+    return Response(machine, plan(machine, poses, 10, conditions, rng), STATION)
 
 
 PLANT = a_plant()
@@ -32,7 +32,7 @@ def cause(name: str, site: str, seed: int = 0):
     return kind(name, ROBOT).at(ROBOT, site, np.random.default_rng(seed))
 
 
-def travel(name: str, plant: Plant, seed: int = 0) -> np.ndarray:
+def travel(name: str, plant: Response, seed: int = 0) -> np.ndarray:
     return cause(name, "cart2", seed)(plant.ideal).travel[:, 1]
 
 
@@ -82,15 +82,15 @@ def test_forces_and_deflections_agree_where_the_machine_comes_to_rest() -> None:
 def test_forces_are_those_of_the_package_s_statics_where_masses_are_nominal() -> None:
     geometry = Geometry.nominal(ROBOT)
     plate = ROBOT.tcp_placement.inverse() * ROBOT.model.inertias[ROBOT.tcp_joint]
-    machine = Machine(geometry, float(plate.mass), np.array(plate.lever), np.full(6, 4.1))
-    plant = Plant(machine, PLANT.visits, STATION)
+    machine = RodMachine(geometry, float(plate.mass), np.array(plate.lever), np.full(6, 4.1))
+    plant = Response(machine, PLANT.visits, STATION)
     visits = plant.visits
     expected = rod_forces(machine.kinematics, visits.q, plant.ideal.poses, visits.force, visits.payload)
     np.testing.assert_allclose(plant.ideal.forces, expected, atol=1e-6)
 
 
 def test_masses_are_off_nominal_by_some_per_cent() -> None:
-    masses = np.array([Machine.draw(ROBOT, np.random.default_rng(s)).rod_masses for s in range(50)]) / 4.1
+    masses = np.array([RodMachine.draw(ROBOT, np.random.default_rng(s)).rod_masses for s in range(50)]) / 4.1
     assert 0.02 < masses.std() < 0.06
 
 
@@ -106,7 +106,7 @@ def test_rods_hold_the_platform_in_balance() -> None:
 @pytest.mark.parametrize("name", ["backlash", "cable_chain", "guide_whip"])
 def test_what_goes_by_the_approach_changes_sign_with_it(name: str) -> None:
     visits = PLANT.visits
-    mirrored = Plant(PLANT.machine, visits.take(np.arange(len(visits))), STATION)
+    mirrored = Response(PLANT.machine, visits.take(np.arange(len(visits))), STATION)
     object.__setattr__(mirrored.visits, "before", 2.0 * visits.q - visits.before)
     object.__setattr__(mirrored.visits, "speed", -visits.speed)
     one, other = (cause(name, "cart2")(plant.ideal) for plant in (PLANT, mirrored))
@@ -152,11 +152,11 @@ def test_servo_lag_is_nothing_at_rest_and_behind_the_motion() -> None:
 def test_compliance_does_nothing_that_geometry_does_not_where_the_load_does_not_change() -> None:
     stiff = PLANT.displacement([(cause("link_compliance", "arm"), 1.0)])
     machine, visits = PLANT.machine, PLANT.visits
-    weightless = Machine(machine.geometry, 0.0, machine.plate_center, np.zeros(6))
+    weightless = RodMachine(machine.geometry, 0.0, machine.plate_center, np.zeros(6))
     unloaded = visits.take(np.arange(len(visits)))
     object.__setattr__(unloaded, "payload", np.zeros(len(visits)))
     object.__setattr__(unloaded, "force", np.zeros((len(visits), 3)))
-    light = Plant(weightless, unloaded, STATION).displacement([(cause("link_compliance", "arm"), 1.0)])
+    light = Response(weightless, unloaded, STATION).displacement([(cause("link_compliance", "arm"), 1.0)])
     assert np.abs(light).max() < 1e-12
     assert np.abs(stiff[:, :3]).max() > 1e-5
 
@@ -194,7 +194,7 @@ def test_two_effects_together_do_what_they_do_one_by_one() -> None:
 
 def test_held_out_truth_is_the_machine_s_own_pose_with_its_effects() -> None:
     case = make_case(2, effects=[("encoder_scale", "cart2")], energy=3000.0)
-    off = case.truth.minus(case.machine.kinematics.forward(case.commands.q))
+    off = case.truth.minus(case.machine.kinematics.predict(case.commands.q))
     steep = np.polyfit(case.commands.q[:, 1], off[:, 0], 1)[0]
     assert abs(steep) > 1e-5
     assert np.abs(off[:, :3]).max() < 2e-3

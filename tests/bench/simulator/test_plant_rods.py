@@ -5,10 +5,8 @@ import pytest
 from scipy.optimize import approx_fprime
 
 import gtpin
-from gtpin.bench.simulator.closing import RodEnds, closed, each_solved
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rods import Rods
-from gtpin.bench.simulator.rotations import across, exp, log
+from gtpin.bench.simulator.poses import Poses, across, exp, log
+from gtpin.bench.simulator.rods import RodEnds, Rods, closed, each_solved
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.parameters import rotation_axes
 
@@ -26,7 +24,7 @@ def commands(robot: gtpin.Robot, count: int, seed: int = 0) -> np.ndarray:
 def test_poses_are_pinocchio_s_closed_postures(name: str) -> None:
     robot = gtpin.load_robot(name)
     q, start = commands(robot, 8), gtpin.home(robot)
-    found = Rods(gtpin.Geometry.nominal(robot)).forward(q)
+    found = Rods(gtpin.Geometry.nominal(robot)).predict(q)
     for i, row in enumerate(q):
         posture = start.moved_to(row)
         assert np.abs(found.T[i] - posture.T).max() < 1e-9
@@ -39,7 +37,7 @@ def test_so_they_are_for_a_geometry_drawn_from_its_tolerances(name: str) -> None
     values = geometry.values + geometry.tolerance * np.random.default_rng(3).standard_normal(len(geometry.values))
     values = np.where([p.kind == "scale" for p in geometry.parameters], geometry.values, values)  # no place in a URDF
     drawn, q = geometry.with_values(values), commands(geometry.robot, 6, seed=1)
-    off = kinematics(drawn, "pinocchio").forward(q).minus(gtpin.Poses(*vars(Rods(drawn).forward(q)).values()))
+    off = kinematics(drawn, "pinocchio").forward(q).minus(gtpin.Poses(*vars(Rods(drawn).predict(q)).values()))
     assert np.abs(off).max() < 1e-9
 
 
@@ -48,15 +46,15 @@ def test_so_they_are_for_a_geometry_drawn_from_its_tolerances(name: str) -> None
 def test_derivatives_are_differences_of_the_poses(name: str) -> None:
     geometry = gtpin.Geometry.nominal(gtpin.load_robot(name))
     rods, q, step = Rods(geometry), commands(geometry.robot, 3), 1e-6
-    poses = rods.forward(q)
+    poses = rods.predict(q)
     by_command, by_geometry = rods.command_jacobian(q, poses), rods.geometry_jacobian(q, poses)
     for i in range(geometry.robot.n_actuators):
         h = step * np.eye(geometry.robot.n_actuators)[i]
-        slope = rods.forward(q + h).minus(rods.forward(q - h)) / (2.0 * step)
+        slope = rods.predict(q + h).minus(rods.predict(q - h)) / (2.0 * step)
         np.testing.assert_allclose(by_command[:, :, i], slope, atol=1e-6 * max(1.0, np.abs(slope).max()))
     for i in range(0, len(geometry.values), 5):
         h = step * np.eye(len(geometry.values))[i]
-        one, other = (Rods(geometry.with_values(geometry.values + s * h)).forward(q) for s in (1, -1))
+        one, other = (Rods(geometry.with_values(geometry.values + s * h)).predict(q) for s in (1, -1))
         slope = one.minus(other) / (2.0 * step)
         np.testing.assert_allclose(by_geometry[:, :, i], slope, atol=1e-6 * max(1.0, np.abs(slope).max()))
 
@@ -65,9 +63,9 @@ def test_commands_out_of_reach_have_no_pose_and_do_not_disturb_the_others() -> N
     robot = gtpin.load_robot("gantry_tau")
     rods = Rods(gtpin.Geometry.nominal(robot))
     q = np.vstack([commands(robot, 2), robot.home_q + np.array([3.0, -3.0, 3.0])])
-    poses = rods.forward(q)
+    poses = rods.predict(q)
     assert poses.reached.tolist() == [True, True, False]
-    assert np.abs(poses[:2].minus(rods.forward(q[:2]))).max() < 1e-14
+    assert np.abs(poses[:2].minus(rods.predict(q[:2]))).max() < 1e-14
 
 
 def test_a_singular_platform_is_not_closed_and_a_regular_one_beside_it_is() -> None:

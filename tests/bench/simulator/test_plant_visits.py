@@ -5,12 +5,11 @@ import pytest
 
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
-from gtpin.bench.simulator.conditions import Conditions
-from gtpin.bench.simulator.day import Day
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.visits import BACK_OFF, plan
+from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.visits import BACK_OFF, Day, plan
 
-MACHINE = Machine.draw(known_robot("gantry_tau"), np.random.default_rng(0))
+MACHINE = RodMachine.draw(known_robot("gantry_tau"), np.random.default_rng(0))
 
 
 def visits(conditions: Conditions, seed: int = 1, poses: int = 200):
@@ -92,7 +91,7 @@ def test_commands_are_rounded_in_range_and_keep_the_tcp_in_its_box() -> None:
     robot = MACHINE.robot
     assert np.abs(way.q * 1e6 - np.round(way.q * 1e6)).max() < 1e-6
     assert ((way.q >= robot.lower) & (way.q <= robot.upper)).all()
-    T = MACHINE.kinematics.forward(way.q).T
+    T = MACHINE.kinematics.predict(way.q).T
     assert np.isfinite(T).all()
     assert (np.ptp(T, axis=0) > [0.85, 0.55, 0.5]).all()
     assert (np.ptp(T, axis=0) < [1.0, 0.7, 0.65]).all()

@@ -8,8 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.looped.robot import LoopedArm
+from gtpin.bench.simulator.arm import Arm
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
 
@@ -37,7 +36,7 @@ class Site:
                 return Site(name, robot.sites.index(name), ())
             if name in robot.link_sites:
                 return Site(name, -1, (robot.link_sites.index(name),))
-            if isinstance(robot, LoopedArm) and name in robot.pin_sites:
+            if name in robot.pin_sites:
                 return Site(name, -1, (), robot.pins[robot.pin_sites.index(name)])
             return Site(name, -1, tuple(range(robot.n_actuators)))
         if name in robot.sites:
@@ -50,33 +49,20 @@ class Site:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of error.
+    """A kind of error."""
 
-    Parameters
-    ----------
-    name
-        Its id: that of the catalogue's effect, or of an unlisted one.
-    where
-        Sites at which it occurs. ``carts``: everything that a drive moves. ``guides``: carts on tracks. ``turning``: the same,
-        where one of them carries more than one joint. ``joints``: the commanded joints of an arm. ``coupled``: the same, where
-        there are several. ``links``: single links. ``arm``: all links at once, or one of them. ``pins``: passive joints of
-        loops.
-    draw
-        Draws the error of one machine, at its typical size.
-    needs
-        Conditions that must vary so that it can be detected: ``session``, ``speed``, ``payload``, ``force``, ``heat``.
-    largest
-        Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy.
-    periodic
-        Whether ``draw`` also takes the numbers of periods a turn of its lines.
-    """
-
-    name: str
+    name: str  # Its id: that of the catalogue's effect, or of an unlisted one
+    # Sites at which it occurs. ``carts``: everything that a drive moves. ``guides``: carts on tracks. ``turning``: the
+    # same, where one of them carries more than one joint. ``joints``: the commanded joints of an arm. ``coupled``: the
+    # same, where there are several. ``links``: single links. ``arm``: all links at once, or one of them. ``pins``:
+    # passive joints of loops.
     where: Where
-    draw: Callable[..., Cause]
+    draw: Callable[..., Cause]  # Draws the error of one machine, at its typical size
+    # Conditions that must vary so that it can be detected: ``session``, ``speed``, ``payload``, ``force``, ``heat``
     needs: tuple[str, ...] = ()
+    # Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy
     largest: float = 20.0
-    periodic: bool = False
+    periodic: bool = False  # Whether ``draw`` also takes the numbers of periods a turn of its lines
 
     def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
         """Names of the sites of a robot at which it can occur; empty where there are none."""
@@ -98,7 +84,7 @@ class Kind:
     def _on_arm(self, robot: Arm) -> tuple[str, ...]:
         """Sites of an arm, without joints and links that do not move the TCP."""
         if self.where == "pins":
-            return robot.pin_sites if isinstance(robot, LoopedArm) else ()
+            return robot.pin_sites
         if self.where in ("joints", "coupled"):
             return (
                 tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()
@@ -111,10 +97,7 @@ class Kind:
     def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
         """Draw the error of one machine at a site.
 
-        Raises
-        ------
-        GtpinError
-            If the error can't occur at the site, or ``periods`` are given and it has none.
+        Raises GtpinError if the error can't occur at the site, or ``periods`` are given and it has none.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")

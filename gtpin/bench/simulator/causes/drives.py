@@ -1,4 +1,4 @@
-"""Errors along a track: of a drive's encoder, rack and servo."""
+"""Errors of carts on tracks: along a track by its drive, and of the guideway across it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,7 @@ from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
 from gtpin.bench.simulator.machine import REACH
-from gtpin.bench.simulator.situation import Situation
-from gtpin.typing import Floats
-
-
-def along(situation: Situation, site: Site, travel: Floats) -> Deviation:
-    """The error of a cart along its track by ``travel`` (N,), m; of an arm about its axis, rad; of a leg's length, m."""
-    deviation = situation.unbent()
-    deviation.travel[:, site.cart] = travel
-    return deviation
+from gtpin.bench.simulator.situation import RodSituation, Situation
 
 
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
@@ -24,17 +16,17 @@ def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.015, 0.05)
     sign = rng.choice([-1.0, 1.0])
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         q, zoom = now.q[:, site.cart], now.machine.zoom[site.cart]
-        return along(now, site, sign * 1e-4 * (q + part * 0.35 / zoom * uneven(now.places[:, site.cart])))
+        return now.driven(site.cart, sign * 1e-4 * (q + part * 0.35 / zoom * uneven(now.places[:, site.cart])))
 
     return cause
 
 
-def linearity(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um: smooth, rough in places, sometimes with a step."""
+def linearity(site: Site, rng: np.random.Generator, size: float = 3e-5) -> Cause:
+    """30 um; of joints 0.1 mrad (absolute encoders: 20 to 100 arc seconds): smooth, rough in places, sometimes with a step."""
     error = uneven_curve(rng, -REACH, REACH)
-    return lambda now: along(now, site, 3e-5 * error(now.places[:, site.cart]))
+    return lambda now: now.driven(site.cart, size * error(now.places[:, site.cart]))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
@@ -47,12 +39,12 @@ def rack_periodic(site: Site, rng: np.random.Generator) -> Cause:
     drift, depth = curve(rng, -REACH, REACH, 0.4, "twice"), rng.uniform(0.05, 0.25)
     joint, jump = rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5) * (rng.random() < 0.5)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         q, place, zoom = now.q[:, site.cart], now.places[:, site.cart], now.machine.zoom[site.cart]
         # A short track has teeth of the same width as a long one, but a smaller pinion.
         turn = 2.0 * np.pi * q / (period if tooth else period / zoom) + jump * (place > joint)
         wave = sum(a * np.sin((k + 1) * turn + p) for k, (a, p) in enumerate(zip(strengths, phases, strict=True)))
-        return along(now, site, 2e-5 * wave * (1.0 + depth * drift(place)))
+        return now.driven(site.cart, 2e-5 * wave * (1.0 + depth * drift(place)))
 
     return cause
 
@@ -63,22 +55,23 @@ def rack_step(site: Site, rng: np.random.Generator) -> Cause:
     pitch, rough = rng.uniform(-0.25, 0.25), curve(rng, -REACH, REACH, 0.05, "once")
     size, sign = rng.uniform(0.02, 0.08), rng.choice([-1.0, 1.0])
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         at = now.places[:, site.cart]
         step = 0.5 * (1.0 + np.tanh((at - place) / width)) + pitch * np.maximum(at - place, 0.0)
-        return along(now, site, sign * 4e-5 * (step + size * rough(at)))
+        return now.driven(site.cart, sign * 4e-5 * (step + size * rough(at)))
 
     return cause
 
 
-def zero_shift(site: Site, rng: np.random.Generator) -> Cause:
-    """30 um between sessions, of which some per cent change early in a session, with a time constant of 10 min."""
+def zero_shift(site: Site, rng: np.random.Generator, size: float = 3e-5) -> Cause:
+    """30 um, of joints 0.1 mrad, between sessions (homing, a changed battery, a crash), of which some per cent change early in
+    a session, with a time constant of 10 min."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
     def cause(now: Situation) -> Deviation:
-        session = now.visits.session
-        since = now.visits.time - np.array([now.visits.time[session == s].min() for s in session])
-        return along(now, site, 3e-5 * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
+        session, time = now.visits.session, now.visits.time
+        since = time - np.array([time[session == s].min() for s in session])
+        return now.driven(site.cart, size * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
 
     return cause
 
@@ -90,12 +83,12 @@ def backlash(site: Site, rng: np.random.Generator) -> Cause:
     worn = curve(rng, -REACH, REACH, 0.35)
     taken = rng.uniform(0.003, 0.006)  # m of travel until most of the play is taken up
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         q, approach = now.q[:, site.cart], now.visits.approach[:, site.cart]
         load_of = np.tanh(np.abs(now.pressing(site.cart)) / 300.0)
         gap = (1.0 - load * load_of) * (1.0 + wear * worn(now.places[:, site.cart]) + creep * now.visits.phase)
         move = np.abs(q - now.visits.before[:, site.cart])
-        return along(now, site, sign * 1.5e-5 * approach * gap * np.tanh(move / taken))
+        return now.driven(site.cart, sign * 1.5e-5 * approach * gap * np.tanh(move / taken))
 
     return cause
 
@@ -105,10 +98,10 @@ def servo_lag(site: Site, rng: np.random.Generator) -> Cause:
     saturation, inertia = rng.uniform(0.0, 0.8), rng.uniform(0.5e-5, 2e-5)
     wear, uneven = rng.uniform(0.0, 0.12), curve(rng, -REACH, REACH, 0.3)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         speed, acceleration = now.visits.speed[:, site.cart], now.visits.acceleration[:, site.cart]
         lag = 2e-4 * speed / (1.0 + saturation * np.abs(speed)) * (1.0 + wear * uneven(now.places[:, site.cart]))
-        return along(now, site, -lag - inertia * acceleration)
+        return now.driven(site.cart, -lag - inertia * acceleration)
 
     return cause
 
@@ -118,9 +111,54 @@ def cross_coupling(site: Site, rng: np.random.Generator) -> Cause:
     field, own = Field.draw(rng, [0.55, 0.55]), Field.draw(rng, [0.5, 0.5, 0.5])
     part, slope = rng.uniform(0.05, 0.25), rng.standard_normal(2)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: RodSituation) -> Deviation:
         others = np.delete(now.places, site.cart, axis=1)[:, :2]
         values = field(others) + others @ slope + part * own(now.places[:, :3])
-        return along(now, site, 2.5e-5 * values)
+        return now.driven(site.cart, 2.5e-5 * values)
+
+    return cause
+
+
+def straightness(site: Site, rng: np.random.Generator) -> Cause:
+    """30 um in each of two directions across the track; some per cent depend on the load of the cart on its rail."""
+    errors = [uneven_curve(rng, -REACH, REACH) for _ in "ab"]
+    sizes, load = rng.uniform(0.5, 1.5, 2), rng.uniform(-0.1, 0.1)
+
+    def cause(now: RodSituation) -> Deviation:
+        place, across = now.places[:, site.cart], now.machine.across[site.cart]
+        pressed = 1.0 + load * np.tanh(now.pull(site.cart)[:, 2] / 300.0)
+        deviation = now.unbent()
+        for error, size, axis in zip(errors, sizes, across, strict=True):
+            deviation.shift[:, site.cart] += (3e-5 * size * pressed * error(place))[:, None] * axis
+        return deviation
+
+    return cause
+
+
+def cart_rotation(site: Site, rng: np.random.Generator) -> Cause:
+    """60 urad of roll, pitch and yaw, and a smaller rough part."""
+    errors = [uneven_curve(rng, -REACH, REACH) for _ in "abc"]
+    blocks = [curve(rng, -REACH, REACH, 0.04, "rough") for _ in "abc"]
+    sizes, part = rng.uniform(0.4, 1.6, 3), rng.uniform(0.02, 0.12)
+
+    def cause(now: RodSituation) -> Deviation:
+        place = now.places[:, site.cart]
+        axes = np.vstack([now.machine.across[site.cart], now.machine.tracks[site.cart]])
+        angles = [size * (e(place) + part * b(place)) for e, b, size in zip(errors, blocks, sizes, strict=True)]
+        return now.off(turn=(site.cart, 6e-5 * np.column_stack(angles) @ axes))
+
+    return cause
+
+
+def encoder_slip(site: Site, rng: np.random.Generator, size: float = 2.5e-5) -> Cause:
+    """A loose coupling or disc of an encoder slips at reversals of long moves: 25 um, of joints 0.1 mrad in all, in random
+    directions; unlisted."""
+    slips, hard = rng.standard_normal(4096), rng.uniform(0.5, 0.8)
+
+    def cause(now: Situation) -> Deviation:
+        approach, moved = now.visits.approach[:, site.cart], np.abs(np.diff(now.q[:, site.cart], prepend=0.0))
+        reversal = (np.diff(approach, prepend=0.0) != 0.0) & (moved > np.quantile(moved, hard))
+        slipped = np.cumsum(slips[np.arange(len(now)) % len(slips)] * reversal)
+        return now.driven(site.cart, size * slipped / np.sqrt(max(int(reversal.sum()), 1) / 3.0))
 
     return cause

@@ -29,9 +29,7 @@ def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
         t = now.visits.phase
         columns = [w(t) + part * r(t) for w, r in zip(wander, rough, strict=True)]
         moved = np.column_stack(columns) + settling * (1.0 - np.exp(-t / soon))[:, None] + jolt * (t > when)[:, None]
-        deviation = now.unbent()
-        deviation.frame[:] = sizes * moved
-        return deviation
+        return now.off(frame=(..., sizes * moved))
 
     return cause
 
@@ -43,10 +41,8 @@ def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
     part = rng.uniform(0.03, 0.12)
 
     def cause(now: Situation) -> Deviation:
-        deviation = now.unbent()
         within = np.column_stack([d(now.visits.phase) for d in drift])
-        deviation.frame[:] = shifts[now.visits.session] + part * SIZES * within
-        return deviation
+        return now.off(frame=(..., shifts[now.visits.session] + part * SIZES * within))
 
     return cause
 
@@ -59,9 +55,7 @@ def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: Situation) -> Deviation:
         day = now.visits.day
         warm = day.frame_at(now.visits.time) - day.frame[0]
-        deviation = now.unbent()
-        deviation.scale[:] = sign * 2e-5 * (1.0 + part * wander(now.visits.phase)) + air * warm
-        return deviation
+        return now.off(scale=(..., sign * 2e-5 * (1.0 + part * wander(now.visits.phase)) + air * warm))
 
     return cause
 
@@ -75,9 +69,7 @@ def target_offset(site: Site, rng: np.random.Generator) -> Cause:
     creep = curve(rng, 0.0, 1.0, 0.4, "twice")
 
     def cause(now: Situation) -> Deviation:
-        deviation = now.unbent()
         load = now.visits.payload[:, None] / 20.0
-        deviation.target[:] = 1e-4 * (offset + yields * load + 0.0003 * creep(now.visits.phase)[:, None])
-        return deviation
+        return now.off(target=(..., 1e-4 * (offset + yields * load + 0.0003 * creep(now.visits.phase)[:, None])))
 
     return cause

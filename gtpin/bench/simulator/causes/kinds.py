@@ -1,21 +1,14 @@
-"""All kinds of error of the plant: those of the catalogue, and unlisted ones."""
+"""All kinds of error of the simulator: those of the catalogue, and unlisted ones."""
 
 from __future__ import annotations
 
-from gtpin.bench.simulator.arms.robot import Arm
-from gtpin.bench.simulator.causes import (
-    drives,
-    guides,
-    heat,
-    instrument,
-    joints,
-    stiffness,
-    unlisted_loads,
-    unlisted_structure,
-)
-from gtpin.bench.simulator.causes.arms.catalogue import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_CATALOGUE, LOOPED_UNLISTED
+from dataclasses import replace
+from functools import partial
+
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.causes import arm_drives, arm_loads, arm_unlisted, drives, instrument, links
+from gtpin.bench.simulator.causes import unlisted as rod_unlisted
 from gtpin.bench.simulator.causes.cause import Kind
-from gtpin.bench.simulator.looped.robot import LoopedArm
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
 
@@ -28,14 +21,14 @@ CATALOGUE = (
     Kind("backlash", "carts", drives.backlash),
     Kind("servo_lag", "carts", drives.servo_lag, ("speed",)),
     Kind("cross_coupling", "carts", drives.cross_coupling),
-    Kind("straightness", "guides", guides.straightness),
-    Kind("cart_rotation", "turning", guides.cart_rotation),
-    Kind("cart_compliance", "guides", stiffness.cart_compliance, ("payload",)),
-    Kind("link_compliance", "arm", stiffness.link_compliance, ("payload",)),
-    Kind("joint_clearance", "links", joints.joint_clearance, ("force",), largest=6.0),
-    Kind("joint_runout", "links", joints.joint_runout),
-    Kind("thermal_links", "arm", heat.thermal_links, ("heat",)),
-    Kind("thermal_track", "carts", heat.thermal_track, ("heat",)),
+    Kind("straightness", "guides", drives.straightness),
+    Kind("cart_rotation", "turning", drives.cart_rotation),
+    Kind("cart_compliance", "guides", links.cart_compliance, ("payload",)),
+    Kind("link_compliance", "arm", links.link_compliance, ("payload",)),
+    Kind("joint_clearance", "links", links.joint_clearance, ("force",), largest=6.0),
+    Kind("joint_runout", "links", links.joint_runout),
+    Kind("thermal_links", "arm", links.thermal_links, ("heat",)),
+    Kind("thermal_track", "carts", links.thermal_track, ("heat",)),
     Kind("tracker_drift", "frame", instrument.tracker_drift),
     Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     Kind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
@@ -43,18 +36,79 @@ CATALOGUE = (
 )
 """The effects of the catalogue, on robots with rods."""
 UNLISTED = (
-    Kind("hose_drag", "platform", unlisted_loads.hose_drag),
-    Kind("cable_chain", "guides", unlisted_loads.cable_chain),
-    Kind("plate_bending", "platform", unlisted_loads.plate_bending, ("payload",)),
-    Kind("foot_settling", "carts", unlisted_structure.foot_settling),
-    Kind("joint_stick", "links", unlisted_structure.joint_stick),
-    Kind("frame_bending", "frame", unlisted_structure.frame_bending),
-    Kind("thermal_twist", "frame", unlisted_structure.thermal_twist, ("heat",)),
-    Kind("nest_tilt", "platform", unlisted_structure.nest_tilt),
-    Kind("encoder_slip", "carts", unlisted_structure.encoder_slip),
-    Kind("guide_whip", "guides", unlisted_structure.guide_whip, ("speed",)),
+    Kind("hose_drag", "platform", rod_unlisted.hose_drag),
+    Kind("cable_chain", "guides", rod_unlisted.cable_chain),
+    Kind("plate_bending", "platform", rod_unlisted.plate_bending, ("payload",)),
+    Kind("foot_settling", "carts", rod_unlisted.foot_settling),
+    Kind("joint_stick", "links", rod_unlisted.joint_stick),
+    Kind("frame_bending", "frame", rod_unlisted.frame_bending),
+    Kind("thermal_twist", "frame", rod_unlisted.thermal_twist, ("heat",)),
+    Kind("nest_tilt", "platform", rod_unlisted.nest_tilt),
+    Kind("encoder_slip", "carts", drives.encoder_slip),
+    Kind("guide_whip", "guides", rod_unlisted.guide_whip, ("speed",)),
 )
 """Unlisted effects of robots with rods."""
+ARM_CATALOGUE = (
+    Kind("encoder_scale", "joints", arm_drives.encoder_scale, largest=10.0),
+    Kind("linearity", "joints", partial(drives.linearity, size=1e-4), largest=10.0),
+    Kind("rack_periodic", "joints", arm_drives.rack_periodic, largest=5.0, periodic=True),
+    Kind("zero_shift", "joints", partial(drives.zero_shift, size=1e-4), ("session",)),
+    Kind("backlash", "joints", arm_drives.backlash, largest=15.0),
+    Kind("servo_lag", "joints", arm_drives.servo_lag, ("speed",)),
+    Kind("cross_coupling", "coupled", arm_drives.cross_coupling, largest=10.0),
+    Kind("joint_compliance", "joints", arm_loads.joint_compliance, ("payload",), largest=10.0),
+    Kind("bearing_compliance", "joints", arm_loads.bearing_compliance, ("payload",), largest=6.0),
+    Kind("axis_motion", "joints", arm_loads.axis_motion, largest=5.0),
+    Kind("joint_clearance", "joints", arm_loads.joint_clearance, ("force",), largest=6.0),
+    Kind("link_compliance", "arm", arm_loads.link_compliance, ("payload",), largest=10.0),
+    Kind("thermal_links", "arm", arm_loads.thermal_links, ("heat",), largest=4.0),
+    Kind("tracker_drift", "frame", instrument.tracker_drift),
+    Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
+    Kind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
+    Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
+)
+"""The effects of the catalogue. At ``largest`` times the typical size, an error is as large as on the worst machines:
+
+- ``encoder_scale`` 1e-3: the pitch error of a belt is smaller; a wrong gear ratio causes much more.
+- ``linearity`` 1 mrad rms: badly mounted magnetic ring encoders are stated with 0.1 degrees.
+- ``rack_periodic`` 0.5 mrad: kinematic error of strain-wave gears, as its docstring says.
+- ``backlash`` 1 mrad to either side, 7 arc minutes in all: ordinary planetary gears; gears of robots have less.
+- ``cross_coupling`` 1 mrad: cables and belts with 10 N m on a joint of 1e4 N m/rad.
+- ``joint_compliance`` 1.5 mrad at the usual load: wind-up of a strain-wave gear at its rated torque.
+- ``bearing_compliance`` 0.36 mrad at the usual moment: cross-roller units tilt by about 1 mrad at the permitted moment, and the
+  usual moment is 0.4 of it.
+- ``axis_motion`` 0.1 mm and 0.25 mrad: a badly machined bearing seat, or a bent flange.
+- ``joint_clearance`` 0.4 mrad to either side.
+- ``link_compliance`` 1 mrad over a link at half of the usual moment.
+- ``thermal_links`` 9.2e-5/K: unfilled ABS and polyamide have 0.7e-4 to 1.0e-4/K, aluminium 2.3e-5/K; no material of links
+  expands more than plastics (handbook tables of linear expansion).
+- ``tracker_scale`` 120 ppm: a steel part whose temperature is entered with an error of 10 K. The part that varies with the
+  temperature of the air is then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996).
+"""
+ARM_UNLISTED = (
+    Kind("creep", "joints", arm_unlisted.creep, ("payload",)),
+    Kind("dress_pack", "coupled", arm_unlisted.dress_pack),
+    Kind("loose_foot", "frame", arm_unlisted.loose_foot, ("payload",)),
+    Kind("sunny_side", "links", arm_unlisted.sunny_side, ("heat",)),
+    Kind("loose_gripper", "platform", arm_unlisted.loose_gripper, ("payload",)),
+    Kind("slipping_disc", "joints", partial(drives.encoder_slip, size=1e-4)),
+    Kind("whip", "links", arm_unlisted.whip, ("speed",)),
+    Kind("nest_tilt", "platform", arm_unlisted.nest_tilt),
+)
+"""Unlisted effects."""
+
+
+def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+    """The same kinds for robots with loops: effects of a load also need forces on the tool.
+
+    Gravity does not load the drives of a loop in a horizontal plane, nor the bearings of a loop in a vertical plane across it.
+    """
+    return tuple(replace(kind, needs=(*kind.needs, "force")) if "payload" in kind.needs else kind for kind in kinds)
+
+
+LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", arm_unlisted.worn_pin, ("payload",))))
+"""Unlisted effects of robots whose loops are not rods."""
 
 
 def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
@@ -63,9 +117,9 @@ def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
 
 
 def _known(robot: Robot | Arm) -> tuple[tuple[Kind, ...], tuple[Kind, ...]]:
-    if isinstance(robot, LoopedArm):
-        return LOOPED_CATALOGUE, LOOPED_UNLISTED
-    return (ARM_CATALOGUE, ARM_UNLISTED) if isinstance(robot, Arm) else (CATALOGUE, UNLISTED)
+    if not isinstance(robot, Arm):
+        return CATALOGUE, UNLISTED
+    return (LOOPED_CATALOGUE, LOOPED_UNLISTED) if robot.loops.pairs else (ARM_CATALOGUE, ARM_UNLISTED)
 
 
 def listed(robot: Robot | Arm) -> tuple[Kind, ...]:
@@ -79,13 +133,7 @@ def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
 
 
 def kind(name: str, robot: Robot | Arm) -> Kind:
-    """The kind of error with a name, on a robot.
-
-    Raises
-    ------
-    GtpinError
-        If the robot has no such kind.
-    """
+    """The kind of error with a name, on a robot. Raises GtpinError if the robot has no such kind."""
     known = [one for kinds in _known(robot) for one in kinds]
     for one in known:
         if one.name == name:

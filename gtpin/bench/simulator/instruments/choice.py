@@ -1,4 +1,4 @@
-"""The kinds of instruments of the plant, and how one of each kind is drawn."""
+"""The kinds of instruments of the simulator, how one of each kind is drawn, and its noise."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from gtpin.bench.simulator.instruments.encoder import Encoder
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.instruments.layout import Layout
-from gtpin.bench.simulator.instruments.plane import Plane
-from gtpin.bench.simulator.instruments.range import Range
-from gtpin.bench.simulator.instruments.socket import Socket
-from gtpin.bench.simulator.instruments.tilt import Tilt
-from gtpin.bench.simulator.instruments.tracker import Camera, Tracker
+from gtpin.bench.simulator.instruments.readers import Camera, Encoder, Range, Tilt, Tracker
+from gtpin.bench.simulator.instruments.touched import Plane, Socket
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tracker import Noise
+from gtpin.bench.simulator.recipe import Noise
 from gtpin.errors import GtpinError
 from gtpin.typing import Floats, Ints
 
@@ -26,16 +22,12 @@ TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] =
     "socket": Socket.drawn,
 }
 """Kinds of touched instruments: the machine moves to them. The others read at any pose."""
+BAR = "ballbar"
+"""This kind has its own stops, along circles."""
 
 
 def checked(kinds: Sequence[str]) -> tuple[str, ...]:
-    """The kinds in the order of KINDS.
-
-    Raises
-    ------
-    GtpinError
-        If a kind is not known, or given twice.
-    """
+    """The kinds in the order of KINDS. Raises GtpinError if a kind is not known, or given twice."""
     for i, kind in enumerate(kinds):
         if kind not in KINDS:
             raise GtpinError(f"no instrument is called {kind!r}", hint=f"use {', '.join(KINDS)}")
@@ -44,13 +36,9 @@ def checked(kinds: Sequence[str]) -> tuple[str, ...]:
     return tuple(kind for kind in KINDS if kind in kinds)
 
 
-BAR = "ballbar"
-"""This kind has its own stops, along circles."""
-
-
-def reads(kinds: Collection[str]) -> bool:
-    """Whether any of the instruments reads at any pose."""
-    return bool(set(kinds) - set(TOUCHED) - {BAR})
+def reading(kinds: Collection[str]) -> tuple[str, ...]:
+    """Those of some kinds that read at any pose."""
+    return tuple(kind for kind in kinds if kind not in (*TOUCHED, BAR))
 
 
 def stream(seed: int, kind: str) -> np.random.Generator:
@@ -58,39 +46,32 @@ def stream(seed: int, kind: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, 6, KINDS.index(kind)]))
 
 
-def noises(seed: int, gauges: Sequence[Gauge]) -> list[np.random.Generator]:
-    """Random streams for the noise of each instrument: the same whatever other instruments there are."""
-    return [np.random.default_rng(np.random.SeedSequence([seed, 8, *gauge.name.encode()])) for gauge in gauges]
-
-
-def reading(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Gauge:
+def drawn(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, seed: int) -> Gauge:
     """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
 
-    Raises
-    ------
-    GtpinError
-        For an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near level.
+    Raises GtpinError for an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near
+    level.
     """
+    rng = stream(seed, kind)
     if kind == "tracker":
         return Tracker.drawn(poses, stops, noise, rng)
     if kind == "camera":
         return Camera.drawn(layout, poses, stops, noise.declared, rng)
     if kind == "range":
-        return Range.drawn(layout, stops, noise.declared, rng)
+        return Range.wires(layout, stops, noise.declared, rng)
     if kind == "tilt":
         return Tilt.drawn(layout, poses, stops, noise.declared, rng)
     return Encoder.drawn(poses, stops, noise.declared, rng)
 
 
-def errors(gauge: Gauge, noise: Noise, rng: np.random.Generator) -> Floats:
-    """(M, c) random errors of an instrument's readings: with its sigma, and with the tails and gross errors of ``noise``."""
+def errors(gauge: Gauge, noise: Noise, seed: int) -> Floats:
+    """(M, c) random errors of an instrument's readings: with its sigma, and with the tails and gross errors of ``noise``.
+
+    They are the same whatever other instruments there are.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 8, *gauge.name.encode()]))
     found = gauge.sigma * noise.drawn(rng, gauge.sigma.shape)
-    off = rng.random(len(found)) < noise.gross
-    size = np.exp(rng.uniform(np.log(10.0), np.log(100.0), (len(found), 1)))
-    way = rng.standard_normal(found.shape)
-    return np.asarray(
-        found + gauge.sigma * np.where(off[:, None], size * way / np.linalg.norm(way, axis=1, keepdims=True), 0.0)
-    )
+    return np.asarray(found + gauge.sigma * noise.drawn_gross(rng, found.shape))
 
 
 def held_readings(gauges: Sequence[Gauge], poses: Poses) -> dict[str, tuple[Floats, Floats]]:

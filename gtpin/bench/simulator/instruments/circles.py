@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.bench.simulator.instruments.gauge import ONE
 from gtpin.bench.simulator.instruments.layout import Layout
-from gtpin.bench.simulator.instruments.targets import ONE
-from gtpin.bench.simulator.instruments.way import Moved, PlainWay
+from gtpin.bench.simulator.instruments.touch import PlainWay
+from gtpin.bench.simulator.machine import Moved
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats
 
@@ -31,10 +32,7 @@ def circles(
 
     There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other.
 
-    Raises
-    ------
-    UnreachableError
-        If the robot can't move along any such circles.
+    Raises UnreachableError if the robot can't move along any such circles.
     """
     wide = layout.half > FLAT * layout.half.max()
     planes = [plane for plane in PLANES if wide[list(plane)].all()]
@@ -95,12 +93,12 @@ def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats]
 
 
 def _slope(way: PlainWay) -> Floats:
-    by_command, arm = way.by_command(), way.poses.R @ np.array(ONE)
+    by_command, arm = way.by_command(), way.poses.R @ np.array(ONE[""])
     return np.asarray(by_command[:, :3] + np.cross(by_command[:, 3:], arm[:, :, None], axis=1))
 
 
 def _target(T: Floats, R: Floats) -> Floats:
-    return np.asarray(T + R @ np.array(ONE))
+    return np.asarray(T + R @ np.array(ONE[""]))
 
 
 def _stuck() -> UnreachableError:

@@ -1,66 +1,66 @@
-"""The base class of the plant's instruments: their readings, and their unknowns."""
+"""The base classes of the simulator's instruments: what they read, their unknowns, and their targets."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rotations import exp
+from gtpin.bench.simulator.poses import Poses, exp
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
 
+Place = tuple[float, float, float]
+
 NUDGE = 1e-5
 """Step of the central differences from which derivatives are computed, m and rad."""
+TARGET_SIGMA = 1e-4
+"""Standard deviation of a target's position, per axis, m: from a drawing and the errors of assembly."""
+ONE: dict[str, Place] = {"": (0.02, -0.03, 0.05)}
+"""A single target, TCP frame, m; its id is empty."""
+THREE: dict[str, Place] = {"A": (0.06, 0.0, 0.01), "B": (-0.03, 0.05, 0.02), "C": (-0.03, -0.05, 0.06)}
+"""Three targets, from which the platform's orientation can be determined, TCP frame, m."""
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """An unknown of an instrument: the user does not know its true value.
+    """An unknown of an instrument: the user does not know its true value."""
 
-    Parameters
-    ----------
-    name
-        Name of the parameter, such as ``wire.station[A].x``.
-    value
-        Its true value, m or rad.
-    prior
-        Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known at all.
-    """
-
-    name: str
-    value: float
+    name: str  # Name of the parameter, such as ``wire.station[A].x``
+    value: float  # Its true value, m or rad
+    # Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known
+    # at all
     prior: float
+
+
+def hidden(stem: str, values: Iterable[float], prior: float, axes: Iterable[str] = AXES) -> list[Hidden]:
+    """The unknowns ``STEM.x`` and so on, with one prior."""
+    return [Hidden(f"{stem}.{axis}", float(value), prior) for axis, value in zip(axes, values, strict=False)]
 
 
 @dataclass(frozen=True, eq=False)
 class Gauge(ABC):
-    """An instrument with M rows in its table, of c numbers each.
-
-    Parameters
-    ----------
-    name
-        Its name in dataset.toml.
-    stop
-        (M,) index of the machine's stop at which each row is read.
-    hidden
-        Its k unknowns.
-    declared
-        Whether dataset.toml states its sigma.
-    """
+    """An instrument with M rows in its table, of c numbers each."""
 
     kind: ClassVar[str]
     touches: ClassVar[bool] = False
     """Whether it is touched: the machine moves to where its readings are zero."""
+    reads: ClassVar[tuple[str, ...]] = ()
+    """Columns of the readings in its table."""
+    by_row: ClassVar[Mapping[str, str]] = {}
+    """Further fields with one value for each row; for an index, the field with the ids of stations, planes or targets."""
+    noise: ClassVar[tuple[float, int]] = (0.0, 1)
+    """Sigma of the readings, m or rad, where it is constant, and how many numbers a reading has."""
 
-    name: str
-    stop: Ints
-    hidden: tuple[Hidden, ...]
-    declared: bool
+    name: str  # Its name in dataset.toml
+    stop: Ints  # (M,) index of the machine's stop at which each row is read
+    hidden: tuple[Hidden, ...]  # Its k unknowns
+    declared: bool  # Whether dataset.toml states its sigma
 
     @property
     def truth(self) -> Floats:
@@ -68,40 +68,55 @@ class Gauge(ABC):
         return np.array([one.value for one in self.hidden])
 
     @property
-    @abstractmethod
     def sigma(self) -> Floats:
         """(M, c) standard deviation of the readings' noise, m or rad."""
+        return np.full((len(self.stop), self.noise[1]), self.noise[0])
+
+    def scattered(self, by_motion: Floats, jitter: Floats) -> Floats:
+        """(M, c) sigma of the readings with the scatter of the machine.
+
+        ``by_motion`` (M, c, 6 + k) as :meth:`by_motion` gives it; ``jitter`` (M, 6 + k, n): motions by 1 sigma of each drive.
+        """
+        return np.asarray(np.sqrt(self.sigma**2 + ((by_motion @ jitter) ** 2).sum(axis=2)))
 
     @abstractmethod
     def readings(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) readings without noise, m or rad; for a touched instrument, the distance of the target from it.
+        """(M, c) readings without noise, m or rad, at poses (M) of the TCP, base frame, for values ``u`` (k,) of the unknowns.
 
-        Parameters
-        ----------
-        poses
-            (M) poses of the TCP, base frame.
-        u
-            (k,) values of the unknowns.
+        For a touched instrument, the distance of the target from it.
         """
-
-    @abstractmethod
-    def table(self) -> dict[str, Any]:
-        """The keys of its ``[[instrument]]`` in dataset.toml, without name, kind and sigma."""
-
-    @abstractmethod
-    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
-        """The instrument's columns in its table, with errors (M, c) of the readings."""
-
-    def described(self) -> dict[str, Any]:
-        """Its ``[[instrument]]`` in dataset.toml."""
-        return {"name": self.name, "kind": self.kind, **self._stated(), **self.table()}
-
-    def _stated(self) -> dict[str, Any]:
-        return {"sigma": float(self.sigma[0, 0])} if self.declared else {}
 
     def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
         """(M, c) readings at poses ``one`` and unknowns ``u``, less those at poses ``other`` and unknowns ``v``."""
         return self.readings(one, u) - self.readings(other, v)
+
+    # -------------------------------------------------------------------------------------------- in the files
+
+    def described(self) -> dict[str, Any]:
+        """Its ``[[instrument]]`` in dataset.toml."""
+        return {"name": self.name, "kind": self.kind, **(self.stated() if self.declared else {}), **self.table()}
+
+    def stated(self) -> dict[str, float]:
+        """The keys with its sigma."""
+        return {"sigma": float(self.sigma[0, 0])}
+
+    def table(self) -> dict[str, Any]:
+        """All other keys."""
+        return {}
+
+    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+        """The instrument's columns in its table, with errors (M, c) of the readings."""
+        ids = {name: self.ids(name) for name, of in self.by_row.items() if of}
+        found: dict[str, Column] = {
+            name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != ("",)
+        }
+        return found | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
+
+    def ids(self, field: str) -> tuple[str, ...]:
+        """Ids of the stations, planes, sockets or targets, of which a field has each row's index."""
+        return tuple(getattr(self, self.by_row[field]))
+
+    # --------------------------------------------------------------------------------------------- derivatives
 
     def by_pose(self, poses: Poses) -> Floats:
         """(M, c, 6) derivative of the readings by the pose: position and rotation vector, base frame."""
@@ -124,19 +139,14 @@ class Gauge(ABC):
         found = [self.change(poses, poses, u + step, u - step) / (2.0 * NUDGE) for step in steps]
         return np.stack(found, axis=2) if found else np.zeros((*self.sigma.shape, 0))
 
-    def ids(self) -> dict[str, tuple[str, ...]]:
-        """Ids of stations, planes, sockets or targets, by the name of the field that has each row's index."""
-        return {}
+    # ----------------------------------------------------------------------------------------------- other rows
 
     def in_turn(self, count: int) -> Gauge:
-        """The instrument with one row at each of ``count`` stops.
-
-        The rows have the ids of stations, planes, sockets or targets in alphabetical order, repeated.
-        """
+        """The instrument with one row at each of ``count`` stops, with its ids in alphabetical order, repeated."""
         turns: dict[str, Any] = {"stop": np.arange(count)}
-        for name in (name for name in self.by_row() if name != "stop"):
-            if name in self.ids():
-                order = np.argsort(np.array(self.ids()[name]))
+        for name, of in self.by_row.items():
+            if of:
+                order = np.argsort(np.array(self.ids(name)))
                 turns[name] = order[np.arange(count) % len(order)]
             else:
                 turns[name] = np.tile(np.median(getattr(self, name), axis=0), (count, 1))
@@ -144,10 +154,40 @@ class Gauge(ABC):
 
     def kept(self, rows: npt.NDArray[np.bool_]) -> Gauge:
         """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
-        changed = {name: value[rows] for name, value in vars(self).items() if name in self.by_row()}
+        changed = {name: getattr(self, name)[rows] for name in ("stop", *self.by_row)}
         return type(self)(**{**vars(self), **changed})
 
-    @classmethod
-    def by_row(cls) -> tuple[str, ...]:
-        """Names of the fields with one value for each row."""
-        return ("stop",)
+    def all_like(self, row: int, count: int) -> Gauge:
+        """The instrument with ``count`` rows that all read as row ``row``, each at its own stop."""
+        same = {name: np.full(count, getattr(self, name)[row]) for name in self.by_row}
+        return type(self)(**{**vars(self), **same, "stop": np.arange(count)})
+
+
+@dataclass(frozen=True, eq=False)
+class Targeted(Gauge):
+    """An instrument that measures ``targets``: points on the platform, declared in the TCP frame, m, by id."""
+
+    targets: dict[str, Place]
+
+    def table(self) -> dict[str, Any]:
+        points = {name: list(point) for name, point in self.targets.items()}
+        return {"target_sigma": TARGET_SIGMA, **({"target": points[""]} if "" in points else {"targets": points})}
+
+    def positions(self, poses: Poses, u: Floats, which: Ints | int = 0) -> Floats:
+        """(M, 3) positions of the targets ``which`` (M,), m, base frame."""
+        local = u[: 3 * len(self.targets)].reshape(-1, 3)[np.broadcast_to(which, len(poses))]
+        return np.asarray(poses.T + np.einsum("nij,nj->ni", poses.R, local))
+
+    def others(self, u: Floats) -> Floats:
+        """The unknowns without those of the targets, which come first."""
+        return u[3 * len(self.targets) :]
+
+
+def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Generator) -> list[Hidden]:
+    """True positions of the targets, TCP frame: three unknowns each."""
+    stems = {f"{instrument}.target{f'[{name}]' if name else ''}": point for name, point in targets.items()}
+    return [
+        one
+        for stem, point in stems.items()
+        for one in hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
+    ]

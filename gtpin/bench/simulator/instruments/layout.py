@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.rotations import across
+from gtpin.bench.simulator.instruments.gauge import Place
+from gtpin.bench.simulator.poses import Poses, across
 from gtpin.typing import Floats
 
 INNER = (5.0, 95.0)
@@ -18,24 +18,12 @@ MILLIMETRE = 3
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The workspace of a robot.
+    """The workspace of a robot."""
 
-    Parameters
-    ----------
-    centre
-        (3,) its centre, base frame, m.
-    axes
-        (3, 3) rows: two level directions, and up (against gravity), base frame.
-    half
-        (3,) half its extent along the axes, m.
-    freedoms
-        Number of commands.
-    """
-
-    centre: Floats
-    axes: Floats
-    half: Floats
-    freedoms: int
+    centre: Floats  # (3,) its centre, base frame, m
+    axes: Floats  # (3, 3) rows: two level directions, and up (against gravity), base frame
+    half: Floats  # (3,) half its extent along the axes, m
+    freedoms: int  # Number of commands
 
     @staticmethod
     def of(poses: Poses, gravity: Floats, freedoms: int) -> Layout:
@@ -56,18 +44,17 @@ class Layout:
         """Radius of the sphere that contains the workspace, m."""
         return float(np.linalg.norm(self.half))
 
-    def at(self, *shares: float) -> tuple[float, float, float]:
+    def at(self, *shares: float) -> Place:
         """A place in the workspace, base frame, m, rounded to 1 mm; ``shares``: of the half extents along the axes."""
-        return rounded(self.centre + (np.array(shares) * self.half) @ self.axes)
+        return _rounded(self.centre + (np.array(shares) * self.half) @ self.axes)
 
-    def around(self, angle: float, height: float, distance: float) -> tuple[float, float, float]:
+    def around(self, angle: float, height: float, distance: float) -> Place:
         """A place, base frame, m, at a horizontal distance from the centre, m, in a direction, rad, and at a height above it,
         m."""
         level = np.cos(angle) * self.axes[0] + np.sin(angle) * self.axes[1]
-        return rounded(self.centre + distance * level + height * self.up)
+        return _rounded(self.centre + distance * level + height * self.up)
 
 
-def rounded(place: Floats) -> tuple[float, float, float]:
-    """Coordinates (3,), m, rounded to 1 mm."""
+def _rounded(place: Floats) -> Place:
     x, y, z = (float(value) for value in np.round(place, MILLIMETRE) + 0.0)
     return x, y, z

@@ -1,0 +1,351 @@
+"""A machine without rods as it was really built: joints, masses and the target deviate from the nominal ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.loops import Loops
+from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, collected, rounded
+from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, moved, placed
+from gtpin.bench.simulator.urdf import Frame, Joint
+from gtpin.errors import UnreachableError
+from gtpin.typing import Floats
+
+CENTRE_SPREAD = 0.01
+"""Standard deviation of each body's centre of mass, per axis, m."""
+RANGE, WIDEST = 0.6, 2.4
+"""Largest distance of an open chain's command from the middle of its range: as a share of half the range, and rad for a
+revolute joint."""
+SHARE = 0.95
+"""Used share of each range where loops close. Bad conditioning limits such a machine more than the ends of its ranges."""
+PER_METRE = 5.0
+"""Repeatability of a revolute joint, rad, over that of a cart, m. Small arms state 30 um (ISO 9283), which is 3 sigma."""
+NUDGE = 1e-6
+"""Step of the central differences from which derivatives are computed, m and rad."""
+FRAME_FREE = np.array([1.0] * 3 + [1.0] * 3)
+TARGET_FREE = np.array([0.3] * 3 + [1.0] * 3)
+"""Prior sigmas of the pose of an unknown frame and of an unknown target, m and rad: so large that they have no influence."""
+NEAR, FAR = 0.25, 0.92
+"""Smallest distance of the TCP from the vertical axis of the base, and largest from its origin, over the stretched length."""
+FLOOR = 0.02
+"""Smallest height of joints and TCP above the base, over the stretched length."""
+FRONT = 2.0
+"""Half the angle of the sector in front of the base, about its x axis, rad."""
+FOLDED = 200
+"""Number of draws after which any commands are taken, where hardly any are in front of the base."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMachine:
+    """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.machine.Machine`.
+
+    Its passive joints close its loops, where there are any, in spite of all deviations.
+    """
+
+    robot: Arm  # The nominal robot
+    # `twists`, `tool`: (k, 6) twists of the robot's ``placed`` joints, and (6,) twist of the tool: each placement is
+    # the nominal one times the exponential of its twist, m and rad
+    twists: Floats
+    tool: Floats
+    # (2 L, 3) displacement from nominal of the points at which L loops close, m, in the frames of their links
+    ends: Floats
+    # `masses`, `centres`: (J,) masses, kg, and (J, 3) centres of mass, m, in their own frames, of the bodies of all
+    # moving joints
+    masses: Floats
+    centres: Floats
+    target: Frame  # Placement of the measured target in the TCP frame
+    # Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is
+    free: tuple[bool, bool] = (False, False)
+
+    @staticmethod
+    def of(robot: Arm) -> ArmMachine:
+        """The machine that the URDF describes."""
+        return ArmMachine(
+            robot=robot,
+            twists=np.zeros((len(robot.placed), 6)),
+            tool=np.zeros(6),
+            ends=np.zeros((len(robot.loops.ends), 3)),
+            masses=np.array([j.mass for j in robot.joints]),
+            centres=np.array([j.centre for j in robot.joints]),
+            target=Frame(-1, np.eye(3), np.zeros(3)),
+        )
+
+    @staticmethod
+    def draw(robot: Arm, rng: np.random.Generator) -> ArmMachine:
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
+        built = ArmMachine.of(robot)
+        twists = robot.tolerance * rng.standard_normal((len(robot.placed) + 1, 6))
+        return replace(
+            built,
+            twists=twists[:-1],
+            tool=twists[-1],
+            masses=built.masses * (1.0 + MASS_SPREAD * rng.standard_normal(len(built.masses))),
+            centres=built.centres + CENTRE_SPREAD * rng.standard_normal(built.centres.shape),
+            ends=robot.tolerance[:3] * rng.standard_normal(built.ends.shape),
+        )
+
+    def nominal(self) -> ArmMachine:
+        return ArmMachine.of(self.robot)
+
+    @property
+    def n_carts(self) -> int:
+        return self.robot.n_actuators
+
+    @cached_property
+    def per_metre(self) -> Floats:
+        return np.where(self.robot.slides, 1.0, PER_METRE)
+
+    @property
+    def gravity(self) -> Floats:
+        return self.robot.gravity
+
+    @property
+    def readable(self) -> tuple[str, ...]:
+        return tuple(self.joints[j].name for j in self.robot.loops.passive[:1])
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        places = [*(f"placement[{self.robot.joints[j].name}]" for j in self.robot.placed), "platform"]
+        values = dict(zip(places, [*self.twists, self.tool], strict=True))
+        values |= {f"anchor[{name}]": end for name, end in zip(self.robot.loops.ends, self.ends, strict=True)}
+        axes = ("x", "y", "z", "rx", "ry", "rz")
+        return {f"{name}.{axes[i]}": float(x) for name, row in values.items() for i, x in enumerate(row)}
+
+    def usual_load(self, cart: int) -> float:
+        """Usual load of a commanded joint, N m or N, as a scale of its stiffness; that of the first joint where the commanded
+        one is not between base and TCP."""
+        return float(self._usual[cart])
+
+    @cached_property
+    def _usual(self) -> Floats:
+        robot = self.robot
+        first = robot.usual_moment(robot.way[0]) if robot.way else 1.0
+        return np.array([robot.usual_moment(j) if c in robot.acting else first for c, j in enumerate(robot.counted)])
+
+    def flexibility(self, cart: int) -> float:
+        """1/EI of a link made for its load, 1/(N m^2): its end turns by 0.1 mrad under half the usual load of its joint."""
+        return 1e-4 / (self.robot.length(self.robot.counted[cart]) * 0.5 * float(self._usual[cart]))
+
+    @cached_property
+    def common_flexibility(self) -> float:
+        """1/EI of links with the same cross section, 1/(N m^2): that of the stiffest link."""
+        return min(self.flexibility(cart) for cart in self.robot.linked)
+
+    # -------------------------------------------------------------------------------------------------- motion
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints with their true placements."""
+        found = list(self.robot.joints)
+        for twist, j in zip(self.twists, self.robot.placed, strict=True):
+            R, p = moved(found[j].R, found[j].p, twist)
+            found[j] = replace(found[j], R=R, p=p)
+        return tuple(found)
+
+    @cached_property
+    def loops(self) -> Loops:
+        """Its loops, with the true placements of the joints and of the points at which the loops close."""
+        return replace(self.robot.loops.with_ends_moved(self.ends), joints=self.joints)
+
+    @cached_property
+    def tcp(self) -> Frame:
+        """The true TCP frame."""
+        return Frame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
+
+    @cached_property
+    def seen(self) -> Frame:
+        """The frame of the measured target."""
+        tcp = self.tcp
+        return Frame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
+
+    def bodies(
+        self, q: Floats, deviation: Deviation | None = None, near: Placed | None = None
+    ) -> tuple[Placed, Bending]:
+        """The bodies at commands q (N, n), and their bending; NaN where loops don't close.
+
+        ``near``: nearby postures to start from, where they are known.
+
+        Raises UnreachableError if the loops close without the deviation but not with it.
+        """
+        bending, driven = STRAIGHT, q
+        if deviation is not None:
+            axis = self._on_all(deviation.axis)
+            if deviation.seat.any():
+                axis = deviation.seat if axis is None else axis + deviation.seat
+            bending = Bending(axis, self._on_all(deviation.tip), self._ends)
+            driven = q + deviation.travel
+        if not self.loops.pairs:
+            return placed(self.joints, self._followed(driven), bending), bending
+        x = self.loops.led(q) if near is None else near.x
+        if deviation is None:
+            return placed(self.joints, x if near is None else self.loops.closed(x, q)), bending
+        closed = self.loops.closed(x, driven, bending)
+        if np.isnan(closed[~np.isnan(x).any(axis=1)]).any():
+            raise UnreachableError("the deviations open the loops", hint="make the effects smaller")
+        return placed(self.joints, closed, bending), bending
+
+    @cached_property
+    def _ends(self) -> Floats | None:
+        """(J, 3) ends of the bodies, own frames, m: what is fixed to them moves with them; None on an open chain."""
+        count = range(len(self.joints))
+        return np.array([self.robot.next_frame(j).p for j in count]) if self.loops.pairs else None
+
+    def _followed(self, q: Floats) -> Floats:
+        """(N, J) coordinates of an open chain at commands q. Joints without a command mimic another one, or are at zero."""
+        x = np.zeros((len(q), len(self.joints)))
+        x[:, list(self.robot.counted)] = q
+        for j, joint in enumerate(self.joints):
+            if joint.follows is not None:
+                leader, factor, offset = joint.follows
+                x[:, j] = factor * x[:, leader] + offset
+        return x
+
+    def _on_all(self, counted: Floats) -> Floats | None:
+        """(N, J, 6) changes at all joints, from those (N, n, 6) at the commanded ones; None without any."""
+        if not counted.any():
+            return None
+        whole = np.zeros((len(counted), len(self.joints), 6))
+        whole[:, list(self.robot.counted)] = counted
+        return whole
+
+    def predict(self, q: Floats) -> Poses:
+        return self.forward(q)
+
+    def forward(self, q: Floats, near: Placed | None = None, read: tuple[str, ...] = ()) -> Poses:
+        """As :meth:`predict`, with the coordinates of the joints ``read``; ``near`` as in :meth:`bodies`."""
+        bodies = self.bodies(q, near=near)[0]
+        return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
+
+    def coordinates_of(self, bodies: Placed, read: tuple[str, ...]) -> dict[str, Floats]:
+        """(N,) coordinate of each of some joints, rad or m, by name."""
+        names = [joint.name for joint in self.joints]
+        return {name: bodies.x[:, names.index(name)] for name in read}
+
+    def unbent(self, visits: int) -> Deviation:
+        return Deviation.none(visits, self.n_carts, joints=len(self.joints))
+
+    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        deviation = self.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
+        return deviation
+
+    # ---------------------------------------------------------------------------------------------- derivatives
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        return self._by_command(q, tuple(poses.joints))
+
+    def _by_command(self, q: Floats, read: tuple[str, ...] = ()) -> Floats:
+        steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
+        pairs = [(self.forward(q + step, near, read), self.forward(q - step, near, read)) for step in steps]
+        return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        near, read, placements = self.bodies(q)[0], tuple(poses.joints), np.vstack([self.twists, self.tool])
+
+        def by(shape: tuple[int, ...], changed: Callable[[Floats], ArmMachine]) -> Floats:
+            """Derivative by deviations of a shape, which :func:`changed` adds, in units of tolerances."""
+            columns = []
+            for i, axis in np.ndindex(shape):
+                step = np.zeros(shape)
+                step[i, axis] = NUDGE
+                one, other = (changed(s * step).forward(q, near, read) for s in (1.0, -1.0))
+                columns.append(one.change(other) / (2.0 * NUDGE) * self.robot.tolerance[axis])
+            return np.stack(columns, axis=2)
+
+        def replaced(step: Floats) -> ArmMachine:
+            twists = placements + step
+            return replace(self, twists=twists[:-1], tool=twists[-1])
+
+        found = [by(placements.shape, replaced)]
+        if self.free[0]:
+            turning = np.zeros((len(q), found[0].shape[1], 6))
+            turning[:, :6] = np.eye(6)
+            turning[:, :3, 3:] = np.cross(np.eye(3), poses.T[:, None]).transpose(0, 2, 1)
+            found.append(turning * FRAME_FREE)
+        if self.free[1]:
+            own = np.zeros((len(q), found[0].shape[1], 6))
+            own[:, :3, :3] = own[:, 3:6, 3:] = poses.R
+            found.append(own * TARGET_FREE)
+        if len(self.ends):
+            found.append(by(self.ends.shape, lambda step: replace(self, ends=self.ends + step)))
+        return np.concatenate(found, axis=2)
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    @cached_property
+    def region(self) -> tuple[Floats, Floats]:
+        """(n,) middles and half widths of the ranges from which commands are drawn, rad or m; where loops close, about home for
+        an infinite range."""
+        robot = self.robot
+        ended, free = np.isfinite(robot.upper - robot.lower), np.where(robot.slides, 0.5, np.pi)
+        lower, upper = np.where(ended, robot.lower, -np.pi), np.where(ended, robot.upper, np.pi)
+        middle = (lower + upper) / 2.0
+        if robot.loops.pairs:
+            wide = np.where(ended, (upper - lower) / 2.0, free)
+            return np.where(ended, middle, robot.loops.home_q), SHARE * wide
+        half = RANGE * np.where(ended, upper - middle, free)
+        return middle, np.where(robot.slides, half, np.minimum(half, WIDEST))
+
+    def places(self, q: Floats) -> Floats:
+        middle, half = self.region
+        return np.asarray(REACH * (q - middle) / half)
+
+    def reachable(self, count: int, rng: np.random.Generator) -> Floats:
+        middle, half = self.region
+
+        def drawn() -> Floats:
+            return rounded(middle + half * rng.uniform(-1.0, 1.0, (count, self.n_carts)))
+
+        if not self.loops.pairs:
+            last = np.zeros((0, self.n_carts))
+
+            def in_front() -> Floats:
+                nonlocal last
+                last = drawn()
+                return np.asarray(last[self._in_front(last)])
+
+            found = collected(in_front, count, FOLDED)
+            return last if found is None else found
+        home = self._gain(self.robot.loops.home_q[None])[0]
+        if not np.isfinite(home):
+            raise UnreachableError(
+                f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances",
+                hint="give a home inside the workspace, smaller tolerances, or loops that space leaves free to close",
+            )
+
+        def conditioned() -> Floats:
+            q = drawn()
+            return np.asarray(q[self._gain(q) <= CONDITIONED * home])
+
+        found = collected(conditioned, count)
+        if found is None:
+            what = f"{self.robot.name} reaches hardly any of the commands in its range"
+            raise UnreachableError(what, hint="narrow the range in the URDF")
+        return found
+
+    def _gain(self, q: Floats) -> Floats:
+        """(N,) motion of the target by unit commands: the norm of its derivative; infinite out of reach."""
+        found = np.linalg.norm(self._by_command(q), axis=(1, 2))
+        return np.where(np.isfinite(found), found, np.inf)
+
+    def _in_front(self, q: Floats) -> npt.NDArray[np.bool_]:
+        """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""
+        robot = self.robot
+        bodies = self.bodies(q)[0]
+        tcp = bodies.at(self.tcp).T
+        whole = robot.reach_from(robot.way[0]) if robot.way else 1.0
+        up = -robot.gravity / (float(np.linalg.norm(robot.gravity)) or 1.0)
+        heights = np.column_stack([bodies.p[:, j] @ up for j in robot.way[1:]] + [tcp @ up])
+        distance = np.linalg.norm(tcp, axis=1)
+        sideways = tcp - np.outer(tcp @ up, up)
+        ahead = np.abs(np.arctan2(sideways[:, 1], sideways[:, 0])) <= FRONT
+        clear = np.linalg.norm(sideways, axis=1) >= NEAR * whole
+        return np.asarray((heights > FLOOR * whole).all(axis=1) & (distance < FAR * whole) & clear & ahead)

@@ -1,1 +1,0 @@
-"""Virtual machines that are open chains of revolute and prismatic joints."""

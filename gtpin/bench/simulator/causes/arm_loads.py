@@ -1,0 +1,185 @@
+"""Errors of joints' axes and of links, by motion, loads and heat, on machines without rods."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.bench.simulator.arm_situation import ArmSituation
+from gtpin.bench.simulator.causes.cause import Cause, Site
+from gtpin.bench.simulator.causes.links import hertz
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.fields import Field, curve, uneven_curve
+from gtpin.bench.simulator.machine import REACH
+from gtpin.bench.simulator.poses import across
+from gtpin.typing import Floats
+
+MOTIONS = np.array([2e-5, 2e-5, 7e-6, 5e-5, 5e-5, 0.0])
+"""Typical error motions (ISO 230-7): two radial and one axial, m; tilt about two axes across the joint's, rad; no rotation
+about it. Cross-roller bearings of small arms have a runout of 5 to 20 um at their diameter of about 0.1 m."""
+
+
+def axis_motion(site: Site, rng: np.random.Generator) -> Cause:
+    """20 um and 50 urad: the axis shifts and tilts with the joint's angle, slow changes being the largest; some per cent by
+    load.
+
+    The error motion is a random smooth periodic function of the angle, not a series of harmonics. A prismatic joint has
+    straightness errors and rolls along its guide.
+    """
+    fields = [Field.draw(rng, [0.8, 0.8]) for _ in range(6)]
+    curves = [uneven_curve(rng, -REACH, REACH) for _ in range(6)]
+    sizes, phase = rng.uniform(0.4, 1.6, 6), rng.uniform(0.0, 2.0 * np.pi)
+    lean, wobble = rng.uniform(0.0, 0.06, 6), Field.draw(rng, [0.5, 0.5])
+
+    def cause(now: ArmSituation) -> Deviation:
+        cart, machine = site.cart, now.machine
+        q, own = now.q[:, cart] + phase, machine.joints[machine.robot.counted[cart]].axis
+        circle = np.column_stack([np.cos(q), np.sin(q)])
+        slides = machine.robot.slides[cart]
+        values = np.column_stack([c(now.places[:, cart]) for c in curves] if slides else [f(circle) for f in fields])
+        moment = np.linalg.norm(now.borne(cart)[1], axis=1) / machine.usual_load(cart)
+        values = values * sizes * (1.0 + lean * np.tanh(moment)[:, None] * wobble(circle)[:, None])
+        shape = np.array([2e-5, 2e-5, 0.0, 5e-5, 5e-5, 5e-5]) if slides else MOTIONS
+        frame = np.vstack([across(own), own])
+        shift, tilt = (values * shape)[:, :3] @ frame, (values * shape)[:, 3:] @ frame
+        return now.off(axis=(cart, np.hstack([shift, tilt])))
+
+    return cause
+
+
+def bearing_compliance(site: Site, rng: np.random.Generator) -> Cause:
+    """60 urad at the joint's usual moment: a bearing that tilts about the two axes across the joint's axis.
+
+    Cross-roller bearings of strain-wave units have a compliance of 1e-6 to 1e-5 rad/(N m). It decreases with the load, depends
+    on the joint's angle, differs between the two axes, and has a small coupling of them.
+    """
+    exponent, softer = rng.uniform(0.75, 0.95), curve(rng, -REACH, REACH, 0.35)
+    give, part = rng.uniform(0.6, 1.4, 2), rng.uniform(0.02, 0.1)
+    mixed = rng.uniform(-0.12, 0.12)
+
+    def cause(now: ArmSituation) -> Deviation:
+        cart, machine = site.cart, now.machine
+        j, usual = machine.robot.counted[cart], machine.usual_load(cart)
+        own = machine.joints[j].axis
+        moment = np.einsum("nji,nj->ni", now.bodies.seats[:, j], now.borne(cart)[1])
+        carried = moment @ across(own).T / usual
+        carried = carried + mixed * carried[:, ::-1]
+        tilt = 6e-5 * give * hertz(carried, exponent, 1.0) * (1.0 + part * softer(now.places[:, [cart]]))
+        turn = tilt @ across(own)
+        return now.off(axis=(cart, np.hstack([np.zeros_like(turn), turn])))
+
+    return cause
+
+
+WEIGHT = 3.0 / 8.0
+"""Share of a beam's weight that, at the beam's end, deflects the end as much as the distributed weight does."""
+
+
+def joint_compliance(site: Site, rng: np.random.Generator) -> Cause:
+    """0.15 mrad at the joint's usual torque: wind-up of a gear whose stiffness increases with the torque.
+
+    Strain-wave gears of 5 to 30 kN m/rad wind up by 1 to 3 mrad under 10 to 60 N m; controllers compensate most of it. There is
+    some hysteresis by the direction of approach, and the compliance varies over the turn.
+    """
+    exponent, friction = rng.uniform(0.75, 0.95), rng.uniform(0.0, 0.05)
+    softer, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.02, 0.08)
+
+    def cause(now: ArmSituation) -> Deviation:
+        cart = site.cart
+        load = now.load(cart) / now.machine.usual_load(cart)
+        left = 1.0 - friction * now.visits.approach[:, cart] * np.sign(load)
+        return now.driven(
+            site.cart, 1.5e-4 * left * hertz(load, exponent, 1.0) * (1.0 + part * softer(now.places[:, cart]))
+        )
+
+    return cause
+
+
+def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
+    """0.07 mrad to either side, reached at about a tenth of the usual load, and 2 um of play in the bearing along the force."""
+    seated, wider = rng.uniform(0.03, 0.15), rng.uniform(0.0, 0.1)
+    uneven, part = curve(rng, -REACH, REACH, 0.35), rng.uniform(0.01, 0.05)
+
+    def cause(now: ArmSituation) -> Deviation:
+        cart, machine = site.cart, now.machine
+        load = now.load(cart) / machine.usual_load(cart)
+        gap = (1.0 + wider * np.tanh(np.abs(load))) * (1.0 + part * uneven(now.places[:, cart]))
+        deviation = now.driven(site.cart, 7e-5 * np.tanh(load / seated) * gap)
+        force = np.einsum("nji,nj->ni", now.bodies.seats[:, machine.robot.counted[cart]], now.borne(cart)[0])
+        deviation.axis[:, cart, :3] = 2e-6 * force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-6)
+        return deviation
+
+    return cause
+
+
+def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
+    """0.1 mrad over a link by the load at its end: bending and torsion of beams, with some compliance at the root of each.
+
+    Aluminium tubes of small arms have E I of 1e4 to 1e5 N m^2. ``arm``: all links have the same cross section. A single link:
+    its cross section is made for its load.
+    """
+    exponent, softer_twist = rng.uniform(0.85, 1.0), rng.uniform(1.2, 1.8)
+    each = rng.normal(1.0, 0.1, len(site.rods)).clip(0.6, 1.4)
+    root, uneven = rng.uniform(0.0, 0.15, len(site.rods)), rng.uniform(0.85, 1.15, (len(site.rods), 3))
+
+    def cause(now: ArmSituation) -> Deviation:
+        machine, deviation = now.machine, now.unbent()
+        common = machine.common_flexibility
+        for i, link in enumerate(site.rods):
+            if link not in machine.robot.linked:
+                continue
+            flexibility = each[i] * (common if len(site.rods) > 1 else machine.flexibility(link))
+            bent = _beam(now, link, flexibility * uneven[i], softer_twist, root[i], exponent)
+            deviation.tip[:, link] = bent
+        return deviation
+
+    return cause
+
+
+def _beam(
+    now: ArmSituation, link: int, flexibility: Floats, softer_twist: float, root: float, exponent: float
+) -> Floats:
+    """(N, 6) shift, m, and rotation, rad, of a link's end, link's frame: a cantilever with 1/EI ``flexibility`` (3,), 1/(N
+    m^2), about the axes of that frame."""
+    machine = now.machine
+    j = machine.robot.counted[link]
+    end = machine.robot.next_frame(j).p
+    length = machine.robot.length(j)
+    spans = float(np.linalg.norm(end)) > 1e-3
+    u = end / np.linalg.norm(end) if spans else machine.joints[j].axis
+    force, moment = now.tip_load(link)
+    weight = np.einsum("nji,j->ni", now.bodies.R[:, j], WEIGHT * machine.masses[j] * machine.robot.gravity)
+    force = force + weight
+    usual = machine.usual_load(link)
+    force, moment = (
+        usual / length * hertz(force * length / usual, exponent, 3.0),
+        usual * hertz(moment / usual, exponent, 3.0),
+    )
+    lever = np.cross(u, force)
+    twisting = np.outer(moment @ u, u)
+    turn = flexibility * (length * (moment - twisting + softer_twist * twisting) + 0.5 * length**2 * lever)
+    shift = np.cross(flexibility * (0.5 * length**2 * moment + length**3 / 3.0 * lever), u)
+    at_root = root * flexibility * length * (moment + length * lever)
+    return np.hstack([shift + np.cross(at_root, length * u), turn + at_root])
+
+
+ALUMINIUM = 23e-6
+"""Coefficient of linear expansion, 1/K."""
+
+
+def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
+    """Aluminium links that expand from their own joint to the next; each is warmer or cooler than the sensor, with a delay."""
+    count = len(site.rods)
+    warmer, delays = rng.normal(1.0, 0.06, count), rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, count)
+    local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in range(count)], rng.uniform(0.01, 0.04)
+
+    def cause(now: ArmSituation) -> Deviation:
+        visits, machine, deviation = now.visits, now.machine, now.unbent()
+        for i, link in enumerate(site.rods):
+            if link in machine.robot.linked:
+                growth = warmer[i] * (visits.day.link_at(visits.time, delays[i]) - visits.day.link[0])
+                growth = growth * (1.0 + part * local[i](visits.phase))
+                reach = machine.robot.next_frame(machine.robot.counted[link]).p
+                deviation.tip[:, link, :3] = ALUMINIUM * np.multiply.outer(growth, reach)
+        return deviation
+
+    return cause

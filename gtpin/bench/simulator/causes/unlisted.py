@@ -1,0 +1,171 @@
+"""Unlisted errors of machines with rods: further loads, and errors of the structure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.bench.simulator.causes.cause import Cause, Site
+from gtpin.bench.simulator.causes.links import GIVE, STRETCH
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.fields import Field, curve, play
+from gtpin.bench.simulator.machine import REACH
+from gtpin.bench.simulator.situation import RodSituation
+from gtpin.typing import Floats
+
+
+def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
+    """A hose pulls the platform towards its anchor, with a force that increases with the distance, and against the last
+    move."""
+    anchor = np.array([rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8), rng.uniform(0.8, 2.0)])  # m from home
+    seat = rng.uniform(-0.15, 0.15, 3)  # TCP frame, m
+    stiffness, drag = rng.uniform(15.0, 50.0), rng.uniform(10.0, 30.0)
+    stiffer = Field.draw(rng, [0.4] * 3)
+
+    def cause(now: RodSituation) -> Deviation:
+        from_home = now.poses.T - now.machine.kinematics.home.T[0]
+        lever = now.poses.R @ seat
+        way = anchor - from_home - lever
+        force = stiffness * way * (1.0 + 0.2 * stiffer(from_home))[:, None]
+        force -= drag * (1.0 + 0.5 * np.tanh(from_home[:, [0]] / 0.2)) * now.motion
+        return _yielding(now, now.held(np.hstack([force, np.cross(lever, force)])))
+
+    return cause
+
+
+def _yielding(now: RodSituation, forces: Floats) -> Deviation:
+    """The deviation of an elastic machine by additional rod forces (N, k), N."""
+    deviation = now.unbent()
+    deviation.length[:] = STRETCH * forces
+    for cart in range(now.machine.n_carts):
+        deviation.travel[:, cart] = GIVE * now.pressing(cart, forces)
+    return deviation
+
+
+def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
+    """A cable chain on a cart: it pulls more the longer its hanging part is, sticks to its tray, and tilts the cart."""
+    weight, drag = rng.uniform(40.0, 100.0), rng.uniform(30.0, 80.0)  # N
+    tray, level = curve(rng, -REACH, REACH, 0.15, "once"), rng.uniform(-0.3, 0.3)
+    arm = rng.uniform(-0.3, 0.3, 3)  # m
+
+    def cause(now: RodSituation) -> Deviation:
+        cart, place = site.cart, now.places[:, site.cart]
+        track = now.machine.tracks[cart]
+        hanging = weight * np.logaddexp(0.0, (place - level) / 0.1) * 0.2
+        sticking = drag * now.visits.approach[:, cart] * (1.0 + 0.6 * tray(place)).clip(0.1)
+        force = (hanging - sticking)[:, None] * track + hanging[:, None] * np.array([0.0, 0.0, -1.0])
+        return now.off(shift=(cart, GIVE * force), turn=(cart, 2e-6 * np.cross(arm, force)))
+
+    return cause
+
+
+def plate_bending(site: Site, rng: np.random.Generator) -> Cause:
+    """A payload off centre bends the platform: each of its joints shifts by 20 um per axis at 20 kg, more than proportionally
+    to the payload."""
+    ways, exponent = 2e-5 * rng.standard_normal((20, 3)), rng.uniform(1.0, 1.4)
+    swing = rng.uniform(0.0, 0.3)
+
+    def cause(now: RodSituation) -> Deviation:
+        load = (now.visits.payload / 20.0) ** exponent * (1.0 + swing * now.motion[:, 2])
+        return now.off(joint=(..., load[:, None, None] * ways[: len(now.machine.robot.rods)]))
+
+    return cause
+
+
+def foot_settling(site: Site, rng: np.random.Generator) -> Cause:
+    """The foot under one end of a track settles in steps, 60 um in all, as the sum of its earlier loads increases."""
+    ways, end = rng.standard_normal(3) * np.array([0.4, 0.6, 1.0]), rng.choice([-1.0, 1.0])
+    steps = np.sort(rng.uniform(0.1, 0.9, int(rng.integers(3, 7))))
+    sizes = rng.exponential(1.0, len(steps))
+    sizes /= sizes.sum()
+
+    def cause(now: RodSituation) -> Deviation:
+        borne = np.cumsum(np.linalg.norm(now.pull(site.cart), axis=1))
+        settled = ((borne / borne[-1])[:, None] > steps) @ sizes
+        share = 0.5 * (1.0 + end * now.places[:, site.cart] / REACH)
+        return now.off(shift=(site.cart, 6e-5 * (settled * share)[:, None] * ways))
+
+    return cause
+
+
+def joint_stick(site: Site, rng: np.random.Generator) -> Cause:
+    """A joint that sticks bends its link until it slips: 15 um, by the link's earlier directions, more under load."""
+    (rod,) = site.rods
+    width, load = rng.uniform(0.05, 0.15), rng.uniform(0.0, 0.5)
+    direction = rng.standard_normal(3)
+
+    def cause(now: RodSituation) -> Deviation:
+        angle = now.along[:, rod] @ direction / np.linalg.norm(direction)
+        bent = (angle - play(angle, width)) / width
+        return now.off(length=(rod, -1.5e-5 * bent * (1.0 + load * np.tanh(now.forces[:, rod] / 100.0)) * np.abs(bent)))
+
+    return cause
+
+
+def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
+    """The frame bends under the carts' weight: each track shifts by 20 um, as a function of the carts' mean position."""
+    sags = [[curve(rng, -REACH, REACH, rng.uniform(0.25, 0.5), "twice") for _ in "ab"] for _ in range(6)]
+    twist = Field.draw(rng, [0.4, 0.4])
+
+    def cause(now: RodSituation) -> Deviation:
+        mean, spread = now.places.mean(axis=1), now.places[:, 0] - now.places[:, -1]
+        deviation = now.unbent()
+        for cart, axes in enumerate(now.machine.across):
+            for sag, axis in zip(sags[cart], axes, strict=True):
+                size = sag(mean) + 0.4 * twist(np.column_stack([mean, spread]))
+                deviation.shift[:, cart] += 2e-5 * size[:, None] * axis
+        return deviation
+
+    return cause
+
+
+def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
+    """A temperature gradient across the frame, the links' temperature less the frame's, rotates and shifts the tracks: 30 urad
+    and 4 um per K."""
+    slopes, lifts = rng.standard_normal((6, 2)), rng.standard_normal((6, 2))
+    delay = rng.uniform(300.0, 1500.0)
+
+    def cause(now: RodSituation) -> Deviation:
+        day, time = now.visits.day, now.visits.time
+        gradient = day.link_at(time, 300.0) - day.frame_at(time, delay)
+        gradient = gradient + day.frame[0] - day.link[0]
+        deviation = now.unbent()
+        for cart, axes in enumerate(now.machine.across):
+            rise = 3e-5 * now.places[:, [cart]] * slopes[cart] + 4e-6 * lifts[cart]
+            deviation.shift[:, cart] = gradient[:, None] * rise @ axes
+        return deviation
+
+    return cause
+
+
+def nest_tilt(site: Site, rng: np.random.Generator) -> Cause:
+    """The target rocks in its magnetic nest: 15 um, by the direction of the last move and the platform's tilt, more in
+    motion."""
+    rock, lean = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+    sharp, swift = rng.uniform(0.2, 0.5), rng.uniform(0.5, 2.0)
+
+    def cause(now: RodSituation) -> Deviation:
+        down = np.swapaxes(now.poses.R, 1, 2) @ np.array([0.0, 0.0, -1.0])
+        came = np.einsum("ni,nij->nj", now.motion, now.poses.R)
+        moving = 1.0 + swift * np.abs(now.visits.speed).max(axis=1, keepdims=True) / 0.3
+        return now.off(target=(..., 1.5e-5 * (np.tanh(came / sharp) @ rock * moving + 20.0 * (down - down[0]) @ lean)))
+
+    return cause
+
+
+def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
+    """Worn guide blocks: the cart shifts across its track by 30 um and rotates by 40 urad, by direction of approach and
+    speed."""
+    lean, roll = rng.standard_normal(2), rng.standard_normal(3)
+    lean /= np.linalg.norm(lean)
+    worn = curve(rng, -REACH, REACH, 0.2)
+
+    def cause(now: RodSituation) -> Deviation:
+        cart = site.cart
+        speed, way = np.abs(now.visits.speed[:, cart]), now.visits.approach[:, cart]
+        size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.places[:, cart]))
+        axes = np.vstack([now.machine.across[cart], now.machine.tracks[cart]])
+        return now.off(
+            shift=(cart, 3e-5 * size[:, None] * (lean @ axes[:2])), turn=(cart, 4e-5 * size[:, None] * (roll @ axes))
+        )
+
+    return cause

@@ -1,0 +1,274 @@
+"""Instruments that read at any pose: trackers, cameras, ranges, encoders, tilt sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gtpin.bench.simulator.instruments.gauge import ONE, THREE, Gauge, Hidden, Place, Targeted, drawn_targets, hidden
+from gtpin.bench.simulator.instruments.layout import Layout
+from gtpin.bench.simulator.poses import Poses, exp, log
+from gtpin.bench.simulator.recipe import Noise
+from gtpin.data.table import Column
+from gtpin.errors import GtpinError
+from gtpin.typing import Floats, Ints
+
+CAMERA_AWAY, CAMERA_CLEAR = 2.0, 0.8
+"""Distance of a camera from the centre: the first number times the workspace's radius, plus the second, m."""
+SIDEWAYS, ALONG = 3e-5, 1e-4
+"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight. They are proportional to the square of
+the distance."""
+WIRE_SIGMA, WIRE_OFFSET_SIGMA = 2e-5, 1e-3
+"""Noise of a draw wire's reading, and standard deviation of its offset, m."""
+TAPE = (5e-3, 0.1)
+"""Range from which the standard deviation of the stations' positions, per axis, m, is drawn: they are measured with a tape."""
+STATION_SIGMA = 0.5
+"""Prior sigma of a station's position, per axis, m, that a dataset has by default."""
+STATION_AWAY, STATION_CLEAR = 1.2, 0.3
+"""Distance of the stations from the centre: the first number times the workspace's radius, plus the second, m."""
+BAR_SIGMA, BAR_OFFSET_SIGMA = 1e-6, 1e-4
+"""Noise of a ball bar's reading, and standard deviation of its length before it is calibrated, m."""
+PIVOT_SIGMA = 5e-3
+"""Standard deviation of the pivot's position, per axis, m: it is set up by the machine's coordinates."""
+ZERO_SIGMA = 1e-2
+"""Standard deviation of an encoder's zero, rad or m: the prior sigma that a dataset has by default."""
+MOUNT_SIGMA = 1e-2
+"""Standard deviation of a tilt sensor's mounting, per axis, rad: the prior sigma that a dataset has by default."""
+STEEP = 0.1
+"""Smallest absolute third component of the unit vector that a tilt sensor measures. Below it the sensor does not read: the two
+others then hardly depend on the tilt, and noise can make their squares sum to more than 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracker(Gauge):
+    """z: the pose of the TCP in the instrument's frame."""
+
+    kind: ClassVar[str] = "tracker"
+    by_row: ClassVar[dict[str, str]] = {"sigmas": ""}
+
+    sigmas: Floats  # (M, 6) noise, m and rad, or (M, 3) where only positions are measured
+    free: bool  # Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset
+
+    @staticmethod
+    def drawn(poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Tracker:
+        """A tracker that reads at all ``stops``, with ``poses`` (M), base frame, and with the noise of a tracker's dataset."""
+        T, R = noise.elsewhere(rng) if noise.free else (np.zeros(3), np.eye(3))
+        frame = hidden("tracker.frame", (*T, *log(R)), np.inf if noise.free else 0.0)
+        sigmas = np.tile(noise.sigma[: 6 if noise.orientations else 3], (len(stops), 1))
+        sigmas[:, :3] *= noise.growth(poses.T)[:, None]
+        return Tracker("tracker", stops, tuple(frame), noise.declared, sigmas, noise.free)
+
+    @property
+    def sigma(self) -> Floats:
+        return self.sigmas
+
+    def seen(self, poses: Poses, u: Floats) -> Poses:
+        """(M) poses in the instrument's frame."""
+        return poses.moved(u[:3], exp(u[3:]))
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        """Orientations as rotation vectors. Use :meth:`change` for differences of orientations."""
+        return self.change(poses, Poses(np.zeros_like(poses.T), np.tile(np.eye(3), (len(poses), 1, 1))), u, u)
+
+    def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
+        return self.seen(one, u).minus(self.seen(other, v))[:, : self.sigmas.shape[1]]
+
+    def stated(self) -> dict[str, float]:
+        middle = np.median(self.sigmas, axis=0)
+        return {"position_sigma": float(middle[0])} | (
+            {"orientation_sigma": float(middle[3])} if len(middle) == 6 else {}
+        )
+
+    def table(self) -> dict[str, Any]:
+        return {"frame": "free"} if self.free else {}
+
+    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+        seen = self.seen(poses, self.truth)
+        position = dict(zip("xyz", (seen.T + errors[:, :3]).T, strict=True))
+        if errors.shape[1] == 3:
+            return {**position}
+        turned = Poses(seen.T, exp(errors[:, 3:]) @ seen.R)
+        return {**position, **dict(zip(("qw", "qx", "qy", "qz"), turned.quaternions.T, strict=True))}
+
+
+@dataclass(frozen=True, eq=False)
+class Camera(Targeted):
+    """z: the position of a target in the camera's frame, whose z axis is the line of sight."""
+
+    kind: ClassVar[str] = "tracker"
+    reads = ("x", "y", "z")
+    by_row: ClassVar[dict[str, str]] = {"target": "targets", "sigmas": ""}
+
+    target: Ints  # (M,) index of each row's target
+    sigmas: Floats  # (M, 3) noise along the camera's axes, m: the table states it row by row
+
+    @staticmethod
+    def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Camera:
+        """A camera at the side of the workspace that measures three targets at all ``stops``, with ``poses`` (M), base
+        frame."""
+        distance = CAMERA_AWAY * layout.radius + CAMERA_CLEAR
+        place = np.array(layout.around(rng.uniform(-np.pi, np.pi), 0.3 * layout.radius, distance))
+        sight = (layout.centre - place) / np.linalg.norm(layout.centre - place)
+        level = np.cross(sight, layout.up) / np.linalg.norm(np.cross(sight, layout.up))
+        R = exp(0.02 * rng.standard_normal(3)) @ np.vstack([level, np.cross(sight, level), sight])
+        frame = hidden("camera.frame", (*(-R @ place), *log(R)), np.inf)
+        unknown = (*drawn_targets("camera", THREE, rng), *frame)
+        far = (np.linalg.norm(poses.T - place, axis=1) / distance) ** 2
+        sigmas = np.repeat(far, len(THREE))[:, None] * np.array([SIDEWAYS, SIDEWAYS, ALONG])
+        target = np.tile(np.arange(len(THREE)), len(stops))
+        return Camera("camera", np.repeat(stops, len(THREE)), unknown, declared, THREE, target, sigmas)
+
+    @property
+    def sigma(self) -> Floats:
+        return self.sigmas
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        frame = self.others(u)
+        return np.asarray(self.positions(poses, u, self.target) @ exp(frame[3:]).T + frame[:3])
+
+    def stated(self) -> dict[str, float]:
+        return {}
+
+    def table(self) -> dict[str, Any]:
+        return {**super().table(), "frame": "free"}
+
+    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+        found = super().columns(poses, errors)
+        return found | dict(zip(("sx", "sy", "sz"), self.sigmas.T, strict=True)) if self.declared else found
+
+
+@dataclass(frozen=True, eq=False)
+class Range(Targeted):
+    """z = |p - s| + o, with target p, the station's centre s and its offset o, m."""
+
+    kind: ClassVar[str] = "range"
+    reads = ("range",)
+    by_row: ClassVar[dict[str, str]] = {"station": "stations"}
+
+    stations: dict[str, Place]  # The stations as the dataset declares them: positions, m, by id
+    station: Ints  # (M,) index of each row's station
+    # Noise of the reading, and prior sigmas of the stations' positions, per axis, and of the offsets, m
+    sigmas: tuple[float, float, float]
+
+    @staticmethod
+    def wires(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Range:
+        """Draw wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
+        away = STATION_AWAY * layout.radius + STATION_CLEAR
+        stations = {
+            letter: layout.around(np.pi / 4.0 + i * np.pi / 2.0, (-1.0) ** i * 0.4 * layout.radius, away)
+            for i, letter in enumerate("ABCD")
+        }
+        tape = float(np.exp(rng.uniform(*np.log(TAPE))))
+        sigmas = (WIRE_SIGMA, STATION_SIGMA, WIRE_OFFSET_SIGMA)
+        return Range._of("wire", stops, stations, tape, sigmas, declared, rng)
+
+    @staticmethod
+    def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Range:
+        """A ball bar from a pivot at the workspace's centre, which reads at all stops."""
+        sigmas = (BAR_SIGMA, PIVOT_SIGMA, BAR_OFFSET_SIGMA)
+        return Range._of("ballbar", stops, {"pivot": layout.at(0.0, 0.0, 0.0)}, PIVOT_SIGMA, sigmas, declared, rng)
+
+    @staticmethod
+    def _of(
+        name: str,
+        stops: Ints,
+        stations: dict[str, Place],
+        tape: float,
+        sigmas: tuple[float, float, float],
+        declared: bool,
+        rng: np.random.Generator,
+    ) -> Range:
+        """Stations with random errors of standard deviation ``tape``, m."""
+        unknown = drawn_targets(name, ONE, rng)
+        for one, place in stations.items():
+            unknown += hidden(f"{name}.station[{one}]", place + tape * rng.standard_normal(3), sigmas[1])
+        for one in stations:
+            unknown.append(Hidden(f"{name}.offset[{one}]", sigmas[2] * rng.standard_normal(), sigmas[2]))
+        count = len(stations)
+        station = np.tile(np.arange(count), len(stops))
+        return Range(name, np.repeat(stops, count), tuple(unknown), declared, ONE, stations, station, sigmas)
+
+    @property
+    def sigma(self) -> Floats:
+        return np.full((len(self.stop), 1), self.sigmas[0])
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        centres, offsets = np.split(self.others(u), [3 * len(self.stations)])
+        away = np.linalg.norm(self.positions(poses, u) - centres.reshape(-1, 3)[self.station], axis=1)
+        return np.asarray(away + offsets[self.station])[:, None]
+
+    def table(self) -> dict[str, Any]:
+        stations = {name: list(place) for name, place in self.stations.items()}
+        stated = {} if self.sigmas[1] == STATION_SIGMA else {"station_sigma": self.sigmas[1]}
+        return {**super().table(), "stations": stations, **stated, "offset_sigma": self.sigmas[2]}
+
+
+@dataclass(frozen=True, eq=False)
+class Encoder(Gauge):
+    """z = x + zero, with x the coordinate of a passive ``joint``."""
+
+    kind: ClassVar[str] = "encoder"
+    reads = ("reading",)
+    noise = (2e-5, 1)
+
+    joint: str
+
+    @staticmethod
+    def drawn(poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
+        """An encoder at the first joint whose coordinates the poses have; it reads at all stops.
+
+        Raises GtpinError if they have none.
+        """
+        if not poses.joints:
+            raise GtpinError(
+                "no joint of this machine can be read by an encoder",
+                hint="the simulator has encoders at joints that follow: of loops, and of rods' universal joints",
+            )
+        zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
+        return Encoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        return np.asarray(poses.joints[self.joint] + u[0])[:, None]
+
+    def by_pose(self, poses: Poses) -> Floats:
+        return np.zeros((len(poses), 1, 6))
+
+    def by_motion(self, poses: Poses) -> Floats:
+        own = [float(name == self.joint) for name in poses.joints]
+        return np.tile(np.concatenate([np.zeros(6), own]), (len(poses), 1, 1))
+
+    def table(self) -> dict[str, Any]:
+        return {"joint": self.joint}
+
+
+@dataclass(frozen=True, eq=False)
+class Tilt(Gauge):
+    """z: the first two components of R_s' up, with R_s = R exp(mount) and ``up`` (3,) the unit vector against gravity, base
+    frame. The sensor's axes are the TCP's, rotated by its mounting.
+    """
+
+    kind: ClassVar[str] = "tilt"
+    reads = ("tilt_x", "tilt_y")
+    noise = (2e-5, 2)
+
+    up: Floats
+
+    @staticmethod
+    def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Tilt:
+        """A sensor that reads at those of the ``stops``, with ``poses`` (M), at which its z axis is not too near horizontal.
+
+        Raises GtpinError if there are fewer than two such stops.
+        """
+        level = np.abs(poses.R[:, :, 2] @ layout.up) >= STEEP
+        if len(stops) < 2:
+            raise GtpinError("one stop alone for a tilt sensor", hint="ask for two poses or more")
+        if level.sum() < 2:
+            hint = "turn its TCP frame so that z is nearly upright"
+            raise GtpinError("a tilt sensor on this robot is never near level", hint=hint)
+        mount = hidden("level.mount", MOUNT_SIGMA * rng.standard_normal(3), MOUNT_SIGMA, ("rx", "ry", "rz"))
+        return Tilt("level", stops[level], tuple(mount), declared, layout.up)
+
+    def readings(self, poses: Poses, u: Floats) -> Floats:
+        return np.asarray((np.swapaxes(poses.R @ exp(u), 1, 2) @ self.up)[:, :2])

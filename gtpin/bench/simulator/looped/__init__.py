@@ -1,1 +1,0 @@
-"""Virtual machines whose loops are not rods: trees of joints, closed at points, with the effects of arms."""

@@ -1,0 +1,305 @@
+"""A machine on six rods as it was really built: geometry and masses deviate from the nominal ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, collected, gain, rounded
+from gtpin.bench.simulator.poses import Poses, across, exp
+from gtpin.bench.simulator.rods import RodEnds, Rods, closed
+from gtpin.bench.simulator.universal import Universal
+from gtpin.errors import RobotError, UnreachableError
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
+
+ACROSS = 0.3
+"""Repeatability across a track, as a share of that along it."""
+BOX = (0.232, 0.159, 0.147)
+"""Half the sides of a gantry's box of TCP positions, in rod lengths, base frame; x along the tracks."""
+CENTER = (-0.012, -0.011, 0.0)
+"""Centre of this box relative to home, in rod lengths, base frame."""
+WIDE, TURNED = 0.25, 0.25
+"""Half the side of a hexapod's box about the middle of its ranges, in rod lengths, and its largest rotation per axis, rad."""
+PARALLEL = 0.99
+"""Smallest absolute cosine of the angle between parallel tracks."""
+
+
+@dataclass(frozen=True)
+class RodMachine:
+    """A robot on six rods as it was really built, as :class:`~gtpin.bench.simulator.machine.Machine`.
+
+    A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
+    changes.
+
+    Raises
+    ------
+    RobotError
+        If the robot does not have six rods, has a rod without a drive, or a drive without a rod.
+    """
+
+    geometry: Geometry  # Its true geometry
+    # `plate_mass`, `plate_center`: Mass of the platform, kg, and its centre of mass, TCP frame, m
+    plate_mass: float
+    plate_center: Floats
+    rod_masses: Floats  # (k,) masses of the rods, kg; the centre of mass of a rod of fixed length is at its middle
+
+    def __post_init__(self) -> None:
+        robot = self.robot
+        if len(robot.rods) != 6 or set(self.driver.tolist()) != set(range(robot.n_actuators)):
+            what = f"{robot.name} has not six rods that its actuators move"
+            raise RobotError(what, hint="the simulator makes machines of that kind")
+
+    @staticmethod
+    def draw(robot: Robot, rng: np.random.Generator) -> RodMachine:
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
+        geometry = Geometry.nominal(robot)
+        built = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
+        plate = robot.tcp_placement.inverse() * robot.model.inertias[robot.tcp_joint]
+        factors = 1.0 + MASS_SPREAD * rng.standard_normal(1 + len(robot.rods))
+        center = np.array(plate.lever) + 0.005 * rng.standard_normal(3)
+        nominal = np.array([_rod_mass(robot, i) for i in range(len(robot.rods))])
+        return RodMachine(geometry.with_values(built), float(plate.mass * factors[0]), center, nominal * factors[1:])
+
+    def nominal(self) -> Rods:
+        return Rods(Geometry.nominal(self.robot))
+
+    @property
+    def robot(self) -> Robot:
+        return self.geometry.robot
+
+    @cached_property
+    def kinematics(self) -> Rods:
+        """The kinematics of the true geometry, without any effect."""
+        return Rods(self.geometry)
+
+    @property
+    def n_carts(self) -> int:
+        return self.robot.n_actuators
+
+    @property
+    def per_metre(self) -> float:
+        return 1.0
+
+    @property
+    def gravity(self) -> Floats:
+        return np.array(self.robot.description.gravity)
+
+    @property
+    def readable(self) -> tuple[str, ...]:
+        return (self.universal.name,)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
+
+    @cached_property
+    def driver(self) -> npt.NDArray[np.int_]:
+        """(k,) the cart of each rod; -1 where nothing moves it."""
+        return self.kinematics.driver
+
+    @cached_property
+    def is_leg(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether the drive changes a leg's length."""
+        return np.array([any(rod.extension == c for rod in self.robot.rods) for c in range(self.n_carts)])
+
+    @cached_property
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether the drive moves a cart along a track."""
+        return np.asarray(~self.is_leg & ~self.robot.revolute)
+
+    @cached_property
+    def tracks(self) -> Floats:
+        """(n, 3) unit directions of the tracks, of the arms' axes, and of the legs at the URDF's zero, base frame."""
+        along = [self.kinematics.v[self.driver == c][0] for c in range(self.n_carts)]
+        return np.where(self.is_leg[:, None], [actuator.axis for actuator in self.robot.actuators], along)
+
+    @cached_property
+    def across(self) -> Floats:
+        """(n, 2, 3) two unit vectors across each track, base frame."""
+        return np.array([across(v) for v in self.tracks])
+
+    @cached_property
+    def levers(self) -> Floats:
+        """(k, 3) vectors from the mean of a cart's joints to each of them, with all commands zero, base frame, m."""
+        C0 = self.kinematics.C0
+        means = np.array([C0[self.driver == c].mean(axis=0) for c in range(self.n_carts)])
+        return np.asarray(C0 - means[self.driver])
+
+    @cached_property
+    def zoom(self) -> Floats:
+        """(n,) change of the place by a unit command, 1/m or 1/rad: the largest power of two, which has no rounding error, with
+        which places stay within REACH."""
+        half = (self.robot.upper - self.robot.lower) / 2.0
+        return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
+
+    def places(self, q: Floats) -> Floats:
+        middle = (self.robot.upper + self.robot.lower) / 2.0
+        return np.asarray((q - np.round(np.where(np.isfinite(middle), middle, 0.0), 1)) * self.zoom)
+
+    @cached_property
+    def leg_masses(self) -> Floats:
+        """(k, 2) for each rod: distance of its centre of mass from its platform joint at command zero, m, and the share of its
+        mass that a leg's drive moves."""
+        return np.array([_centre_and_sliding(self.robot, i) for i in range(len(self.robot.rods))])
+
+    def unbent(self, visits: int) -> Deviation:
+        return Deviation.none(visits, self.n_carts, len(self.robot.rods))
+
+    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        deviation = self.unbent(visits)
+        deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
+        sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
+        deviation.shift[:] = np.einsum("nca,cai->nci", sideways, self.across)
+        return deviation
+
+    @cached_property
+    def universal(self) -> Universal:
+        """The universal joint of the first rod, at which an encoder can be."""
+        return Universal.of(self.robot, 0)
+
+    # ---------------------------------------------------------------------------------------------------- poses
+
+    def predict(self, q: Floats) -> Poses:
+        return self.kinematics.predict(q)
+
+    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        J = self.kinematics.command_jacobian(q, poses)
+        return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
+
+    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+        J = self.kinematics.geometry_jacobian(q, poses)
+        J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
+        return np.asarray(J * self.geometry.tolerance)
+
+    def _with_joint(self, J: Floats, q: Floats, poses: Poses, moved: list[tuple[RodEnds, RodEnds]]) -> Floats:
+        own = self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)
+        return np.concatenate([J, own], axis=1)
+
+    def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
+        """Ends and lengths of the rods at commands q (N, n), with a deviation."""
+        arms = ~self.is_leg & ~self.slides
+        straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
+        moved = deviation.shift + (deviation.travel * self.slides)[..., None] * self.tracks
+        turned = np.asarray(exp(deviation.turn) - np.eye(3))[:, self.driver]
+        swung = np.einsum("ncij,nj->nci", turned.transpose(1, 0, 2, 3), self.levers)
+        C = straight.C + moved[:, self.driver] + swung.transpose(1, 0, 2)
+        L = straight.L + deviation.length
+        if self.is_leg.any():
+            L = L + (deviation.travel * self.is_leg)[:, self.driver]
+        return RodEnds(straight.P + deviation.joint, C, L)
+
+    def close(self, start: Poses, ends: RodEnds) -> Poses:
+        """(N) closed poses, base frame, from poses at a distance of less than some millimetres.
+
+        Raises UnreachableError if some rods can't be closed.
+        """
+        poses, done = closed(start, ends, self.robot.size)
+        if not done.all():
+            raise UnreachableError("the deviations open the rods", hint="make the effects smaller")
+        return poses
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    def reachable(self, count: int, rng: np.random.Generator) -> Floats:
+        robot, parallel = self.robot, np.abs(self.tracks @ self.tracks[0]) > PARALLEL
+        draw = self._in_ranges
+        if self.n_carts == 3 and (self.slides & parallel).all() and abs(self.tracks[0, 2]) < PARALLEL:
+            draw = self._in_box  # a gantry: carts on parallel tracks that are not vertical
+        elif self.n_carts == 6 and (self.slides | self.is_leg).all():
+            draw = self._turned  # each rod has its own drive, so that the platform can rotate
+
+        def inside() -> Floats:
+            q = rounded(draw(count, rng))
+            return np.asarray(q[((q >= robot.lower) & (q <= robot.upper)).all(axis=1)])  # NaN is not inside
+
+        found = collected(inside, count)
+        if found is None:
+            raise UnreachableError(f"{robot.name} reaches hardly any of its box", hint="widen the ranges in the URDF")
+        return found
+
+    def _in_box(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, n) commands for random positions in home's orientation, which the machine nearly keeps; NaN out of reach."""
+        home = self.kinematics.home
+        size = float(self.kinematics.L0.mean())
+        T = home.T[0] + size * (np.array(CENTER) + np.array(BOX) * rng.uniform(-1.0, 1.0, (count, 3)))
+        q = self._carts(T[:, None, :] + self.kinematics.P @ home.R[0].T)
+        return np.column_stack([q[:, self.driver == c].mean(axis=1) for c in range(self.n_carts)])
+
+    def _turned(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, 6) commands for random poses about the middle of the ranges; NaN out of reach."""
+        kinematics = self.kinematics
+        middle, pose = self._middle
+        size = float(kinematics.ends(middle).L.mean())
+        T = pose.T[0] + size * WIDE * rng.uniform(-1.0, 1.0, (count, 3))
+        R = exp(TURNED * rng.uniform(-1.0, 1.0, (count, 3))) @ pose.R[0]
+        joints = T[:, None, :] + kinematics.P @ np.swapaxes(R, 1, 2)
+        legs = np.linalg.norm(joints - kinematics.C0, axis=2) - kinematics.L0
+        travel = np.where(self.is_leg[self.driver], legs, self._carts(joints)) / kinematics.scale
+        q = np.empty_like(travel)
+        q[:, self.driver] = travel
+        return q
+
+    def _in_ranges(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, n) random commands in the ranges; NaN where the machine is worse conditioned than ``CONDITIONED`` allows."""
+        lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
+        upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
+        q = rng.uniform(lower, upper, (count, self.n_carts))
+        q[gain(self.kinematics, q) > CONDITIONED * gain(self.kinematics, self._middle[0])] = np.nan
+        return q
+
+    @cached_property
+    def _middle(self) -> tuple[Floats, Poses]:
+        """(1, n) commands in the middle of the ranges and the pose there; home where that can't be reached."""
+        robot = self.robot
+        middle = (robot.lower + robot.upper) / 2.0
+        q = np.where(np.isfinite(middle), middle, robot.home_q)[None]
+        pose = self.predict(q)
+        return (q, pose) if pose.reached.all() else (robot.home_q[None], self.kinematics.home)
+
+    def _carts(self, joints: Floats) -> Floats:
+        """(N, k) travel, m, of the cart of each rod for positions of the platform's joints (N, k, 3), base frame; NaN out of
+        reach."""
+        kinematics = self.kinematics
+        # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
+        a = joints - kinematics.C0
+        along = np.einsum("nki,ki->nk", a, kinematics.v)
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(along**2 - np.einsum("nki,nki->nk", a, a) + kinematics.L0**2)
+        home_side = np.sign(np.einsum("ki,ki->k", kinematics.home.T[0] - kinematics.C0, kinematics.v))
+        return np.asarray(along - home_side * root)
+
+
+def _bodies(robot: Robot, rod: int) -> list[int]:
+    """The Pinocchio joints of a rod, from the platform to its end."""
+    constraint = robot.constraints[robot.rods[rod].loop]
+    tip = constraint.joint1_id if robot.rods[rod].rod_end == 0 else constraint.joint2_id
+    chain = list(robot.model.supports[tip])
+    return chain[chain.index(robot.rods[rod].joint_id) :]
+
+
+def _rod_mass(robot: Robot, rod: int) -> float:
+    return float(sum(robot.model.inertias[joint].mass for joint in _bodies(robot, rod)))
+
+
+def _centre_and_sliding(robot: Robot, rod: int) -> tuple[float, float]:
+    extension = robot.rods[rod].extension
+    if extension is None:
+        return robot.rods[rod].L / 2.0, 0.0
+    moment = sliding = 0.0
+    placement = pin.SE3.Identity()
+    for joint in _bodies(robot, rod):
+        if joint != robot.rods[rod].joint_id:
+            placement = placement * robot.model.jointPlacements[joint]
+        inertia = robot.model.inertias[joint]
+        moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
+        if joint >= robot.actuators[extension].joint_id:
+            sliding += inertia.mass
+    mass = _rod_mass(robot, rod)
+    return moment / mass, sliding / mass

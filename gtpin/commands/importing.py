@@ -1,0 +1,324 @@
+"""``gtpin import FORMAT FILE -o DATASET``: a file of another program becomes a dataset folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from gtpin.commands.terminal import ZERO, AsJson, Force, Origin, Tcp, Vector, output_path, tell
+from gtpin.data import Commands, Dataset, Instrument
+from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
+from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
+from gtpin.importers.matched import Match
+from gtpin.importers.points import Angle, Length, Separator, read_points
+from gtpin.importers.ros_poses import read_ros_poses
+from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
+from gtpin.importers.touches import Touches, write_touches
+from gtpin.references import seen_from
+from gtpin.robot.library import load_robot
+
+SourceFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to read.", show_default=False)]
+Folder = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Folder of the dataset; created.",
+        show_default=False,
+        parser=output_path,
+        metavar="<path>",
+    ),
+]
+RobotName = Annotated[
+    str,
+    typer.Option("--robot", help="Name of the robot, or path of its URDF or MJCF file.", show_default=False),
+]
+ProbeOffset = Annotated[
+    Vector,
+    typer.Option(
+        "--probe-offset",
+        metavar="X Y Z",
+        help="The probe's offset as the firmware's configuration has it, mm.",
+    ),
+]
+Normal = Annotated[
+    Vector,
+    typer.Option("--normal", metavar="X Y Z", help="Of the surface, towards the side that was touched, base frame."),
+]
+Sigma = Annotated[
+    float | None,
+    typer.Option("--sigma", help="1 sigma of a touch along the normal, m.", show_default="estimated"),
+]
+Name = Annotated[str, typer.Option("--name", help="Of the instrument, and of its table.")]
+Frame = Annotated[
+    Literal["free", "robot"],
+    typer.Option("--frame", help="free: the instrument stood elsewhere; robot: positions are in the base frame."),
+]
+Target = Annotated[
+    Literal["free", "tcp"],
+    typer.Option("--target", help="free: where the target sits is unknown; tcp: at the robot's TCP."),
+]
+Within = Annotated[
+    float | None,
+    typer.Option("--within", help="Longest time between a reading and its command, s.", show_default=False),
+]
+UP: Vector = (0.0, 0.0, 1.0)
+
+
+def klipper_delta(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    origin: Origin = ZERO,
+    sigma: Sigma = None,
+    name: Name = "bed",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Klipper: the touches of DELTA_CALIBRATE, from a printer.cfg that SAVE_CONFIG wrote."""
+    touches = read_klipper_delta(file)
+    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+
+
+def klipper_probe(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    probe_offset: ProbeOffset = ZERO,
+    origin: Origin = ZERO,
+    sigma: Sigma = None,
+    name: Name = "bed",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Klipper: the touches that klippy.log or the console reports (probe at X,Y is z=Z)."""
+    touches = read_klipper_probe(file, probe_offset)
+    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+
+
+def klipper_mesh(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    profile: Annotated[str, typer.Option("--profile", help="Name of the mesh.")] = "default",
+    probe_offset: ProbeOffset = ZERO,
+    origin: Origin = ZERO,
+    sigma: Sigma = None,
+    name: Name = "bed",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Klipper: the points of a bed mesh, from a printer.cfg that SAVE_CONFIG wrote."""
+    touches = read_klipper_mesh(file, profile, probe_offset)
+    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+
+
+def rrf_heightmap(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    probe_offset: ProbeOffset = ZERO,
+    origin: Origin = ZERO,
+    sigma: Sigma = None,
+    name: Name = "bed",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """RepRapFirmware: the heights of G29, from its heightmap.csv."""
+    touches = read_rrf_heightmap(file, probe_offset)
+    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+
+
+def rrf_g32(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    points: Annotated[Path, typer.Option("--points", help="The bed.g that was run.", show_default=False)],
+    probe_offset: ProbeOffset = ZERO,
+    origin: Origin = ZERO,
+    sigma: Sigma = None,
+    name: Name = "bed",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """RepRapFirmware: the heights that the console reports (G32 bed probe heights: ...), at the points of bed.g."""
+    touches = read_rrf_g32(file, points, probe_offset)
+    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+
+
+def linuxcnc_probe(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    unit: Annotated[Unit, typer.Option("--unit", help="Of the program's lengths.", show_default=False)],
+    axes: Annotated[
+        str,
+        typer.Option(
+            "--axes",
+            help="The letters that are q1, q2, ...: XYZ, XYZAC.",
+            show_default="X Y Z is the TCP, and q follows from the robot",
+        ),
+    ] = "",
+    target: Annotated[
+        Vector, typer.Option("--target", metavar="X Y Z", help="Tip of the probe in the TCP frame, m.")
+    ] = ZERO,
+    origin: Origin = ZERO,
+    normal: Normal = UP,
+    sigma: Sigma = None,
+    name: Name = "probe",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """LinuxCNC: the touches of one plane, from the file of (PROBEOPEN file)."""
+    touches = read_linuxcnc_probe(file, unit, axes, origin, target)
+    _write_touches(
+        touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, normal=normal, sigma=sigma, force=force
+    )
+
+
+def points(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    columns: Annotated[
+        str,
+        typer.Option(
+            "--columns",
+            help="Names of the columns in their order, between commas: pose, x, y, z, qw, qx, qy, qz, q1 ..., -.",
+            show_default=False,
+        ),
+    ],
+    unit: Annotated[Length, typer.Option("--unit", help="Of lengths.", show_default=False)],
+    separator: Annotated[Separator, typer.Option("--separator", help="Between columns.", show_default=False)],
+    angle: Annotated[
+        Angle | None, typer.Option("--angle", help="Unit of commands that are angles.", show_default=False)
+    ] = None,
+    commands: Annotated[
+        Path | None,
+        typer.Option("--commands", help="Table with the columns pose, q1 .. qn, SI units.", show_default=False),
+    ] = None,
+    match: Annotated[
+        Match | None,
+        typer.Option("--match", help="How rows and commands belong together.", show_default=False),
+    ] = None,
+    within: Within = None,
+    header: Annotated[int, typer.Option("--header", help="Lines at the beginning to pass over.", min=0)] = 0,
+    decimal_comma: Annotated[bool, typer.Option("--decimal-comma", help="Numbers have a comma.")] = False,
+    frame: Frame = "free",
+    target: Target = "free",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """A list of points or poses, as SpatialAnalyzer exports it: columns, separator and units as you name them."""
+    dataset = read_points(
+        file,
+        robot,
+        [name.strip() for name in columns.split(",")],
+        separator,
+        unit,
+        angle=angle,
+        commands=None if commands is None else _commands(commands, robot, tcp),
+        match=match,
+        within=within,
+        header=header,
+        decimal_comma=decimal_comma,
+        instrument=Instrument(frame=frame, target=target),
+        tcp=tcp,
+    )
+    _write_poses(dataset, output, robot, force, as_json)
+
+
+def ros_poses(
+    file: SourceFile,
+    output: Folder,
+    robot: RobotName,
+    commands: Annotated[
+        Path,
+        typer.Option("--commands", help="Table with the columns pose, q1 .. qn, time, SI units.", show_default=False),
+    ],
+    match: Annotated[
+        Literal["row", "time"],
+        typer.Option("--match", help="How rows and commands belong together.", show_default=False),
+    ],
+    within: Within = None,
+    prefix: Annotated[
+        str | None,
+        typer.Option("--prefix", help="Which pose, where the message has several.", show_default=False),
+    ] = None,
+    frame: Frame = "free",
+    target: Target = "free",
+    tcp: Tcp = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """ROS: the poses of a topic, as rostopic echo -p or ros2 topic echo --csv writes them."""
+    dataset = read_ros_poses(
+        file,
+        robot,
+        _commands(commands, robot, tcp),
+        match,
+        within=within,
+        prefix=prefix,
+        instrument=Instrument(frame=frame, target=target),
+        tcp=tcp,
+    )
+    _write_poses(dataset, output, robot, force, as_json)
+
+
+def _write_touches(touches: Touches, output: Path, robot: str, as_json: bool, **options: Any) -> None:
+    """Write the dataset of touches; the options are those of :func:`~gtpin.importers.touches.write_touches`."""
+    rows = write_touches(touches, output, robot, **options)
+    _tell_written(rows, "touches", robot, output, as_json)
+
+
+def _write_poses(dataset: Dataset, output: Path, robot: str, force: bool, as_json: bool) -> None:
+    replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
+    _tell_written(len(dataset), "measured poses", robot, output, as_json)
+
+
+def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool) -> None:
+    result = {"dataset": str(dataset), "robot": robot, "rows": rows}
+    tell(result, f"{rows} {what} of {robot}. Written: {dataset}", as_json)
+
+
+def _commands(file: Path, robot: str, tcp: str | None) -> Commands:
+    return Commands.read(file, load_robot(robot, tcp).n_actuators)
+
+
+import_app = typer.Typer(
+    name="import",
+    help="Turn a file that another program wrote into a dataset folder.",
+    no_args_is_help=True,
+    epilog="Example: gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches",
+)
+for command, example in (
+    (klipper_delta, "gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches"),
+    (
+        klipper_probe,
+        "gtpin import klipper-probe klippy.log --robot printer.urdf --probe-offset -25 5 1.2 -o touches",
+    ),
+    (klipper_mesh, "gtpin import klipper-mesh printer.cfg --robot printer.urdf -o touches"),
+    (rrf_heightmap, "gtpin import rrf-heightmap heightmap.csv --robot printer.urdf -o touches"),
+    (rrf_g32, "gtpin import rrf-g32 console.txt --points bed.g --robot printer.urdf -o touches"),
+    (linuxcnc_probe, "gtpin import linuxcnc-probe probe.txt --unit mm --axes XYZ --robot mill.urdf -o touches"),
+    (
+        points,
+        "gtpin import points points.txt --columns=-,-,pose,x,y,z --separator space --unit mm --commands commands.csv "
+        "--match pose --robot ur10 -o measured",
+    ),
+    (
+        ros_poses,
+        "gtpin import ros-poses tag.csv --commands commands.csv --match time --within 0.02 --robot ur5 -o measured",
+    ),
+):
+    import_app.command(epilog=f"Example:\n\n{example}")(command)

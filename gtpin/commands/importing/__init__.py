@@ -1,1 +1,0 @@
-"""``gtpin import FORMAT FILE -o DATASET``: one command for each format."""

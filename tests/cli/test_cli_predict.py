@@ -1,0 +1,145 @@
+"""``gtpin predict``: covariates reach a model's effects, ids of stations the instruments; what is wrong is said by name."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gtpin
+from gtpin.bench.simulator.instruments.build import simulate_measured
+from gtpin.data import Dataset
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
+
+COUNT = 30
+PLACES = (("zero_shift", "cart1"), ("frame_shift", "frame"), ("link_compliance", "arm"))
+
+
+@pytest.fixture(scope="module")
+def model():
+    """The nominal robot with three effects, as if fitted to sessions 1, 2 and 3."""
+    rng = np.random.default_rng(2)
+    geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
+    kinematics, q = gtpin.Model(geometry).kinematics, rng.uniform(-0.3, 0.3, (COUNT, 3))
+    session = np.array([str(1 + i % 3) for i in range(COUNT)], dtype=object)
+    at = Situation(kinematics, q, kinematics.forward(q), {"session": session, "payload": rng.uniform(0, 20, COUNT)})
+    effects = []
+    for name, site in PLACES:
+        size = effects_by_id()[name].basis(at, site).sigma
+        drawn = size * (1.0 + rng.standard_normal(len(size)))
+        effects.append(ActiveEffect(effects_by_id()[name], site, None, drawn, np.diag(size**2), at.references))
+    return gtpin.Model(geometry, effects=tuple(effects))
+
+
+@pytest.fixture
+def folder(model, tmp_path):
+    """The model's folder, with a table of commands beside it."""
+    gtpin.write_model(model, tmp_path / "model")
+    write(tmp_path / "c.csv")
+    return tmp_path
+
+
+def write(file, **columns):
+    rows = {"pose": ["a", "b", "c"], "q1": [0.1, 0.0, -0.1], "q2": [0.2, 0.0, 0.1], "q3": [0.0, 0.1, 0.2]}
+    rows |= {"session": [1, 2.0, "3"], "payload": [0.0, 10.0, 20.0]} | columns
+    pd.DataFrame({name: values for name, values in rows.items() if values is not None}).to_csv(file, index=False)
+
+
+def predict(run, folder, *options):
+    return run("predict", folder / "model", folder / "c.csv", "-o", folder / "p.csv", *options)
+
+
+def test_covariates_of_the_commands_reach_the_effects(run, folder, model):
+    assert predict(run, folder).err == ""
+    found = pd.read_csv(folder / "p.csv")
+    q = pd.read_csv(folder / "c.csv")[["q1", "q2", "q3"]].to_numpy()
+    covariates = {"session": ["1", "2", "3"], "payload": [0.0, 10.0, 20.0]}
+    np.testing.assert_array_equal(found[["x", "y", "z"]], model.predict(q, covariates).T)
+
+
+@pytest.mark.parametrize(
+    ("column", "effect"), [("session", "zero_shift@cart1"), ("payload", "link_compliance@arm")], ids=lambda word: word
+)
+def test_a_missing_covariate_is_an_error_that_names_file_column_and_effect(run, folder, tree, column, effect):
+    write(folder / "c.csv", **{column: None})
+    before = tree(folder)
+    error = predict(run, folder).failed()
+    assert f"c.csv, column {column}: " in error
+    assert effect in error
+    assert tree(folder) == before
+
+
+def test_a_session_never_seen_is_predicted_with_one_warning(run, folder):
+    write(folder / "c.csv", session=["1", "late", "2"])
+    ran = predict(run, folder, "--json")
+    assert ran.code == 0
+    (line,) = ran.err.splitlines()
+    assert line.startswith("gtpin: warning: ")
+    assert "late" in line
+    assert [row["pose"] for row in json.loads(ran.out)] == ["a", "b", "c"]
+    assert len(pd.read_csv(folder / "p.csv")) == 3
+
+
+@pytest.mark.parametrize("payload", [[0.0, -1.0, 0.0], [0.0, "heavy", 0.0], [0.0, None, 0.0]], ids=str)
+def test_a_covariate_that_can_t_be_is_refused_by_its_row(run, folder, payload):
+    write(folder / "c.csv", payload=payload)
+    assert "c.csv, row 3, column payload" in predict(run, folder).failed()
+
+
+def test_a_hand_edited_effect_is_refused_by_file_and_key(run, folder, tree):
+    file = folder / "model" / "model.json"
+    told = json.loads(file.read_text())
+    told["effects"][1]["site"] = "cart1"
+    file.write_text(json.dumps(told))
+    before = tree(folder)
+    error = predict(run, folder).failed()
+    assert f"{file}, column effects.1.site: " in error
+    assert tree(folder) == before
+
+
+def test_sensitivity_is_the_geometry_s_and_asks_for_no_covariates(run, folder, monkeypatch):
+    def stop(*_, **__):
+        raise gtpin.GtpinError("the commands were taken")
+
+    monkeypatch.setattr("gtpin.commands.sensitivity.analyse", stop)
+    write(folder / "c.csv", session=None, payload=None)
+    ran = run("sensitivity", folder / "model", "--poses", folder / "c.csv", "-o", folder / "accuracy")
+    assert "the commands were taken" in ran.failed()
+
+
+@pytest.fixture(scope="module")
+def wired(tmp_path_factory):
+    """A model that four draw wires were read for."""
+    folder = tmp_path_factory.mktemp("wired")
+    robot = gtpin.load_robot("gantry_tau")
+    made = simulate_measured(robot, "gantry_tau", ["range"], poses=20)
+    made.write_dataset(folder / "set")
+    gtpin.calibrate(Dataset.read(folder / "set")).save(folder / "out")
+    return folder / "out"
+
+
+def test_ids_of_stations_are_no_covariates_of_a_prediction(run, wired, tmp_path):
+    commands = tmp_path / "commands.csv"
+    commands.write_text("pose,q1,q2,q3,station\na,0.1,0.2,0.3,A\nb,0.1,0.2,0.3, B\n")
+    ran = run("predict", wired, commands, "--instrument", "wire", "-o", tmp_path / "out.csv")
+    assert (ran.code, ran.err) == (0, "")
+    assert "2 readings of wire" in ran.out
+    lines = (tmp_path / "out.csv").read_text().splitlines()
+    assert [line.split(",")[:2] for line in lines] == [["pose", "station"], ["a", "A"], ["b", "B"]]
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "told"),
+    [("station", "Z", "row 3, column station: "), ("other", "1", "row 1, column station: "), ("station", "", "row 3")],
+)
+def test_a_station_that_can_t_be_is_named_by_its_line(run, wired, tmp_path, header, row, told):
+    commands = tmp_path / "commands.csv"
+    first = "A" if header == "station" else "2"
+    commands.write_text(f"pose,q1,q2,q3,{header}\na,0.1,0.2,0.3,{first}\nb,0.1,0.2,0.3,{row}\n")
+    ran = run("predict", wired, commands, "--instrument", "wire", "-o", tmp_path / "out.csv")
+    assert f"commands.csv, {told}" in ran.failed()
+    assert not (tmp_path / "out.csv").exists()
