@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.checks.readable_sockets import check_sockets
 from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
