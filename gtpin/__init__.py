@@ -8,19 +8,19 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gtpin.accuracy.analysis import Accuracy, analyse
     from gtpin.calibration.calibrate import calibrate
     from gtpin.calibration.result import Calibration
     from gtpin.certificate.certify import certify
     from gtpin.certificate.result import Certificate
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
-    from gtpin.diagnosis.result import Diagnosis
+    from gtpin.diagnosis.diagnose import diagnose
+    from gtpin.diagnosis.result import Diagnosis, HealthCheck
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
-    from gtpin.health.diagnose import diagnose
     from gtpin.health.plan import PosePlan, plan
-    from gtpin.health.result import HealthCheck
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
+    "Accuracy": "gtpin.accuracy.analysis",
+    "analyse": "gtpin.accuracy.analysis",
     "calibrate": "gtpin.calibration.calibrate",
     "Calibration": "gtpin.calibration.result",
     "certify": "gtpin.certificate.certify",
@@ -43,9 +45,9 @@ _HOME = {
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
-    "diagnose": "gtpin.health.diagnose",
+    "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
-    "HealthCheck": "gtpin.health.result",
+    "HealthCheck": "gtpin.diagnosis.result",
     "plan": "gtpin.health.plan",
     "PosePlan": "gtpin.health.plan",
     "catalogue": "gtpin.effects.catalogue",
@@ -96,6 +98,7 @@ def __dir__() -> list[str]:
 
 
 __all__ = [
+    "Accuracy",
     "Calibration",
     "Certificate",
     "ClosedPosture",
@@ -117,6 +120,7 @@ __all__ = [
     "Robot",
     "Unknown",
     "__version__",
+    "analyse",
     "calibrate",
     "catalogue",
     "certify",

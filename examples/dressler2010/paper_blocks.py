@@ -13,9 +13,9 @@ from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
-from gtpin.accuracy.sensitivity import sensitivity, step_sums
-from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep
+from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
 from gtpin.kinematics.euler import zyz
+from gtpin.kinematics.rod_steps import PARAMETERS, RodStep
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

@@ -11,12 +11,12 @@ from paper_tables import tables
 from scipy.optimize import least_squares
 
 from gtpin.accuracy.rods import rod_kinematics
-from gtpin.accuracy.sensitivity import step_slopes
-from gtpin.accuracy.steps import PARAMETERS, STEP
+from gtpin.accuracy.sensitivity import STEP, step_slopes
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rod_steps import PARAMETERS
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

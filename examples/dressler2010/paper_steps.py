@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from gtpin.accuracy.expected import closure_response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
-from gtpin.accuracy.sensitivity import closure_change
-from gtpin.accuracy.steps import PARAMETERS, STEP, poses_after, rod_step
+from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
 from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 
@@ -69,7 +69,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     measured
         (N) poses measured there, base frame.
     parameter, link
-        One of :data:`~gtpin.accuracy.steps.PARAMETERS`, and the name of a rod.
+        One of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`, and the name of a rod.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     closures = 2.0 * kinematics.closures(q, measured)
 
     def errors(size: float) -> Errors:
-        now = poses_after(kinematics, ends, poses, change, size) if size else poses
+        now = change.poses_after(size, ends, poses, kinematics.geometry.robot.size) if size else poses
         moved = closures.copy()
         moved[:, change.rod] += closure_change(change, ends, measured, size)[1]
         off = np.linalg.norm(now.T - measured.T, axis=1)

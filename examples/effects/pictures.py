@@ -123,8 +123,8 @@ def seen(basis: Basis, c: Floats) -> Floats:
     axis = ROBOT.actuators[CART].axis
     if basis.command is not None:
         return basis.command[1] @ c
-    if basis.carrier_joints is not None:
-        moved = (basis.carrier_joints @ c)[:, ROD]
+    if basis.placements:
+        moved = (basis.shifts([ROD]) @ c)[:, 0]
         return moved @ (rotation_axes(axis)[0] if np.abs(moved @ axis).max() < 1e-12 else axis)
     if basis.length is not None:
         return (basis.length @ c)[:, ROD]

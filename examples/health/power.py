@@ -21,15 +21,14 @@ from scipy.stats import beta
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import Noise
+from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
+from gtpin.diagnosis.against.check import Changes
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.measured import usable
+from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
-from gtpin.health.alarm import Bench, chance, threshold
-from gtpin.health.changes import Since, changes
-from gtpin.health.check import DRAWS, FALSE_ALARM
-from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import expectation, share_unexplained
-from gtpin.health.measured import usable
 
 Floats = npt.NDArray[np.float64]
 
@@ -81,22 +80,18 @@ def measured(frame: str, machine: int, kind: str) -> list[dict[str, object]]:
 
 
 def alarms_of(model: gtpin.Model, datasets: Sequence[gtpin.Dataset]) -> list[bool]:
-    """Whether checks at the same commands raise an alarm: the linear problem and its threshold are set up once for all."""
+    """Whether checks at the same commands raise an alarm: the threshold is computed once for all."""
     earlier, scope = Earlier(model), Scope.of(catalogue(), (), FALSE_ALARM, model.robot)
-    bench, level, alarms = None, 0.0, []
+    level, alarms = None, []
     for dataset in datasets:
         data = usable(dataset, model)
-        known = data.dataset.covariates
-        since = Since.of(known, earlier, data.how.temperature, len(data.dataset), PRIORS.warmer)
-        design = expectation(earlier, data.measured, known, data.how, since.covariates)
-        if bench is None:
-            bench = Bench(changes(design, scope, since.assumed).hypotheses, share_unexplained(design, data.how))
-            level = threshold(bench, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
-        y = design.y[:, None]
-        power = float(bench.hypotheses.groups.marginal.product(y, y)[0, 0])
-        by_chance = chance(bench, power, DRAWS, np.random.default_rng(1))
+        sampler = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope).sampler
+        if level is None:
+            level = threshold(sampler, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
+        power = sampler.hypotheses.groups.power
+        by_chance = chance(sampler, power, DRAWS, np.random.default_rng(1))
         left = by_chance < (1.0 - PRIORS.named_alarms) * FALSE_ALARM
-        alarms.append(bool(left or bench.largest(y)[0] >= level))
+        alarms.append(bool(left or sampler.largest(sampler.hypotheses.design.y[:, None])[0] >= level))
     return alarms
 
 

@@ -26,8 +26,8 @@ from gtpin.data.table import Column
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.planning.discrimination import chosen, concerns
+from gtpin.diagnosis.planning.expected_bayes_factor import PROMISED
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.settling import PROMISED
 from gtpin.diagnosis.planning.trials import possible
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import effects_by_id

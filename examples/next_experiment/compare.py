@@ -14,7 +14,6 @@ from again import again
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.problem import measured_poses
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
@@ -23,6 +22,7 @@ from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.instruments.readings import Readings
 
 PAIRS = (
     ("linearity@cart2", "straightness@cart2"),
@@ -79,7 +79,7 @@ def compare(truth: Hypothesis, rival: Hypothesis, seed: int) -> Told | None:
 def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     """What a plan starts from."""
     observed = Observed(
-        measured_poses(dataset),
+        Readings.of(dataset, baseline.model.robot),
         dataset.covariates,
         baseline.noise,
         np.ones(len(dataset)),
@@ -93,7 +93,7 @@ def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis)
     """Log Bayes factor, nats, of two effects, each at its best scale."""
     observed = replace(
         known.observed,
-        measured=measured_poses(dataset),
+        measured=Readings.of(dataset, known.model.robot),
         covariates=dataset.covariates,
         weight=np.ones(len(dataset)),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,9 @@ import numpy as np
 
 from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
+from gtpin.accuracy.rods import rod_kinematics
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
-from gtpin.accuracy.workspace import Workspace, default_commands, workspace
+from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError
 from gtpin.kinematics.euler import well_defined, zyz
 from gtpin.kinematics.poses import Poses
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 
 SCHEMA = "gtpin-accuracy/1"
-COUNTS = (7, 21, 21)
-"""Numbers of grid points of the maps along x, y and z."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,19 +39,18 @@ class Accuracy(Shown):
     model, q
         The model, and the (N, n) commands, m or rad, at which it was analysed.
     sensitivity
-        The motion of the TCP by a step in each parameter of each link (Dressler et al. 2010, Table III), at these commands.
+        The motion of the TCP by a step in each parameter of each part (Dressler et al. 2010, Table III), at these commands.
     uncertainty, uncertain
         The uncertainty that causes the expected errors, and its source as text.
     expected
         The expected errors of the TCP.
     seed
-        Seed of the random machines of ``expected``.
+        Seed of the random machines of ``expected``, and of the postures of a robot without rods.
 
     Examples
     --------
     >>> import gtpin
-    >>> from gtpin.accuracy.analysis import analyse
-    >>> accuracy = analyse(gtpin.read_model("gantry_tau"))
+    >>> accuracy = gtpin.analyse(gtpin.read_model("gantry_tau"))
     >>> accuracy.to_dataframe().columns.tolist()
     ['parameter', 'link', 'position_mm', 'rotation_rad', 'cost_m4']
     """
@@ -67,9 +65,8 @@ class Accuracy(Shown):
 
     @cached_property
     def space(self) -> Workspace:
-        """A grid of points in the box that the poses span, base frame, with the points that can be reached."""
-        T = self.model.kinematics.forward(self.q).T
-        return workspace(self.model, T.min(axis=0), T.max(axis=0), COUNTS)
+        """The workspace for maps: see :func:`~gtpin.accuracy.workspace.space_of`."""
+        return space_of(self.model, self.q, self.seed)
 
     def to_json(self) -> dict[str, Any]:
         """The content of accuracy.json, SI units.
@@ -78,12 +75,13 @@ class Accuracy(Shown):
         text; ``expected.position`` (m) and ``expected.orientation`` (rad), each with ``mean`` over the poses, ``p95`` over
         random machines and poses, and ``maximum``, the mean over machines of the largest error over the poses; ``zyz_range``,
         ranges of the ZYZ Euler angles over the poses (rad), null near their singularity; ``dexterity``, the ``least``,
-        ``median`` and ``most`` of each measure over the poses (see :class:`~gtpin.accuracy.dexterity.Dexterity`), null where
-        it is infinite. Values of orientation are null for a reduced arm.
+        ``median`` and ``most`` of each measure over the poses that the robot has (see
+        :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite. Values of orientation are null for a reduced
+        arm.
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.reduced
-        measures = {name: range_json(values) for name, values in asdict(dexterity(self.model, self.q, poses)).items()}
+        measures = dexterity(self.model, self.q, poses).measures()
         return {
             "schema": SCHEMA,
             "robot": self.model.robot.name,
@@ -95,7 +93,7 @@ class Accuracy(Shown):
                 "orientation": _error_json(self.expected.orientation) if turns and self.expected.orientation else None,
             },
             "zyz_range": _zyz_range(poses) if turns and well_defined(poses.R) else None,
-            "dexterity": measures,
+            "dexterity": {name: _range_json(values) for name, values in measures.items()},
         }
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
@@ -136,24 +134,24 @@ def analyse(
     q
         (N, n) commands, m or rad; None: commands that fill the workspace.
     costs
-        By link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure residual, m^4 (Dressler
-        et al. 2010, Table II); None where costs are not known.
+        For a robot with rods: by link, the cost after a calibration: the sum over ``cost_poses`` poses of the squared closure
+        residual, m^4 (Dressler et al. 2010, Table II); None where costs are not known.
     cost_poses
         Number of poses of these sums; 61 in the paper.
     uncertainty
         The uncertainty of the machine. By default: where ``costs`` are given, closure residuals of their size; else the
         geometry, with its covariance, or with its tolerances where it is nominal.
     seed
-        Seed of the random machines.
+        Seed of the random machines, and of the commands and postures that fill the ranges of a robot without rods.
 
     Raises
     ------
     ModelError
-        If the robot has no rods, or a link has no cost or an impossible one.
+        If a robot without rods is given ``costs``, or a link has no cost or an impossible one.
     UnreachableError
         If the commands can't be reached.
     """
-    q = default_commands(model) if q is None else q
+    q = default_commands(model, seed=seed) if q is None else q
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
     found = sensitivity(model, q, sigmas=sigmas)
     uncertain = "as given"
@@ -171,7 +169,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
-    links = [rod.name for rod in model.robot.rods]
+    links = rod_kinematics(model).names
     if set(costs) != set(links) or poses < 1 or not all(0.0 <= cost < np.inf for cost in costs.values()):
         raise ModelError(
             "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"
@@ -187,7 +185,7 @@ def _error_json(error: Error) -> dict[str, float]:
     return {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
 
 
-def range_json(values: Floats) -> dict[str, Any]:
+def _range_json(values: Floats) -> dict[str, Any]:
     """Smallest value, median and largest value over the poses (N) or (N, c), as JSON; None for values that are not finite."""
     figures = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
     return {name: _finite(np.asarray(value).tolist()) for name, value in figures.items()}

@@ -136,11 +136,9 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
         fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ _root(uncertainty.parameters)
     if uncertainty.closures is not None:
         rods = rod_kinematics(model)
-        if np.shape(uncertainty.closures) != (len(model.robot.rods),):
-            raise ModelError(
-                f"{np.size(uncertainty.closures)} closure sigmas",
-                hint=f"give one for each of {len(model.robot.rods)} rods",
-            )
+        if np.shape(uncertainty.closures) != rods.L0.shape:
+            what = f"{np.size(uncertainty.closures)} closure sigmas"
+            raise ModelError(what, hint=f"give one for each of {len(rods.L0)} rods")
         fresh.append(closure_response(rods, q, poses) * uncertainty.closures)
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)

@@ -1,23 +1,34 @@
-"""Figures of accuracy results. They need matplotlib, which the extra ``plots`` installs."""
+"""Files and figures of an accuracy analysis. Figures need matplotlib, which the extra ``plots`` installs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.accuracy.chain_workspace import ChainWorkspace
+from gtpin.accuracy.analysis import Accuracy
+from gtpin.accuracy.expected import mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity
-from gtpin.accuracy.steps import PARAMETERS
 from gtpin.accuracy.workspace import Workspace
-from gtpin.output.figure import new_figure
+from gtpin.output.figure import new_figure, write_figures
+from gtpin.output.json_text import json_text
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+FILES = (
+    "sensitivity.csv",
+    "accuracy.json",
+    "sensitivity.png",
+    "map_position.png",
+    "map_orientation.png",
+    "map_condition.png",
+    "map_singularity.png",
+)
+"""Names of the files that :func:`write_accuracy` may write."""
 SLICES = 3
 """Largest number of slices of a map that are shown."""
 BLOCKS = {
@@ -26,47 +37,75 @@ BLOCKS = {
     "cost": ("change of squared\nclosure residual (m$^4$)", 1.0),
 }
 """Labels and factors of the bars."""
+SINGULARITY = {"home": "smallest singular value / at home", "best": "smallest singular value / at the best posture"}
+"""Title of the measure of singularity, by where it is 1."""
+
+
+def write_accuracy(found: Accuracy, new: Path) -> None:
+    """Write ``sensitivity.csv``, ``accuracy.json`` and figures (without matplotlib: a warning) into a new folder."""
+    found.sensitivity.to_table().to_csv(new / "sensitivity.csv", index=False, lineterminator="\n")
+    (new / "accuracy.json").write_text(json_text(found.to_json()), encoding="utf-8")
+    write_figures(lambda: all_figures(found), new)
+
+
+def all_figures(found: Accuracy) -> dict[str, Figure]:
+    """The figures of an analysis, by name: bars of the sensitivity, and maps of the workspace.
+
+    Maps of orientations that never change, and of values that are infinite everywhere, are left out. The condition number is
+    infinite everywhere if the TCP is on the axis of a joint, whose command then does not move it.
+    """
+    maps = {
+        f"map_{name}": workspace_map(found.space, values, title, unit)
+        for name, (values, unit, title) in _maps(found).items()
+        if (name != "orientation" or not found.model.geometry.reduced) and np.isfinite(values).any()
+    }
+    return {"sensitivity": sensitivity_bars(found.sensitivity), **maps}
+
+
+def _maps(found: Accuracy) -> dict[str, tuple[Floats, str, str]]:
+    """Values at the postures, their unit, and a title, by name."""
+    space = found.space
+    covariance = response(found.model, space.q, found.uncertainty).covariance
+    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
+    at = space.dexterity
+    return {
+        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
+        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
+        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
+        "singularity": (at.singularity, SINGULARITY[at.one_at], "Distance from singularity"),
+    }
+
+
+def _small(values: Floats, unit: str) -> tuple[Floats, str]:
+    """Values in mm or um (mrad or urad), depending on the largest value, and this unit."""
+    return (1e3 * values, f"m{unit}") if values.max() >= 1e-3 else (1e6 * values, f"u{unit}")
 
 
 def sensitivity_bars(result: Sensitivity) -> Figure:
     """Bars of the position, orientation and, where it is known, cost changes per pose and side, by parameter and link."""
     exact = result.exact
-    blocks = {"position": exact.position, "rotation": exact.rotation}
+    sums = {"position": exact.position, "rotation": exact.rotation}
     if exact.cost is not None:
-        blocks["cost"] = exact.cost
-    return bars(blocks, PARAMETERS, result.links, result.step, result.poses, "m/m for v")
-
-
-def bars(
-    sums: Mapping[str, Floats], parameters: Sequence[str], links: Sequence[str], step: float, poses: int, unit: str
-) -> Figure:
-    """Bars of changes per pose and side.
-
-    Parameters
-    ----------
-    sums
-        (p, k) by parameter and link, summed over the poses and both sides: ``position``, m, ``rotation``, rad, ``cost``, m^4.
-    unit
-        The unit of the step where it is not m.
-    """
+        sums["cost"] = exact.cost
     blocks = [(label, factor * sums[name]) for name, (label, factor) in BLOCKS.items() if name in sums]
     figure = new_figure(10.0, 2.6 * len(blocks) + 0.8)
     axes = np.atleast_1d(figure.subplots(len(blocks), 1, sharex=True))
-    width = 0.8 / len(links)
-    place = np.arange(len(parameters))
+    width = 0.8 / len(result.links)
+    place = np.arange(len(result.parameters))
     for axis, (label, values) in zip(axes, blocks, strict=True):
-        for i, link in enumerate(links):
-            axis.bar(place + (i + 0.5) * width - 0.4, values[:, i] / (2 * poses), width, label=link)
+        for i, link in enumerate(result.links):
+            axis.bar(place + (i + 0.5) * width - 0.4, values[:, i] / (2 * result.poses), width, label=link)
         axis.set_ylabel(label)
         axis.grid(axis="y", alpha=0.3)
-    axes[-1].set_xticks(place, parameters)
+    axes[-1].set_xticks(place, result.parameters)
     axes[-1].set_xlabel("parameter")
-    figure.suptitle(f"Mean change per pose by a step of {step:.0e} (m, or {unit}), {poses} poses")
+    unit = "rad for rotations" if "rx" in result.parameters else "m/m for v"
+    figure.suptitle(f"Mean change per pose by a step of {result.step:.0e} (m, or {unit}), {result.poses} poses")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", title="link", fontsize=9)
     return figure
 
 
-def workspace_map(space: Workspace | ChainWorkspace, values: Floats, title: str, unit: str) -> Figure:
+def workspace_map(space: Workspace, values: Floats, title: str, unit: str) -> Figure:
     """Slices of a workspace, coloured by values; blank out of reach.
 
     Parameters

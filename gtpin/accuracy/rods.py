@@ -1,11 +1,11 @@
-"""Checks of a robot before an accuracy analysis: it has rods, and can reach the poses."""
+"""Checks before an accuracy analysis: the robot can reach the poses and, where closures are analysed, has rods."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.kinematics import Kinematics, of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model import Model
@@ -13,16 +13,8 @@ from gtpin.typing import Floats
 
 
 def rod_kinematics(model: Model) -> RodKinematics:
-    """The closures of a model with rods.
-
-    Raises
-    ------
-    ModelError
-        If its robot has no rods.
-    """
-    if not isinstance(model.kinematics, RodKinematics):
-        raise ModelError(f"{model.robot.name} has no rods", hint="this analysis is of rods that hold a platform")
-    return model.kinematics
+    """The closures of a model with rods; raises `ModelError` if its robot has no rods."""
+    return of_rods(model.kinematics)
 
 
 def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:

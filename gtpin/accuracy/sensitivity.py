@@ -1,4 +1,4 @@
-"""The effect of a small error of each rod's parameters on the TCP: Table III of the paper, for any robot with rods."""
+"""The effect of a small error of each part of a chain on the TCP: Table III of the paper, for any robot."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
-from gtpin.accuracy.steps import PARAMETERS, STEP, RodStep, poses_after, rod_step
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
 from gtpin.kinematics.euler import well_defined, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.rod_steps import RodStep, rod_step
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -22,9 +22,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+STEP = 5e-5
+"""The paper's step: 50 um, or 5e-5 rad, or 5e-5 in a component of a unit vector."""
+
+
 @dataclass(frozen=True)
 class Sums:
-    """Changes summed over poses and both signs of the step, (10, k) by parameter and link; NaN where a link has none.
+    """Changes summed over poses and both signs of the step, (p, k) by parameter and link; NaN where a link has none.
 
     Parameters
     ----------
@@ -49,18 +53,20 @@ class Sensitivity:
 
     Parameters
     ----------
-    links
-        Names of the k rods.
+    parameters, links
+        Names of the p parameters and k parts. Rods have those of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; the placements
+        of joints (named by the joint), of the tool (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
     poses
         Number of commands that were summed over.
     step
-        The step, m, or m/m for directions.
+        The step, m, or rad for ``rx ry rz``, or m/m for directions.
     exact
         Changes from the forward kinematics, solved again after the step.
     linear
         Changes from the Jacobian.
     """
 
+    parameters: tuple[str, ...]
     links: tuple[str, ...]
     poses: int
     step: float
@@ -78,8 +84,8 @@ class Sensitivity:
         cost = np.full(sums.position.shape, np.nan) if sums.cost is None else sums.cost
         table = pd.DataFrame(
             {
-                "parameter": np.repeat(PARAMETERS, len(self.links)),
-                "link": np.tile(self.links, len(PARAMETERS)),
+                "parameter": np.repeat(self.parameters, len(self.links)),
+                "link": np.tile(self.links, len(self.parameters)),
                 "position_mm": 1e3 * sums.position.ravel(),
                 "rotation_rad": sums.rotation.ravel(),
                 "cost_m4": cost.ravel(),
@@ -96,25 +102,26 @@ def sensitivity(
     measured: Poses | None = None,
     step: float = STEP,
 ) -> Sensitivity:
-    """Change every rod's parameters, one at a time, by a step to both sides.
+    """Change every part's parameters, one at a time, by a step to both sides.
 
     Parameters
     ----------
     q
         (N, n) commands, m or rad.
     sigmas
-        (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2: the changes of the cost are then
-        expectations over Gaussian residuals. The paper's Table II gives each rod's
-        final cost f, m^4, the sum of the squared residuals over M poses: sigma = sqrt(f / M).
+        For a robot with k rods: (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2. The changes of
+        the cost are then expectations over Gaussian residuals. The paper's Table II gives each rod's final cost f, m^4, the sum
+        of the squared residuals over M poses: sigma = sqrt(f / M).
     measured
-        (N) measured poses, instrument's frame: the changes of the cost are then those of the actual residuals.
+        For a robot with rods: (N) measured poses, instrument's frame: the changes of the cost are then those of the actual
+        residuals.
     step
-        m; for directions m/m.
+        m or rad; for directions m/m.
 
     Raises
     ------
     ModelError
-        If the robot has no rods, or both ``sigmas`` and ``measured`` are given, or a wrong number of sigmas.
+        If a robot without rods is given ``sigmas`` or ``measured``, or both are given, or a wrong number of sigmas.
     UnreachableError
         If the commands can't be reached.
     ConvergenceError
@@ -126,42 +133,61 @@ def sensitivity(
         If the TCP's z axis is nearly parallel to the base's, so that ZYZ angles are singular at
         a pose: ``rotation`` is then NaN.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    links = tuple(rod.name for rod in model.robot.rods)
-    seen = poses
-    if measured is not None:
-        if sigmas is not None or len(measured) != len(q):
-            raise ModelError(
-                "closure residuals are not clear", hint="give sigmas, or one measured pose for each command"
-            )
-        seen = measured.moved(-model.frame.R.T @ model.frame.T, model.frame.R.T)
-    elif sigmas is not None and np.shape(sigmas) != (len(links),):
-        raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(links)} rods")
-    ends = kinematics.ends(q)
-    d, RP = rod_vectors(poses, ends)
-    response = np.linalg.inv(pose_jacobian(d, RP))
+    cost = None if sigmas is None and measured is None else _Costs.of(model, q, poses, sigmas, measured)
     defined = well_defined(poses.R)
     if not defined:
         warn("changes of orientation are left out: ZYZ angles jump at these poses")
     rates = zyz_rates(poses.R) if defined else np.full((len(q), 3, 3), np.nan)
-    exact, linear = (np.full((3, len(PARAMETERS), len(links)), np.nan) for _ in range(2))
-    for row, parameter in enumerate(PARAMETERS):
-        for rod in range(len(links)):
-            change = rod_step(kinematics, q, parameter, rod)
-            if change is None:
-                continue
-            motion = -step * response[:, :, rod] * _gap(change, d[:, rod], ends, poses)[:, None]
-            linear[0, row, rod] = 2.0 * np.linalg.norm(motion[:, :3], axis=1).sum()
-            linear[1, row, rod] = 2.0 * np.abs(np.einsum("nij,nj->ni", rates, motion[:, 3:])).sum()
-            both = [_exact(kinematics, ends, poses, change, sign * step) for sign in (1.0, -1.0)]
-            exact[:2, row, rod] = both[0] + both[1]
-            if measured is not None or sigmas is not None:
-                sigma = None if sigmas is None else float(sigmas[rod])
-                exact[2, row, rod], linear[2, row, rod] = _cost(change, ends, seen, step, sigma)
-    known = measured is not None or sigmas is not None
-    sums = [Sums(s[0], s[1], s[2] if known else None) for s in (exact, linear)]
-    return Sensitivity(links, len(q), step, sums[0], sums[1])
+    cells: dict[tuple[str, str], tuple[Floats, Floats]] = {}
+    for error in kinematics.small_errors(q, poses):
+        moved = step * error.rate
+        linear = np.full(3, np.nan)
+        linear[0] = 2.0 * np.linalg.norm(moved[:, :3], axis=1).sum()
+        linear[1] = 2.0 * np.abs(np.einsum("nij,nj->ni", rates, moved[:, 3:])).sum()
+        exact = np.append(_changes(poses, error.after(step)) + _changes(poses, error.after(-step)), np.nan)
+        if cost is not None:
+            exact[2], linear[2] = cost.changes(error.parameter, error.link, step)
+        cells[error.parameter, error.link] = exact, linear
+    parameters, links = (tuple(dict.fromkeys(names)) for names in zip(*cells, strict=True))
+    tables = np.full((2, 3, len(parameters), len(links)), np.nan)
+    for (parameter, link), both in cells.items():
+        tables[:, :, parameters.index(parameter), links.index(link)] = both
+    one, two = (Sums(s[0], s[1], None if cost is None else s[2]) for s in tables)
+    return Sensitivity(parameters, links, len(q), step, one, two)
+
+
+@dataclass(frozen=True)
+class _Costs:
+    """What the changes of the rods' squared closures need: with ``sigmas`` expectations, without them of ``seen`` poses."""
+
+    kinematics: RodKinematics
+    q: Floats
+    ends: RodEnds
+    seen: Poses
+    sigmas: Floats | None
+
+    @staticmethod
+    def of(model: Model, q: Floats, poses: Poses, sigmas: Floats | None, measured: Poses | None) -> _Costs:
+        kinematics = rod_kinematics(model)
+        seen = poses
+        if measured is not None:
+            if sigmas is not None or len(measured) != len(q):
+                what = "closure residuals are not clear"
+                raise ModelError(what, hint="give sigmas, or one measured pose for each command")
+            seen = measured.moved(-model.frame.R.T @ model.frame.T, model.frame.R.T)
+        elif sigmas is not None and np.shape(sigmas) != kinematics.L0.shape:
+            what = f"{np.size(sigmas)} closure sigmas"
+            raise ModelError(what, hint=f"give one for each of the {len(kinematics.L0)} rods")
+        return _Costs(kinematics, q, kinematics.ends(q), seen, sigmas)
+
+    def changes(self, parameter: str, link: str, step: float) -> tuple[float, float]:
+        """Exact and linear sums over poses and signs of the changes of a rod's own squared closure."""
+        rod = self.kinematics.names.index(link)
+        change = rod_step(self.kinematics, self.q, parameter, rod)
+        assert change is not None
+        return _cost(change, self.ends, self.seen, step, None if self.sigmas is None else float(self.sigmas[rod]))
 
 
 def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
@@ -172,7 +198,7 @@ def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ..
     q, poses
         (N, n) commands, m or rad, and (N) their poses, base frame.
     parameters
-        Some of :data:`~gtpin.accuracy.steps.PARAMETERS`; results are NaN where a rod has no such parameter.
+        Some of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
 
     Returns
     -------
@@ -190,7 +216,7 @@ def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ..
         for rod in range(d.shape[1]):
             change = rod_step(kinematics, q, parameter, rod)
             if change is not None:
-                by_gap[:, row, rod] = np.abs(_gap(change, d[:, rod], ends, poses))
+                by_gap[:, row, rod] = np.abs(change.slope(d[:, rod], ends, poses))
     return by_gap * length[:, None], by_gap * angles[:, None]
 
 
@@ -203,22 +229,15 @@ def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodSte
         Standard deviation of the rod's closure residual, m^2.
     """
     ends = kinematics.ends(q)
-    both = [_exact(kinematics, ends, poses, change, sign * step) for sign in (1.0, -1.0)]
+    size = kinematics.geometry.robot.size
+    both = [_changes(poses, change.poses_after(sign * step, ends, poses, size)) for sign in (1.0, -1.0)]
     return np.array([*(both[0] + both[1]), _cost(change, ends, poses, step, sigma)[0]])
 
 
-def _gap(change: RodStep, d: Floats, ends: RodEnds, poses: Poses) -> Floats:
-    """(N,) derivative of the rod's closure (|d|^2 - L^2) / 2 by the parameter, d (N, 3)."""
-    L = np.broadcast_to(ends.L, (len(poses), ends.L.shape[1]))[:, change.rod]
-    return np.asarray(np.einsum("ni,ni->n", d, change.vector(poses)) - L * change.L)
-
-
-def _exact(kinematics: RodKinematics, ends: RodEnds, poses: Poses, change: RodStep, step: float) -> Floats:
-    """(2,) sums over the poses of the changes of position, m, and of the ZYZ angles, rad."""
-    moved = poses_after(kinematics, ends, poses, change, step)
-    position = np.linalg.norm(moved.T - poses.T, axis=1).sum()
+def _changes(poses: Poses, moved: Poses) -> Floats:
+    """(2,) sums over the poses of the changes of position, m, and of the ZYZ angles, rad; these NaN where not well defined."""
     rotation = np.abs(zyz_change(moved.R, poses.R)).sum() if well_defined(poses.R) else np.nan
-    return np.array([position, rotation])
+    return np.array([np.linalg.norm(moved.T - poses.T, axis=1).sum(), rotation])
 
 
 def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) -> tuple[Floats, Floats]:
@@ -234,7 +253,7 @@ def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) ->
 def _cost(change: RodStep, ends: RodEnds, poses: Poses, step: float, sigma: float | None) -> tuple[float, float]:
     """Exact and linear sums over poses and signs of the changes of the squared closure."""
     sums = np.zeros(2)
-    gap = _gap(change, rod_vectors(poses, ends)[0][:, change.rod], ends, poses)
+    gap = change.slope(rod_vectors(poses, ends)[0][:, change.rod], ends, poses)
     for sign in (1.0, -1.0):
         c, exact = closure_change(change, ends, poses, sign * step)
         for i, by in enumerate((exact, 2.0 * sign * step * gap)):

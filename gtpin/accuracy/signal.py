@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from gtpin.accuracy.rods import reached_poses
 from gtpin.calibration.observability import Observability, observability
-from gtpin.calibration.problem import in_frame
 from gtpin.kinematics.rotations import skew
-from gtpin.model.model import Model
+from gtpin.model.model import Model, in_frame
 from gtpin.noise.noise import Noise
 from gtpin.typing import Floats
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.accuracy.dexterity import unit_rows
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.errors import ModelError
+from gtpin.kinematics.closures import pose_jacobian
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -60,17 +60,19 @@ def stiffness(
         If the commands can't be reached.
     """
     kinematics = rod_kinematics(model)
+    count = len(kinematics.L0)
     rods, drives = (np.asarray(k, dtype=float) for k in (rod, drive))
-    shapes = ((rods, len(model.robot.rods)), (drives, model.robot.n_actuators))
-    if any(not (k > 0.0).all() or k.shape not in ((), (count,)) for k, count in shapes):
+    shapes = ((rods, count), (drives, model.robot.n_actuators))
+    if any(not (k > 0.0).all() or k.shape not in ((), (size,)) for k, size in shapes):
         raise ModelError(
             "a stiffness that is none", hint="give one positive number in N/m, or one for each rod or actuator"
         )
     poses = reached_poses(kinematics, q) if poses is None else poses
-    J = unit_rows(kinematics, q, poses)
+    d, RP = kinematics.rod_vectors(q, poses)
+    J = pose_jacobian(d, RP) / np.linalg.norm(d, axis=2)[..., None]
     B = -J @ kinematics.command_jacobian(q, poses)
     give = (B / np.broadcast_to(drives, B.shape[-1:])) @ np.swapaxes(B, 1, 2)
-    give = give + np.diag(np.broadcast_to(1.0 / rods, len(model.robot.rods)))
+    give = give + np.diag(np.broadcast_to(1.0 / rods, count))
     matrix = np.swapaxes(J, 1, 2) @ np.linalg.solve(give, J)
     compliance = np.linalg.inv(J)
     compliance = compliance @ give @ np.swapaxes(compliance, 1, 2)

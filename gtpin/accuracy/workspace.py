@@ -1,23 +1,37 @@
-"""Reachable TCP positions, and the robot's dexterity there."""
+"""Reachable TCP positions, the robot's dexterity there, and commands that fill the workspace."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import median
 
 from gtpin.accuracy.dexterity import Dexterity, dexterity
-from gtpin.accuracy.rods import rod_kinematics
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 
-CONDITIONED = 1.5
-"""Largest accepted motion of the TCP by unit commands, relative to that at home."""
+COUNTS = (7, 21, 21)
+"""Numbers of grid points of a box along x, y and z."""
+POSTURES = 8192
+"""Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""
+CELLS = (5, 17)
+"""Numbers of cells of such a map along its thinnest direction, and along the other two."""
+ENDLESS = 2048
+"""Number of postures for a robot with loops and drives without limits: many of its commands are far, or can't be reached."""
+FLAT = 1e-6
+"""Extent, m, below which a workspace counts as flat in a direction."""
+POSES = (180, 200)
+"""Number of default commands of a robot with and without rods."""
+CONDITIONED = (1.5, 10.0)
+"""Largest motion of the TCP by unit commands, relative to that at home, of a robot with rods and with other loops: nearer to a
+singularity, a small error of the geometry can open the loops."""
 SOUND = 0.5
-"""Smallest accepted distance from singularity, relative to that at home."""
+"""Smallest accepted distance from singularity of a robot with rods, relative to that at home."""
 TRIES = 4
 """Number of commands that are tried for each one wanted."""
 SMALLEST_BOX = 1.0 / 64.0
@@ -26,44 +40,50 @@ SMALLEST_BOX = 1.0 / 64.0
 
 @dataclass(frozen=True)
 class Workspace:
-    """A box grid of TCP positions.
+    """A box of cells, and M reachable postures with the cells of their TCPs.
 
     Parameters
     ----------
     axes
-        Coordinates, m, of the grid along x, y and z of the base frame; nx, ny and nz of them.
-    reachable
-        (nx, ny, nz) whether the TCP can be brought there within the actuators' ranges.
-    q
-        (M, n) commands of the M reachable points, m or rad, in the order of the grid (z varies fastest).
-    poses
-        (M) the poses there, base frame.
-    dexterity
-        The dexterity at the reachable points.
+        Coordinates, m, of the cells' middles along x, y and z of the base frame; nx, ny and nz of them.
+    across
+        Index of the axis that slices are orthogonal to.
+    cell
+        (M, 3) indices of the cell in which each posture's TCP is.
+    q, poses, dexterity
+        (M, n) commands of the postures, m or rad, their poses, base frame, and their dexterity.
+    volume
+        Volume, m^3, of the cells in which some posture's TCP is.
+    filled
+        Whether the postures fill the ranges of the commands, several to a cell; False: one posture has its TCP in the middle of
+        each reachable cell of a given box.
     """
 
     axes: tuple[Floats, Floats, Floats]
-    reachable: Mask
+    across: int
+    cell: npt.NDArray[np.intp]
     q: Floats
     poses: Poses
     dexterity: Dexterity
+    volume: float
+    filled: bool
 
     @property
-    def across(self) -> int:
-        """Index of the axis that slices are orthogonal to: x."""
-        return 0
+    def reachable(self) -> Mask:
+        """(nx, ny, nz) whether the TCP of a posture is in the cell."""
+        there = np.zeros([len(axis) for axis in self.axes], dtype=bool)
+        there[tuple(self.cell.T)] = True
+        return there
 
     def on_grid(self, values: Floats) -> Floats:
-        """(nx, ny, nz) grid with the values (M,) of the reachable points; NaN elsewhere."""
-        table = np.full(self.reachable.shape, np.nan)
-        table[self.reachable] = values
+        """(nx, ny, nz) median of the finite ``values`` (M,) in each cell; NaN where there is none."""
+        table = np.full([len(axis) for axis in self.axes], np.nan)
+        good = np.isfinite(values)
+        place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)
+        there = np.unique(place)
+        if there.size:
+            table.flat[there] = median(values[good], place, there)
         return table
-
-    @property
-    def volume(self) -> float:
-        """Volume, m^3, of the cells about the reachable points."""
-        cell = np.prod([np.diff(axis).mean() if len(axis) > 1 else 0.0 for axis in self.axes])
-        return float(self.reachable.sum() * cell)
 
 
 def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int, int] = (5, 15, 15)) -> Workspace:
@@ -79,71 +99,129 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
     Raises
     ------
     ModelError
-        If the robot has no rods, or the corners give no box.
+        If the corners give no box.
     UnreachableError
         If the robot can reach no point of the box.
     """
-    kinematics = rod_kinematics(model)
     if min(counts) < 1 or not (np.asarray(lower) <= np.asarray(upper)).all():
         raise ModelError(
             "a box without points", hint="give its lower corner, its upper corner and at least one point a side"
         )
-    axes = [np.linspace(a, b, count) for a, b, count in zip(lower, upper, counts, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    q, poses = commands_for(kinematics, points)
+    x, y, z = (np.linspace(a, b, count) for a, b, count in zip(lower, upper, counts, strict=True))
+    points = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    q, poses = commands_for(model.kinematics, points)
     robot = model.robot
     inside = poses.reached
     inside[inside] = ((q[inside] >= robot.lower) & (q[inside] <= robot.upper)).all(axis=1)
     if not inside.any():
         raise UnreachableError(f"{robot.name} reaches no point of the box", hint="give a box about its home")
-    there = poses[inside]
-    return Workspace(
-        (axes[0], axes[1], axes[2]), inside.reshape(counts), q[inside], there, dexterity(model, q[inside], there)
-    )
+    there, cell = poses[inside], np.argwhere(inside.reshape(counts))
+    one = float(np.prod([np.diff(axis).mean() if len(axis) > 1 else 0.0 for axis in (x, y, z)]))
+    found = dexterity(model, q[inside], there)
+    return Workspace((x, y, z), 0, cell, q[inside], there, found, float(len(cell) * one), filled=False)
 
 
-def default_commands(model: Model, count: int = 180) -> Floats:
-    """(count, n) commands spread evenly (Halton) over the ranges, where the dexterity is about as good as at home.
-
-    An actuator without limits is taken from -pi to pi. Where the robot reaches hardly any combination of these commands, the
-    ranges are reduced around home.
+def filled_workspace(model: Model, seed: int = 0) -> Workspace:
+    """The cells in which the TCP is, for many postures that fill the ranges of the commands.
 
     Raises
     ------
-    ModelError
-        If the robot has no rods.
     UnreachableError
-        If the robot reaches hardly any of its range even near home.
+        If no posture can be reached.
+    """
+    endless = len(model.robot.constraints) > 0 and not np.isfinite(model.robot.upper - model.robot.lower).all()
+    q = _filling(model, ENDLESS if endless else POSTURES, seed)
+    if not len(q):
+        raise UnreachableError(f"{model.robot.name} reaches none of its range", hint="check the joints' limits")
+    poses = model.kinematics.forward(q)
+    low, extent = poses.T.min(axis=0), np.ptp(poses.T, axis=0)
+    across = int(np.argmin(extent))
+    counts = np.where(extent < FLAT, 1, np.where(np.arange(3) == across, CELLS[0], CELLS[1]))
+    size = np.where(extent < FLAT, 1.0, extent / counts)
+    cell = np.clip(((poses.T - low) / size).astype(int), 0, counts - 1)
+    x, y, z = (low[i] + size[i] * (np.arange(counts[i]) + 0.5 * (extent[i] >= FLAT)) for i in range(3))
+    volume = 0.0 if (extent < FLAT).any() else len(np.unique(cell, axis=0)) * float(np.prod(size))
+    return Workspace((x, y, z), across, cell, q, poses, dexterity(model, q, poses), volume, filled=True)
+
+
+def space_of(model: Model, q: Floats, seed: int = 0) -> Workspace:
+    """The workspace for maps: with rods the box of the TCP's positions at commands q (N, n), else all that is reached."""
+    if not model.robot.rod_sites:
+        return filled_workspace(model, seed)
+    T = model.kinematics.forward(q).T
+    return workspace(model, T.min(axis=0), T.max(axis=0), COUNTS)
+
+
+def default_commands(model: Model, count: int | None = None, seed: int = 0) -> Floats:
+    """Reachable commands (N, n), m or rad, spread evenly (Halton) over the ranges.
+
+    An actuator without limits is taken from -pi to pi. Of a robot with rods, N = ``count``: the dexterity is about as good as
+    at home; where it reaches hardly any combination of these commands, the ranges are reduced around home. Of other robots,
+    commands that can't be reached or, with loops, are near a singularity are left out of ``count``.
+
+    Parameters
+    ----------
+    count
+        By default 180, or 200 for a robot without rods.
+    seed
+        Seed of the commands of a robot without rods.
+
+    Raises
+    ------
+    UnreachableError
+        If a robot with rods reaches hardly any of its range even near home.
     """
     robot = model.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    if not robot.rod_sites:
+        return _filling(model, count or POSES[1], seed)
+    lower, upper = _ranges(model)
     size = 1.0
     while size >= SMALLEST_BOX:
         a, b = robot.home_q + size * (lower - robot.home_q), robot.home_q + size * (upper - robot.home_q)
-        found = _fit_to_work(model, a, b, count)
-        if len(found) == count:
+        found = _fit_to_work(model, a, b, count or POSES[0])
+        if len(found) == (count or POSES[0]):
             return found
         size /= 2.0
     raise UnreachableError(f"{robot.name} reaches hardly any of its range", hint="give commands")
+
+
+def _ranges(model: Model) -> tuple[Floats, Floats]:
+    lower, upper = model.robot.lower, model.robot.upper
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+
+def _filling(model: Model, count: int, seed: int) -> Floats:
+    """Commands that fill the ranges, out of ``count``, without those that can't be reached or are near a singularity."""
+    from scipy.stats import qmc
+
+    robot, kinematics = model.robot, model.kinematics
+    lower, upper = _ranges(model)
+    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
+    poses = kinematics.forward(q)
+    q, poses = q[poses.reached], poses[poses.reached]
+    return np.asarray(q[_gain(model, q, poses) <= CONDITIONED[1]] if robot.constraints else q)
+
+
+def _gain(model: Model, q: Floats, poses: Poses) -> Floats:
+    """(N,) motion of the TCP by unit commands, relative to that at home."""
+    kinematics, home_q = model.kinematics, model.robot.home_q[None]
+    at_home = np.linalg.norm(kinematics.command_jacobian(home_q, kinematics.forward(home_q))[0, :6])
+    return np.asarray(np.linalg.norm(kinematics.command_jacobian(q, poses)[:, :6], axis=(1, 2)) / at_home)
 
 
 def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floats:
     """At most ``count`` commands of a box that can be reached and are well conditioned, out of ``TRIES`` times as many."""
     from scipy.stats import qmc
 
-    kinematics, home_q = rod_kinematics(model), model.robot.home_q[None]
-    at_home = np.linalg.norm(kinematics.command_jacobian(home_q, kinematics.forward(home_q)))
     sequence = qmc.Halton(model.robot.n_actuators, scramble=False)
     sequence.fast_forward(1)  # its first point is the corner of the box
-    found = np.zeros((0, home_q.shape[1]))
+    found = np.zeros((0, model.robot.n_actuators))
     for _ in range(TRIES):
         q = lower + sequence.random(count) * (upper - lower)
-        poses = kinematics.forward(q)
+        poses = model.kinematics.forward(q)
         q, poses = q[poses.reached], poses[poses.reached]
-        gain = np.linalg.norm(kinematics.command_jacobian(q, poses), axis=(1, 2))
-        sound = dexterity(model, q, poses).singularity >= SOUND
-        found = np.vstack([found, q[sound & (gain <= CONDITIONED * at_home)]])
+        sound = model.kinematics.singularity(q, poses)[0] >= SOUND
+        found = np.vstack([found, q[sound & (_gain(model, q, poses) <= CONDITIONED[0])]])
         if len(found) >= count:
             break
     return found[:count]

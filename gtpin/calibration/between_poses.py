@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Measured
 from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import Unexplained
@@ -25,7 +24,7 @@ def poses_of(*columns: npt.NDArray[np.generic]) -> Groups:
     return np.asarray(np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
 
 
-def places_of(measured: Measured | Readings) -> Groups:
+def places_of(measured: Readings) -> Groups:
     """(N, c) index of the pose and the component of each number: equal for what is read of one pose again and again.
 
     A known distance of sockets, which is assigned to several rows, is no repeated reading: each of its rows has its own index.
@@ -68,17 +67,7 @@ def between(fit: Fit[Any]) -> tuple[float, float, float]:
     return mean_power(left, places, weight), float((weight * left**2).sum()), float(counted[some][own].sum())
 
 
-def unexplained(
-    errors: Floats,
-    whitened: Floats,
-    variance: Floats,
-    places: Groups,
-    turns: npt.NDArray[np.bool_],
-    taken: float,
-    *,
-    known: bool,
-    dof: float = np.inf,
-) -> Unexplained:
+def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> Unexplained:
     """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
 
     Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
@@ -88,26 +77,25 @@ def unexplained(
 
     Parameters
     ----------
-    errors, whitened
-        (M,) residuals of the fit, m or rad, and in units of the noise, one for each measured number.
+    fit
+        The fit of N rows with c numbers each.
+    errors
+        (N, c) its residuals, m and rad.
     variance
-        (M,) variance of the noise of each number, m^2 or rad^2.
-    places
-        (M,) index of each number's pose and component: equal for the repeated visits of a pose.
-    turns
-        (M,) whether the number is an angle.
-    taken
-        Effective number of fitted parameters.
+        (N, c) variance of the noise of each number, m^2 or rad^2.
     known
         Whether the noise was declared, or repeated visits showed it. Otherwise all residuals count as unexplained.
     dof
         Degrees of freedom of the noise; infinite where it was declared.
     """
+    measured = fit.problem.measured
+    counted = measured.counted > 0.0
+    places, turns = places_of(measured)[counted], measured.group_turns[measured.group][counted]
     visits = np.bincount(places)
     own = np.unique(places, return_index=True)[1]  # one number of each pose and component
-    means, noise = (np.bincount(places, x)[places[own]] / visits[places[own]] for x in (errors, variance))
-    free = max(len(own) - taken, 1.0)
-    power = mean_power(whitened, places)
+    means, noise = (np.bincount(places, x[counted])[places[own]] / visits[places[own]] for x in (errors, variance))
+    free = max(len(own) - fit.taken, 1.0)
+    power = mean_power(fit.residual[counted], places)
     if known:
         chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
         if chance >= LACK_OF_FIT:
@@ -121,29 +109,3 @@ def unexplained(
         return float(np.sqrt(max(seen - random, 0.0)))
 
     return Unexplained(size(~turns[own]), size(turns[own]), known)
-
-
-def unexplained_poses(
-    fit: Fit[Any], errors: Floats, variance: Floats, poses: Groups, *, known: bool, dof: float = np.inf
-) -> Unexplained:
-    """What a fit of measured poses leaves unexplained: see :func:`unexplained`.
-
-    Parameters
-    ----------
-    fit
-        The fit to N poses with c = 3 or 6 components.
-    errors
-        (N, c) its residuals, m and rad.
-    variance
-        (N, c) variance of the noise, m^2 and rad^2.
-    poses
-        (N,) index of each row's pose.
-    known, dof
-        As for :func:`unexplained`.
-    """
-    c = errors.shape[1]
-    places = (poses[:, None] * c + np.arange(c)).ravel()
-    turns = np.broadcast_to(np.arange(c) >= 3, errors.shape).ravel()
-    return unexplained(
-        errors.ravel(), fit.residual.ravel(), variance.ravel(), places, turns, fit.taken, known=known, dof=dof
-    )

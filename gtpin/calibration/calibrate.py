@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate_readings import calibrate_readings
 from gtpin.calibration.checks.actuators import check_actuators
-from gtpin.calibration.checks.declared_noise import used_noise
+from gtpin.calibration.checks.declared_noise import with_credible_noise
 from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
 from gtpin.calibration.checks.failed_fit import check_poor, explained
 from gtpin.calibration.checks.prepared import prepared
@@ -20,16 +20,16 @@ from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plau
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.poses_result import calibration_of
 from gtpin.calibration.problem import Problem, measured_poses, rough_frame
+from gtpin.calibration.readings_result import calibration_of
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress, RobustFit
-from gtpin.calibration.settled import Settled
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset
 from gtpin.data.rounding import with_rounding
 from gtpin.data.sane import sane_rows
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, noted, warn
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
 from gtpin.model.measured_robot import robot_of
@@ -220,50 +220,39 @@ def _calibrated(
     plausible = plausible_rows(dataset.take(reached), nominal, poses)
     reached[reached] = plausible
     kept, poses = dataset.take(reached), poses[plausible]
-    measured = measured_poses(replace(kept, orientation=None) if geometry.reduced else kept)
-    instrument = dataset.instrument
-    check_size(dataset, measured, 6 if instrument.frame == "free" else 0)
-
+    if geometry.reduced:
+        kept = replace(kept, orientation=None)
+    measured, instrument = measured_poses(kept), dataset.instrument
+    free = instrument.frame == "free"
+    check_size(dataset, measured, 6 if free else 0)
     targets = np.array([p.kind == "platform" for p in geometry.parameters]) if instrument.target == "free" else None
-
-    def started(instrument: Instrument, geometry: Geometry = geometry) -> Model:
-        frame = rough_frame(poses, measured) if instrument.frame == "free" else Frame()
-        return Model(geometry, frame, solver=kinematics)
-
-    def settle(instrument: Instrument, geometry: Geometry = geometry) -> Settled[Problem]:
-        sigmas = (instrument.position_sigma, instrument.orientation_sigma)
-        own, c = replace(measured, sigmas=sigmas, station=instrument.station), measured.components
-        unit = np.broadcast_to(np.eye(c), (len(own.T), c, c))
-        whole = Problem(started(instrument, geometry), own, unit, instrument.frame == "free")
-        return RobustFit(whole, kept.row, kept.visits, poses, progress, lacking, targets).run()
-
-    start = started(instrument)
+    start = Model(geometry, rough_frame(poses, measured) if free else Frame(), solver=kinematics)
+    readings, c = Readings.of(kept, geometry.robot), measured.components
+    problem = Problem(start, readings, np.broadcast_to(np.eye(c), (len(kept), c, c)), free)
+    fit = RobustFit(problem, kept.row, kept.visits, poses, progress, lacking, targets)
     seen = start.seen(poses)
     far = far_from_nominal(measured, seen, reach_of(geometry))
     check_stretch(kept, measured, seen, far, bumps=False)
-    with explained(kept, start, measured, poses, far):
+    with explained(kept, fit, measured, far):
         if doubt:
-            settled = settled_in_doubt(kept, start, measured, poses, settle)
+            settled = settled_in_doubt(kept, fit)
         else:
-            settled = settle(instrument)
+            settled = fit.run()
             check_convention(dataset, settled)
         left = settled.fit.problem.left(settled.fit.point, settled.fit.point.poses)[:, :3]
-        check_poor(kept, start, measured, poses, float(np.sqrt((left**2).sum(axis=1).mean())))
+        check_poor(kept, fit, measured, float(np.sqrt((left**2).sum(axis=1).mean())))
         check_used(kept, measured, settled)
         if not settled.used.all():
             named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
             warn(f"set aside as gross errors: poses {named}")
         check_fit(kept, settled, seen)
         if doubt:
-            settled, instrument = used_noise(dataset, settled, settle)
-            settled, instrument = unstrained(settled, instrument, settle)
-    check_freedom(dataset, len(kept) * measured.components, settled.dof)
-    aside = np.ones(len(dataset), dtype=bool)
-    aside[np.flatnonzero(reached)[settled.used]] = False
-    rejected = tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside]))
-    lines = tuple(int(line) for line in dataset.row[aside])
-    before = settled.fit.problem.start.seen(poses[settled.used])
-    return calibration_of(settled, before, rejected, lines, instrument, dataset)
+            fit, settled = unstrained(*with_credible_noise(fit, settled))
+    check_freedom(dataset, len(kept) * c, settled.dof)
+    table = fit.whole.measured.rows.tables[0]
+    used = {key: getattr(table, key) for key in ("position_sigma", "orientation_sigma")}
+    used["frame"] = "free" if fit.whole.free_frame else instrument.frame
+    return calibration_of(settled, poses, dataset, reached, dataset, instrument.model_copy(update=used))
 
 
 def _check_tolerances(dataset: Dataset) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.declared_sigmas import settled_with_sigmas
+from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.readable_readings import Misfit, check_fitted, check_readable, explained
 from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
 from gtpin.calibration.checks.rejected_rows import check_used, poses_of
@@ -14,8 +14,8 @@ from gtpin.calibration.checks.strayed import warn_of_strayed
 from gtpin.calibration.checks.usable_rows import check_freedom, reach_of
 from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.readings_problem import ReadingsProblem
-from gtpin.calibration.readings_result import ReadingsCalibration, readings_calibration
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.readings_result import ReadingsCalibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
@@ -97,7 +97,7 @@ def calibrate_readings(
 
     def fit_of(some: Readings) -> RobustFit:
         c = some.components
-        problem = ReadingsProblem(nominal, some, np.broadcast_to(np.eye(c), (len(kept), c, c)))
+        problem = Problem(nominal, some, np.broadcast_to(np.eye(c), (len(kept), c, c)))
         return RobustFit(problem, kept.row, kept.visits, near, progress)
 
     def misfit(some: Readings, index: int) -> Misfit | None:
@@ -105,23 +105,21 @@ def calibrate_readings(
             fit = fit_of(some).run().fit
         except ConvergenceError:
             return None
-        return Misfit.of(fit.problem.readings.at(fit.problem.unknowns(fit.point.x)), fit.point.poses, index)
+        return Misfit.of(fit.problem.readings(fit.point.x), fit.point.poses, index)
 
     check_readable(dataset, fitted, near, reach_of(geometry), misfit)
     with explained(fitted, near, reach_of(geometry)):
-        settled = settled_with_sigmas(fit_of(fitted))
+        fit = fit_of(fitted)
+        settled = with_credible_noise(fit, settled_or_explained(fit))[1]
     check_used(kept, fitted, settled.used)
     check_freedom(dataset, len(kept) * readings.components, settled.dof)
     problem, point = settled.fit.problem, settled.fit.point
-    check_fitted(dataset, problem.readings.at(problem.unknowns(point.x)), point.poses, reach_of(geometry))
+    check_fitted(dataset, problem.readings(point.x), point.poses, reach_of(geometry))
     if settled.scale > MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
-    aside = np.ones(len(whole), dtype=bool)
-    aside[np.flatnonzero(usable)[settled.used]] = False
-    lines = tuple(dict.fromkeys(int(row) for row in whole.row[aside]))
-    lost = tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside]))
-    found = readings_calibration(settled, fitted.minus(near), fitted, lost, lines, dataset)
+    found = calibration_of(settled, near, whole, usable, dataset)
+    assert isinstance(found, ReadingsCalibration)
     x = settled.fit.point.x[: len(geometry.parameters)]
     warn_of_strayed(x, geometry, found.observability, fitted.at(found.u))
     unseen = found.observability.learned < UNSEEN

@@ -17,7 +17,6 @@ from scipy.linalg import cho_solve
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Problem
-from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
@@ -70,7 +69,7 @@ class Marginal:
 
     @staticmethod
     def of(
-        outcome: Fit[Problem] | Fit[ReadingsProblem],
+        outcome: Fit[Problem],
         noise: ReadingNoise,
         weight: Floats,
         widened: npt.NDArray[np.bool_],
@@ -79,7 +78,7 @@ class Marginal:
         problem, groups, k = outcome.problem, len(noise.sigma), outcome.problem.size
         c = outcome.residual.shape[1]
         unit = noise.of_unit_sigma()
-        plain = problem.whitened(unit.whitening(np.zeros((len(weight), c, 1)), c))
+        plain = replace(problem, whitening=unit.whitening(np.zeros((len(weight), c, 1)), c))
         residual = plain.residual(outcome.point)
         squares, counts = np.zeros(groups), np.zeros(groups)
         moments, grams = np.zeros((groups, k)), np.zeros((groups, k, k))

@@ -11,17 +11,15 @@ import numpy.typing as npt
 from gtpin.calibration.between_poses import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.marginal import Marginal
-from gtpin.calibration.problem import Measured, Problem
-from gtpin.calibration.readings_problem import ReadingsProblem
+from gtpin.calibration.problem import Problem
 from gtpin.calibration.scatter import independent
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
-from gtpin.noise.sight import line_of_sight, range_ratio
+from gtpin.noise.sight import range_ratio
 from gtpin.typing import Floats, Mask
 
 ENOUGH = 3000
@@ -48,7 +46,7 @@ class NoiseEstimator:
         Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as repeatability.
     """
 
-    whole: Problem | ReadingsProblem
+    whole: Problem
     near: Poses
     visits: npt.NDArray[np.intp]
     lacking: bool
@@ -63,22 +61,20 @@ class NoiseEstimator:
             known[one] = True
             usual[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
         noise = ReadingNoise(usual, group, measured.row_sigma, ~known).at_least(SMALLEST)
-        if not isinstance(measured, Measured) or measured.station is None:
+        if measured.station is None:
             return noise
-        station = np.array(measured.station)
-        if np.linalg.norm(measured.T - station, axis=1).min() < NEAREST:
+        if np.linalg.norm(measured.poses[0] - measured.station, axis=1).min() < NEAREST:
             raise DatasetError(
                 "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
             )
-        sight, reach = line_of_sight(measured.T, station)
-        return replace(noise, sight=sight, reach=reach)
+        return noise.towards(measured.poses[0], measured.station)
 
     @cached_property
     def by_command(self) -> Floats:
         """(N, c, n) derivative of the measured numbers by the commands, of the start."""
         model, measured = self.whole.start, self.whole.measured
         J = model.kinematics.command_jacobian(measured.q, self.near)
-        return np.asarray(measured.scatter(J, model, self.near)[:, : measured.components])
+        return measured.seen(J, model, self.near)
 
     @cached_property
     def stops(self) -> npt.NDArray[np.intp]:
@@ -94,7 +90,7 @@ class NoiseEstimator:
         return np.broadcast_to(0.0, (count, self.whole.measured.components, 1))
 
     def estimate(
-        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], fitted: Mask, used: Mask, left: Floats
+        self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask, left: Floats
     ) -> ReadingNoise:
         """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
@@ -142,9 +138,7 @@ class NoiseEstimator:
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 
-    def _from_residuals(
-        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], fitted: Mask, used: Mask
-    ) -> ReadingNoise:
+    def _from_residuals(self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask) -> ReadingNoise:
         """Undeclared sigmas of largest marginal likelihood, about a fit, from where they are.
 
         Only rows that are still used count. With a gross error, the noise would be so large that the error is accepted in the
@@ -162,9 +156,7 @@ class NoiseEstimator:
             dof=outcome.residual.size / max(len(noise.sigma), 1.0),
         )
 
-    def _with_repeatability(
-        self, noise: ReadingNoise, outcome: Fit[Problem] | Fit[ReadingsProblem], used: Mask, left: Floats
-    ) -> ReadingNoise:
+    def _with_repeatability(self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, left: Floats) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits.
 
         An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.between_poses import places_of, poses_of, unexplained
+from gtpin.calibration.between_poses import poses_of, unexplained_by
+from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import observability
-from gtpin.calibration.readings_problem import ReadingsProblem
-from gtpin.calibration.result import Calibration, fit_json
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.result import Calibration, fit_json, lengths
 from gtpin.calibration.settled import Settled
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
 from gtpin.instruments.readings import Readings
-from gtpin.model.fit_conditions import Unexplained
+from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
+from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import present
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 
 @dataclass(frozen=True)
@@ -152,100 +155,106 @@ class ReadingsCalibration(Calibration):
         return Estimate(one.nominal + float(self.u[index]), sigma, one.unit)
 
 
-def readings_calibration(
-    settled: Settled[ReadingsProblem],
-    before: Floats,
-    readings: Readings,
-    rejected: tuple[str, ...],
-    rejected_rows: tuple[int, ...],
+def calibration_of(
+    settled: Settled,
+    near: Poses,
+    whole: Dataset,
+    usable: Mask,
     dataset: Dataset,
-) -> ReadingsCalibration:
-    """Make the result from the converged iterations.
+    instrument: Instrument | None = None,
+) -> Calibration:
+    """Make the result from the converged iterations; a :class:`ReadingsCalibration` unless poses were measured.
 
     Parameters
     ----------
     settled
         The converged iterations.
-    before
-        (N, c) residuals of the nominal geometry, of all fitted rows.
-    readings
-        The rows that were fitted, gross errors included.
-    rejected, rejected_rows
-        Ids of the poses with rejected rows, and the line numbers of these rows.
+    near
+        (M) poses of the nominal geometry, base frame, at the fitted rows, gross errors included.
+    whole, usable
+        N rows, and (N,) True for the M rows that were fitted.
     dataset
         The input data.
+    instrument
+        Description of the tracker that was used; None where readings were fitted.
     """
-    final = settled.final
+    final, noise = settled.final, settled.noise.take(settled.used)
     problem, point = final.problem, final.point
-    p, geometry = problem.n_geometry, point.model.geometry
-    whole = final.covariance
-    covariance = whole[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
-    u, unit = problem.unknowns(point.x), problem.unit
+    p, geometry, measured = problem.n_geometry, point.model.geometry, problem.measured
+    aside = np.ones(len(whole), dtype=bool)
+    aside[np.flatnonzero(usable)[settled.used]] = False
+    covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
     # Unknowns' priors are information on them, so that they count as rows of the derivative.
     priors = np.diag(problem.prior)[p:]
     factor = np.vstack([final.factor, priors[priors.any(axis=1)]])
-    left = problem.readings.at(u).minus(point.poses)
-    poses = poses_of(problem.readings.q)
-    out, some = left_out(final, poses)
-    out = np.asarray(np.linalg.solve(problem.whitening, out[..., None])[..., 0])
-    return ReadingsCalibration(
-        model=replace(
-            point.model,
-            covariance=covariance,
-            instruments=readings.at(u).fitted,
-            unexplained=_unexplained(settled, left),
-        ),
+    before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
+    left = problem.left(point, point.poses)
+    variance, known = _variances(final, noise), noise.source != "residuals"
+    unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
+    out, some = left_out(final, poses_of(measured.q))
+    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
+    found = Calibration(
+        model=replace(point.model, covariance=covariance, solver="arrays", unexplained=unexplained),
         covariance=covariance,
         observability=observability(factor, p, final.residual.size),
-        noise=settled.noise,
+        noise=settled.noise,  # type: ignore[arg-type]
         enlarged=settled.excess,
         freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
-        poses=_count(readings, settled.used),
-        rejected=rejected,
-        rejected_rows=rejected_rows,
+        poses=_count(measured),
+        rejected=tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])),
+        rejected_rows=tuple(dict.fromkeys(int(line) for line in whole.row[aside])),
         chi2=settled.chi2,
         dof=settled.dof,
         iterations=settled.steps,
         residual=left,
-        residual_before=before[settled.used],
-        instrument=Instrument(),
+        residual_before=before,
+        instrument=instrument or Instrument(),
         dataset=dataset,
+    )
+    if measured.tracked:
+        conditions = FitConditions.of(
+            Noise.of(settled.noise), settled.chi2, settled.dof, dataset.covariates, unexplained
+        )
+        return replace(
+            found,
+            model=replace(found.model, fit=conditions),
+            noise=Noise.of(settled.noise),
+            left_out=lengths(out),
+            floor=lengths(np.sqrt(variance)) if known else None,
+        )
+    readings, unit = problem.readings(point.x), problem.unit
+    own = {field.name: getattr(found, field.name) for field in fields(Calibration)}
+    return ReadingsCalibration(
+        **own | {"model": replace(found.model, instruments=readings.fitted)},
         unknowns=readings.unknowns,
         sigmas=tuple((one.name, len(one.declared)) for one in readings.instruments),
-        u=u,
-        u_covariance=whole[p:, p:] * np.outer(unit, unit),
-        by_instrument=_by_instrument(
-            problem.readings, (before[settled.used], left, out), some, settled.noise.take(settled.used)
-        ),
+        u=readings.u,
+        u_covariance=final.covariance[p:, p:] * np.outer(unit, unit),
+        by_instrument=_by_instrument(readings, (before, left, out), some, noise),
     )
 
 
-def _unexplained(settled: Settled[ReadingsProblem], left: Floats) -> Unexplained:
-    """What the fit leaves unexplained between poses; ``left`` (N, c): its residuals, m and rad."""
-    readings, each = settled.fit.problem.readings, settled.noise.take(settled.used).each
-    group = readings.group
-    counted = readings.counted.ravel() > 0.0
-    return unexplained(
-        left.ravel()[counted],
-        (left / each).ravel()[counted],
-        (each**2).ravel()[counted],
-        places_of(readings).ravel()[counted],
-        readings.group_turns[group].ravel()[counted],
-        settled.fit.taken,
-        known=settled.noise.source != "residuals",
-        dof=settled.noise.dof,
-    )
+def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+    """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
+    if noise.along_drives == 0.0 and noise.sight is None:
+        return noise.each**2
+    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
+    for rows in fit.problem.chunks():
+        poses, some = fit.point.poses[rows], measured.take(rows)
+        J = some.seen(model.kinematics.command_jacobian(some.q, poses), model, poses)
+        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
+    return np.concatenate(found)
 
 
-def _count(readings: Readings, used: npt.NDArray[np.bool_]) -> int:
-    """Number of rows of the tables that are used; the components of one row count once."""
-    return len(np.unique(np.column_stack([readings.rows.of[used], readings.rows.line[used]]), axis=0))
+def _count(readings: Readings) -> int:
+    """Number of rows of the tables; the components of one row count once."""
+    return len(readings.rows) if (readings.rows.component < 0).all() else int(readings.rows.row.max()) + 1
 
 
 def _by_instrument(
     readings: Readings, errors: tuple[Floats, Floats, Floats], some: npt.NDArray[np.bool_], noise: ReadingNoise
 ) -> tuple[InstrumentFit, ...]:
-    """Errors of each instrument: before, after, and left out; the last are of the rows ``some`` (N,)."""
+    """Errors (N, c) of each instrument: before, after, and left out; the last of the rows ``some`` (N,) alone."""
     found = []
     before, after, out = errors
     each, part = noise.each, readings.take(some)
@@ -254,5 +263,5 @@ def _by_instrument(
         count = max(len(np.unique(readings.rows.line[mine])), 1)
         unit = next(c.unit for c in one.components if c.shown)
         b, a, n = (readings.rms(i, values) for values in (before, after, each))
-        found.append(InstrumentFit(one.name, one.kind, count, b, a, n, unit, part.rms(i, out[some])))
+        found.append(InstrumentFit(one.name, one.kind, count, b, a, n, unit, part.rms(i, out)))
     return tuple(found)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,6 @@ from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.marginal import Found, Marginal
 from gtpin.calibration.noise_estimator import NoiseEstimator, same
 from gtpin.calibration.problem import Problem
-from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.calibration.settled import Settled
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
@@ -86,7 +84,7 @@ class RobustFit:
         Parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None: there are none.
     """
 
-    whole: Problem | ReadingsProblem
+    whole: Problem
     rows: npt.NDArray[np.int64]
     visits: npt.NDArray[np.intp]
     near: Poses
@@ -94,7 +92,7 @@ class RobustFit:
     lacking: bool = False
     found: Mask | None = None
 
-    def run(self) -> Settled[Any]:
+    def run(self) -> Settled:
         """Iterate until rejected rows and noise do not change.
 
         Raises
@@ -106,7 +104,7 @@ class RobustFit:
         if part is None:
             outcome, fit_, noise, x0, steps = self._entered()
         else:
-            fit_ = self._with_geometry(part.fit.problem.start.geometry)
+            fit_ = self.with_geometry(part.fit.problem.start.geometry)
             first = self.estimator.first
             noise = replace(first, sigma=part.noise.sigma, repeatability=part.noise.repeatability, lack=part.noise.lack)
             noise = replace(noise, range_ratio=part.noise.range_ratio, source=part.noise.source, dof=part.noise.dof)
@@ -115,8 +113,8 @@ class RobustFit:
         return replace(settled, geometry=self.whole.start.geometry)
 
     def _iterated(
-        self, outcome: Fit[Any], noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled[Any] | None
-    ) -> Settled[Any]:
+        self, outcome: Fit[Problem], noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled | None
+    ) -> Settled:
         """Reject rows, estimate the noise and its tails, and fit, until nothing changes."""
         used = np.ones(len(self.rows), dtype=bool)
         tails: Tails = tuple(weights.Tails() for _ in self.alike) if part is None else part.tails
@@ -155,7 +153,7 @@ class RobustFit:
             hint="declare the noise in dataset.toml",
         )
 
-    def _entered(self) -> tuple[Fit[Any], RobustFit, ReadingNoise, Floats | None, int]:
+    def _entered(self) -> tuple[Fit[Problem], RobustFit, ReadingNoise, Floats | None, int]:
         """A rough fit next to the larger maximum of the marginal likelihood, with its noise and tolerances.
 
         Gives the fit, this fit with the tolerances, the noise, the x from which a fit can start anew, and the steps.
@@ -183,13 +181,13 @@ class RobustFit:
             x = outcome.point.x.copy()
             own = at._widenable
             x[: len(own)][own] /= factor
-            at = self._with_geometry(given.with_tolerances(np.where(own, best.factor, 1.0)))
+            at = self.with_geometry(given.with_tolerances(np.where(own, best.factor, 1.0)))
             outcome = at._rough(noise.at_least(ROUGH), x)
             steps += outcome.iterations
         noise = replace(noise, sigma=np.minimum(noise.sigma, at._cores(outcome, noise)))
         return outcome, at, noise, nominal if at is self else outcome.point.x, steps
 
-    def _cores(self, outcome: Fit[Any], noise: ReadingNoise) -> Floats:
+    def _cores(self, outcome: Fit[Problem], noise: ReadingNoise) -> Floats:
         """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
         left, sigma = self.whole.left(outcome.point, outcome.point.poses), noise.sigma.copy()
         shrunk = np.sqrt(max(1.0 - outcome.taken / self.whole.count, 1e-3))
@@ -199,7 +197,7 @@ class RobustFit:
                 sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
         return sigma
 
-    def _larger_maximum(self, outcome: Fit[Any], noise: ReadingNoise, given: Geometry) -> Found:
+    def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Found:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
         n = len(given.parameters)
         factor, size = self._factor(given), outcome.problem.size
@@ -230,7 +228,7 @@ class RobustFit:
         ratio = self.whole.start.geometry.tolerance / given.tolerance
         return float(ratio[self._widenable].max(initial=1.0))
 
-    def _with_geometry(self, geometry: Geometry) -> RobustFit:
+    def with_geometry(self, geometry: Geometry) -> RobustFit:
         """The same fit with other tolerances."""
         return replace(self, whole=replace(self.whole, start=replace(self.whole.start, geometry=geometry)))
 
@@ -244,7 +242,7 @@ class RobustFit:
         """Groups of rows whose residuals are compared with each other."""
         return self.whole.measured.alike
 
-    def _of_a_part(self) -> Settled[Any] | None:
+    def _of_a_part(self) -> Settled | None:
         """The result for a random subset of the rows; None for few rows.
 
         Steps on a subset are cheap, and few steps on all rows remain.
@@ -261,7 +259,7 @@ class RobustFit:
             return None
         return np.sort(np.random.default_rng(0).permutation(len(self.near))[:PART])
 
-    def _fitted_part(self, part: Settled[Any] | None) -> Mask:
+    def _fitted_part(self, part: Settled | None) -> Mask:
         """(N,) the rows of a part's fit."""
         assert part is not None
         assert self._part_rows is not None
@@ -269,7 +267,7 @@ class RobustFit:
         fitted[self._part_rows[part.used]] = True
         return fitted
 
-    def _rough(self, noise: ReadingNoise, x: Floats | None) -> Fit[Any]:
+    def _rough(self, noise: ReadingNoise, x: Floats | None) -> Fit[Problem]:
         """A fit of all rows that is good enough to detect gross errors."""
         used = np.ones(len(self.rows), dtype=bool)
         return self._fit(used, noise, self._huber, x, "rough fit", rough=True)
@@ -285,7 +283,7 @@ class RobustFit:
         rough: bool = False,
         near: Poses | None = None,
         wide: float = 1.0,
-    ) -> Fit[Any]:
+    ) -> Fit[Problem]:
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
@@ -299,7 +297,7 @@ class RobustFit:
             return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, lambda r: weigh(r, used), x, report, near=near)
 
-    def _left(self, outcome: Fit[Any], used: Mask) -> tuple[Floats, Poses]:
+    def _left(self, outcome: Fit[Problem], used: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit at all rows, including rejected ones, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
         q = self.whole.measured.q
@@ -340,7 +338,7 @@ class RobustFit:
         some = whitened[used]
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 
-    def _gross(self, whitened: Floats, used: Mask, outcome: Fit[Any], poses: Poses, noise: ReadingNoise) -> Mask:
+    def _gross(self, whitened: Floats, used: Mask, outcome: Fit[Problem], poses: Poses, noise: ReadingNoise) -> Mask:
         """(N,) rows with a gross error in any number, or with a pose that the model can't reach; a table's row is rejected as
         a whole.
 

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from gtpin.calibration.problem import Point, Problem
-from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.distributions import norm
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
@@ -28,7 +27,7 @@ Assumed."""
 
 
 def independent(
-    whole: Problem | ReadingsProblem, point: Point, noise: ReadingNoise, used: npt.NDArray[np.bool_], by_command: Floats
+    whole: Problem, point: Point, noise: ReadingNoise, used: npt.NDArray[np.bool_], by_command: Floats
 ) -> bool:
     """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
 
@@ -55,7 +54,7 @@ def independent(
     return max(z) < float(norm.isf(CHANCE / len(z)))
 
 
-def _scores(problem: Problem | ReadingsProblem, point: Point, J: Floats) -> list[float]:
+def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
     """Standard scores of the correlation of the drives' errors at neighbouring poses, one for each kind of neighbour."""
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     k = B.shape[2]

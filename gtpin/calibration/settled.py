@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,6 @@ import numpy.typing as npt
 from gtpin.calibration.between_poses import LACK_OF_FIT, between
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Problem
-from gtpin.calibration.readings_problem import ReadingsProblem
 from gtpin.distributions import chi2, f
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import ReadingNoise
@@ -22,11 +20,9 @@ from gtpin.typing import Mask
 CORE = 1.2
 """Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
 
-P = TypeVar("P", bound=Problem | ReadingsProblem)
-
 
 @dataclass(frozen=True)
-class Settled(Generic[P]):
+class Settled:
     """The converged state of the iterations.
 
     Parameters
@@ -48,7 +44,7 @@ class Settled(Generic[P]):
         converge.
     """
 
-    fit: Fit[P]
+    fit: Fit[Problem]
     used: Mask
     noise: ReadingNoise
     tails: tuple[weights.Tails, ...]
@@ -105,16 +101,15 @@ class Settled(Generic[P]):
         return max(1.0, float(np.sqrt((means / free) / (whole / (free + inner)))))
 
     @property
-    def final(self) -> Fit[P]:
+    def final(self) -> Fit[Problem]:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
         factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
         return self.refit(factor) if factor > 1.0 else self.fit
 
-    def refit(self, factor: float) -> Fit[P]:
+    def refit(self, factor: float) -> Fit[Problem]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
         weight = self.fit.weight
-        noisier: P = self.fit.problem.noisier(factor / self.wide)  # type: ignore[assignment]
-        return fit(noisier, lambda _: weight, self.fit.point.x)
+        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
 
     @property
     def deviation(self) -> npt.NDArray[np.float64]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.readings_problem import ReadingsProblem
+from gtpin.calibration.problem import Problem
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, skew
 from gtpin.typing import Floats
@@ -68,7 +68,7 @@ class Candidate:
     by_unknown: Floats
 
 
-def remedies(fitted: Fit[ReadingsProblem], directions: Floats, up: Floats) -> tuple[Remedy | None, ...]:
+def remedies(fitted: Fit[Problem], directions: Floats, up: Floats) -> tuple[Remedy | None, ...]:
     """The simplest measurement that makes each direction observable; None where no candidate does.
 
     Parameters
@@ -86,7 +86,7 @@ def remedies(fitted: Fit[ReadingsProblem], directions: Floats, up: Floats) -> tu
     poses = point.poses[rows]
     geometry = point.model.geometry
     # Only the six rows of the platform: the coordinates of measured joints are read already.
-    J = point.model.kinematics.geometry_jacobian(problem.readings.q[rows], poses)[:, :6] * geometry.tolerance
+    J = point.model.kinematics.geometry_jacobian(problem.measured.q[rows], poses)[:, :6] * geometry.tolerance
     p = problem.n_geometry
     information = fitted.information + np.diag(problem.prior)
     found: list[Remedy | None] = [None] * directions.shape[1]

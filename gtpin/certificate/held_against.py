@@ -9,15 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.left_out import of_poses
-from gtpin.calibration.problem import Measured, in_frame, measured_poses, rough_frame
+from gtpin.calibration.problem import Measured, measured_poses, rough_frame
 from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands, by_unknowns
 from gtpin.data import Dataset
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.rotations import exp, frame_motions
-from gtpin.model.model import Frame, Model
+from gtpin.model.model import Frame, Model, in_frame
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 
@@ -85,7 +84,7 @@ class HeldAgainst:
         if len(found) < LEAST_CONTRASTS:
             return None
         J = by_commands(self.model, self.at)[rows]
-        noise = ReadingNoise.of_poses(replace(self.noise, repeatability=0.0, estimated=(False, False)), *found.shape)
+        noise = replace(self.noise, repeatability=0.0, estimated=(False, False)).rows(*found.shape)
         return likeliest(noise, found, J, np.ones(len(found))).repeatability
 
     def fitted(self, posterior: Posterior) -> bool:

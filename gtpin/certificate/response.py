@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.calibration.problem import in_frame
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import Model, joined, root_of
+from gtpin.model.model import Model, in_frame, joined, root_of
 from gtpin.typing import Floats
 
 

@@ -23,8 +23,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.calibration_text import calibration_summary
-from gtpin.report.files import CALIBRATION, write_calibration
+from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
 
 
 def calibrate(
@@ -63,6 +62,7 @@ def calibrate(
             calibration = run_calibration(
                 read, model=model, orientations=orientations, keep_effects=kept, progress=progress
             )
-        result = write_calibration(calibration, folder)
+        shown = CalibrationPresentation(calibration)
+        result = shown.write(folder)
     written = f"\nWritten: {', '.join(str(output / name) for name in CALIBRATION)}\nOpen {output / 'report.html'}"
-    tell(result, calibration_summary(calibration) + written, as_json)
+    tell(result, shown.terminal() + written, as_json)

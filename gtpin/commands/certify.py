@@ -21,8 +21,7 @@ from gtpin.commands.terminal import (
 )
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.certificate_text import certificate_summary
-from gtpin.report.show.certificate import CERTIFICATE, write_certificate
+from gtpin.report.certificate import CERTIFICATE, CertificatePresentation
 
 
 def certify(
@@ -57,6 +56,7 @@ def certify(
         read = read_dataset(dataset, trust=trust_data)
         with progress_of("certifying") as progress:
             found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
-        result = write_certificate(found, folder)
+        shown = CertificatePresentation(found)
+        result = shown.write(folder)
     written = f"Written: {output / 'certificate.json'}, {output / 'model'}"
-    tell(result, rendered(certificate_summary(found), written, f"Open {output / 'certificate.html'}"), as_json)
+    tell(result, rendered(shown.terminal(), written, f"Open {output / 'certificate.html'}"), as_json)

@@ -20,12 +20,9 @@ from gtpin.commands.terminal import (
     tell,
 )
 from gtpin.comparison.compare import compare as run_comparison
-from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.errors import GtpinError
-from gtpin.model.measured_robot import robot_of
 from gtpin.output.results import results_folder
-from gtpin.report.comparison_page import comparison_page
-from gtpin.report.comparison_text import comparison_text
+from gtpin.report.comparison import ComparisonPresentation
 
 
 def compare(
@@ -51,7 +48,7 @@ def compare(
             "compare takes one dataset",
             hint=f"what has changed since a model: gtpin diagnose {newer} --against {dataset} -o {output}",
         )
-    with results_folder(output, (*FILES, "report.html"), force=force) as folder:
+    with results_folder(output, ComparisonPresentation.files, force=force) as folder:
         read = read_dataset(dataset, trust=trust_data)
         with progress_of("comparing") as progress:
             comparison = run_comparison(
@@ -62,8 +59,7 @@ def compare(
                 seed=seed,
                 progress=progress,
             )
-        write_comparison(comparison, folder, carts=read.carts)
-        page = comparison_page(comparison, read, robot_of(read))
-        (folder / "report.html").write_text(page, encoding="utf-8")
+        shown = ComparisonPresentation(comparison)
+        result = shown.write(folder)
     written = f"Written: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}"
-    tell(comparison.to_json(), f"{comparison_text(comparison)}\n{written}", as_json)
+    tell(result, f"{shown.text()}{written}", as_json)

@@ -20,8 +20,8 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
-from gtpin.report.diagnosis_text import diagnosis_summary
-from gtpin.report.files import DIAGNOSIS, write_calibration, write_diagnosis
+from gtpin.report.calibration import CalibrationPresentation
+from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
 from gtpin.report.words import length
 
 
@@ -68,14 +68,15 @@ def demo(
             case.write(folder, "dataset")
             found = diagnose(case.dataset, seed=seed, progress=progress)
             progress("writing reports", 0, float("nan"))
-            result = write_diagnosis(found, folder)
-            write_calibration(replace(found.baseline, dataset=case.dataset), folder / "calibration")
+            shown = DiagnosisPresentation(found)
+            result = shown.write(folder)
+            CalibrationPresentation(replace(found.baseline, dataset=case.dataset)).write(folder / "calibration")
         held_out = _held_out(case, found)
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
         f"A virtual {robot.spoken}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
-        diagnosis_summary(found),
+        shown.terminal(),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
         f"Also written: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",

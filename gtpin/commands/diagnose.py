@@ -26,16 +26,13 @@ from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
-from gtpin.health.check import check
 from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.corrected import sure_corrections
-from gtpin.report.diagnosis_text import diagnosis_summary
-from gtpin.report.files import DIAGNOSIS, write_diagnosis
-from gtpin.report.health_page import CHECK, write_check
-from gtpin.report.health_text import health_summary
-from gtpin.report.history_page import history as history_of
+from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
+from gtpin.report.diagnosis_page import sure_corrections
+from gtpin.report.health import HealthPresentation
+from gtpin.report.history import history as history_of
 
 
 def diagnose(
@@ -99,10 +96,11 @@ def diagnose(
                 seed=seed,
                 progress=progress,
             )
-        result = write_diagnosis(found, folder)
+        shown = DiagnosisPresentation(found)
+        result = shown.write(folder)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
     text = rendered(
-        diagnosis_summary(found),
+        shown.terminal(),
         *corrections_hint(found, output),
         f"Written: {written}",
         f"Open {output / 'report.html'}",
@@ -122,18 +120,19 @@ def changed_since(
     """Find what has changed since an earlier model, write the results, and add them to a log of checks."""
     with ExitStack() as stack:
         add = None if log is None else stack.enter_context(history_of(log, force=force))
-        folder = stack.enter_context(results_folder(output, CHECK, force=force))
+        folder = stack.enter_context(results_folder(output, DIAGNOSIS, force=force))
         earlier = read_model(model)
         read = read_dataset(dataset)
         if log is not None:
             refuse_readings(read)
         with progress_of("checking") as progress:
-            found = check(read, earlier, progress=progress, **options)
-        result = write_check(found, folder)
+            found = run_diagnosis(read, against=earlier, progress=progress, **options)
+        shown = HealthPresentation(found)
+        result = shown.write(folder)
         if add is not None:
             add(found)
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
-    text = rendered(health_summary(found), f"Written: {written}", f"Open {output / 'report.html'}")
+    text = rendered(shown.terminal(), f"Written: {written}", f"Open {output / 'report.html'}")
     if log is not None:
         files = HistoryFiles.named(log)
         text += f"\nAll checks: {files.folder / files.page}"

@@ -16,7 +16,7 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
-from gtpin.export.tables_for import TablesFor
+from gtpin.export.tables import TablesFor
 from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model

@@ -20,15 +20,15 @@ from gtpin.commands.terminal import (
     write_json,
 )
 from gtpin.data import Commands
+from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.errors import ModelError
-from gtpin.health.check import FALSE_ALARM
 from gtpin.health.plan import Place, Purpose
 from gtpin.health.plan import plan as run_plan
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.noise.noise import Noise
 from gtpin.output.results import results_folder
-from gtpin.report.plan_words import plan_summary
+from gtpin.report.plan import PlanPresentation
 
 FILES = ("commands.csv", "plan.json")
 """Names of the files that the command writes."""
@@ -96,7 +96,7 @@ def plan(
         result = found.to_json()
         write_json(folder / "plan.json", result)
     written = f"Written: {', '.join(str(output / name) for name in FILES)}"
-    tell(result, rendered(plan_summary(found), written), as_json)
+    tell(result, rendered(PlanPresentation(found).terminal(), written), as_json)
 
 
 def _noise(model: Model, position: float | None, orientation: float | None, positions_only: bool) -> Noise | None:

@@ -12,7 +12,7 @@ from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_p
 from gtpin.data import Dataset
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
-from gtpin.view.reading_gap import gap_with_instruments
+from gtpin.view.gap import gap_with_instruments
 from gtpin.view.still import write_still
 
 

@@ -31,7 +31,7 @@ from gtpin.data.instrument_files import tables_there
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.read_instruments import InstrumentContents, is_second, read_instruments
+from gtpin.data.read_instruments import is_second, read_instruments
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside
@@ -245,65 +245,44 @@ class Dataset(Shown):
     def _read(cls, path: Path, instruments: Iterable[type[Any]]) -> Dataset:
         """The dataset of a folder."""
         check_folder(path, "a dataset is the folder that holds dataset.toml")
-        values = read_toml(path / "dataset.toml")
+        values, table = read_toml(path / "dataset.toml"), None
+        taken = {"pose", *POSITION, *ORIENTATION}
+        rows: dict[str, Any]
         if is_second(values):
-            return cls._of_instruments(path, read_instruments(path, {kind.kind: kind for kind in instruments}))
-        description = describe(values, path / "dataset.toml")
-        file = find_table(path, "poses") or path / "poses.csv"
-        table = read_table(file)
-        pose, q, position = table.column("pose"), table.commands(), table.matrix(POSITION)
-        taken = {"pose", *command_names(q.shape[1]), *POSITION, *ORIENTATION}
+            contents = read_instruments(path, {kind.kind: kind for kind in instruments})
+            common, one = contents.description.common, contents.as_tracker()
+            instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
+            rows = {"pose": contents.pose, "q": contents.q, "position": position, "orientation": orientation}
+            rows |= {"covariates": contents.covariates, "instrument": instrument}
+            rows |= {"row": contents.rows.line, "file": contents.rows.files[0]} if one else {"file": path}
+            rows["readings"] = None if one else contents.rows
+        else:
+            common = describe(values, path / "dataset.toml")
+            file = find_table(path, "poses") or path / "poses.csv"
+            table = read_table(file)
+            rows = {"pose": table.column("pose"), "q": table.commands(), "position": table.matrix(POSITION)}
+            taken |= {*command_names(rows["q"].shape[1])}
+            rows |= {"orientation": table.orientation(), "covariates": table.covariates(taken)}
+            rows |= {"instrument": common.instrument, "row": table.row, "file": file}
         carts = find_table(path, "carts")
-        dataset = cls(
-            robot=description.robot,
-            pose=pose,
-            q=q,
-            position=position,
-            orientation=table.orientation(),
-            covariates=table.covariates(taken),
-            instrument=description.instrument,
-            conditions=description.conditions,
-            tolerance=description.tolerance,
-            tcp=description.tcp,
-            actuators=description.actuators,
-            drivers=tuple(Driver(**one.model_dump()) for one in description.driver),
-            carts=CartMeasurements.read(carts, q.shape[1]) if carts else None,
-            path=path,
-            row=table.row,
-            file=file,
-        )
-        table.warn_of_covariates(taken)
-        dataset._check_drivers()
-        dataset._warn_of_constants(file)
-        return dataset
-
-    @classmethod
-    def _of_instruments(cls, path: Path, contents: InstrumentContents) -> Dataset:
-        """The dataset of a folder of schema 2."""
-        common, one = contents.description.common, contents.as_tracker()
-        carts = find_table(path, "carts")
-        instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
         dataset = cls(
             robot=common.robot,
-            pose=contents.pose,
-            q=contents.q,
-            position=position,
-            orientation=orientation,
-            covariates=contents.covariates,
-            instrument=instrument,
             conditions=common.conditions,
             tolerance=common.tolerance,
             tcp=common.tcp,
             actuators=common.actuators,
-            drivers=tuple(Driver(**table.model_dump()) for table in common.driver),
-            carts=CartMeasurements.read(carts, contents.q.shape[1]) if carts else None,
+            drivers=tuple(Driver(**driver.model_dump()) for driver in common.driver),
+            carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
             path=path,
-            row=contents.rows.line if one else unnumbered(),
-            file=contents.rows.files[0] if one else path,
-            readings=None if one else contents.rows,
+            **rows,
         )
+        if table is not None:
+            table.warn_of_covariates(taken)
         dataset._check_drivers()
-        dataset._warn_of_constants(path)
+        still = [name for name, column in dataset.covariates.items() if (column == column[0]).all()]
+        if still:
+            where = dataset.file if table is not None else path
+            warn(f"{where}: these covariates do not vary, so they give no information: {', '.join(still)}")
         return dataset
 
     def write(self, folder: Path | str, table: Literal["csv", "parquet"] = "csv", *, force: bool = False) -> None:
@@ -361,11 +340,6 @@ class Dataset(Shown):
             before = [(one.column, one.site, one.motion) for one in self.drivers[:number]]
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
-
-    def _warn_of_constants(self, file: Path) -> None:
-        still = [name for name, values in self.covariates.items() if (values == values[0]).all()]
-        if still:
-            warn(f"{file}: these covariates do not vary, so they give no information: {', '.join(still)}")
 
     def _columns(self, rows: NDArray[np.intp] | slice, measured: Mapping[str, Column]) -> dict[str, Column]:
         """The columns of a table of some rows: ids, commands, what was measured, and covariates."""

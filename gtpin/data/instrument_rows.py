@@ -76,9 +76,16 @@ class InstrumentRows:
     def read(self) -> NDArray[np.intp]:
         """(N,) index of what each row reads: rows of one instrument, component, station, plane, socket and target share it."""
         ids = [c.astype(str) for c in self.columns.values() if c.dtype == object]
+        if not ids and len(self.tables) == 1 and (self.component < 0).all():
+            return np.zeros(len(self), dtype=np.intp)
         keys = [np.unique(values, return_inverse=True)[1] for values in ids]
         found = np.unique(np.column_stack([self.of, self.component, *keys]), axis=0, return_inverse=True)[1]
         return np.asarray(found).ravel()
+
+    @property
+    def row(self) -> NDArray[np.intp]:
+        """(N,) number of the table's row that each row is of, from 0: the components of one reading share it."""
+        return np.unique(np.column_stack([self.of, self.line]), axis=0, return_inverse=True)[1].ravel()
 
     @property
     def countable(self) -> NDArray[np.bool_]:

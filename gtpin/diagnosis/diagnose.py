@@ -1,36 +1,42 @@
-"""Diagnose the gap between a model and measurements: where it lies, what causes it, how much the causes explain."""
+"""Diagnose the gap between a model and measurements: where it lies, what causes it, how much the causes explain.
+
+Or, with an earlier model, what has changed since.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
+from gtpin.diagnosis.against.check import check
+from gtpin.diagnosis.against.readings import reading_model
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.candidates import considered
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outliers
 from gtpin.diagnosis.inference.settle import Settled, settle
-from gtpin.diagnosis.inference.understated_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.inference.verdict import considered
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.hold_out import HoldOut, check_hold_out
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.next_experiment import classes, plan
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import driver_effects
 from gtpin.effects.driver_motion import Instrument
 from gtpin.effects.effect import Effect
-from gtpin.errors import noted, warn
+from gtpin.errors import ModelError, noted, warn
 from gtpin.memory import require
-from gtpin.model.measured_robot import measuring, robot_of
+from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
@@ -46,11 +52,12 @@ pose. Measured: docs/speed.md.
 """
 
 
-@in_one_thread
+@overload
 def diagnose(
     dataset: Dataset,
     robot: Robot | Model | None = None,
     *,
+    against: None = None,
     effects: Iterable[Effect] | None = None,
     exclude: Collection[str] = (),
     false_alarm: float = FALSE_ALARM,
@@ -59,21 +66,60 @@ def diagnose(
     seed: int = 0,
     trust_data: bool = False,
     progress: Progress | None = None,
-) -> Diagnosis:
-    """Find the causes of the error that remains after geometric calibration.
+) -> Diagnosis: ...
 
-    Five steps: prepare the data and calibrate; propose hypotheses, and re-estimate noise and outliers; infer which hypotheses
-    are causes; fit them together with the geometry; plan what to measure next.
+
+@overload
+def diagnose(
+    dataset: Dataset,
+    robot: None = None,
+    *,
+    against: Model,
+    effects: Iterable[Effect] | None = None,
+    exclude: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
+    seed: int = 0,
+    trust_data: bool = False,
+    progress: Progress | None = None,
+) -> HealthCheck: ...
+
+
+@in_one_thread
+def diagnose(
+    dataset: Dataset,
+    robot: Robot | Model | None = None,
+    *,
+    against: Model | None = None,
+    effects: Iterable[Effect] | None = None,
+    exclude: Collection[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    priors: Priors = PRIORS,
+    hold_out: HoldOut = "region",
+    seed: int = 0,
+    trust_data: bool = False,
+    progress: Progress | None = None,
+) -> Diagnosis | HealthCheck:
+    """Find the causes of the error that remains after geometric calibration; or, with ``against``, of what has changed.
+
+    Without ``against``, five steps: prepare the data and calibrate; propose hypotheses, and re-estimate noise and outliers;
+    infer which hypotheses are causes; fit them together with the geometry; plan what to measure next. See docs/diagnosis.md.
+
+    With ``against``, nothing is calibrated: the earlier model with its uncertainty is the prior, and the causes are changes
+    since then. Ten poses are enough. See docs/health.md.
 
     Parameters
     ----------
     dataset
         Measured poses or readings, with all covariates that were recorded.
     robot
-        The nominal robot, or a model whose ``robot`` is taken; by default the robot that the dataset names.
+        The nominal robot, or a model whose ``robot`` is taken; by default the robot that the dataset names. Not allowed
+        together with ``against``.
+    against
+        An earlier model of the machine; None: no earlier model.
     effects
         The effects to try; by default the whole catalogue. To add your own effects: ``[*gtpin.catalogue(), MyEffect()]``.
-        The dataset's drivers (``[[driver]]`` in dataset.toml) are tried in addition.
+        The dataset's drivers (``[[driver]]`` in dataset.toml) are tried in addition, but not with ``against``.
     exclude
         Effects that are not tried, each as ``effect`` (at all its sites) or ``effect@site``.
     false_alarm
@@ -82,14 +128,20 @@ def diagnose(
         The constants on which verdicts depend, each with its source: docs/priors.md.
     hold_out
         The poses that are left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time``
-        (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it.
+        (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it. With ``against`` it is not
+        used: each pose is left out by itself.
     seed
-        Seed of the random numbers: subsets of large datasets, and the draws from which intervals are computed.
+        Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
     trust_data
         Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
         Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
         there is none); None: no calls.
+
+    Returns
+    -------
+    diagnosis
+        A :class:`~gtpin.diagnosis.result.Diagnosis`; with ``against`` a :class:`~gtpin.diagnosis.result.HealthCheck`.
 
     Raises
     ------
@@ -104,33 +156,40 @@ def diagnose(
     >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
     False
     """
+    if against is not None and robot is not None:
+        raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
     with noted() as texts:
-        trusted = replace(dataset, trusted=True) if trust_data else dataset
-        options = (effects, exclude, false_alarm, priors, hold_out, seed, progress or _silent)
-        found = _diagnose(trusted, robot, *options)
+        trusted, report = replace(dataset, trusted=True) if trust_data else dataset, progress or _silent
+        known = tuple(catalogue() if effects is None else effects)
+        found: Diagnosis | HealthCheck
+        if against is None:
+            nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(trusted), trusted)
+            scope = Scope.of((*known, *driver_effects(trusted, nominal)), exclude, false_alarm, nominal, priors)
+            found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report)
+        else:
+            check_same_robot(against.robot, trusted)
+            earlier = reading_model(against, trusted)
+            scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
+            found = check(trusted, earlier, scope, seed, report)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
 
 
 def _diagnose(
     dataset: Dataset,
-    robot: Robot | Model | None,
-    effects: Iterable[Effect] | None,
-    exclude: Collection[str],
-    false_alarm: float,
-    priors: Priors,
+    nominal: Robot,
+    known: Sequence[Effect],
+    scope: Scope,
     hold_out: HoldOut,
     seed: int,
     report: Progress,
 ) -> Diagnosis:
-    """As :func:`diagnose`."""
-    nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(dataset), dataset)
-    known = tuple(catalogue() if effects is None else effects)
-    scope = Scope.of((*known, *driver_effects(dataset, nominal)), exclude, false_alarm, nominal, priors)
+    """As :func:`diagnose`, without an earlier model; ``known``: the effects without the dataset's drivers."""
     check_hold_out(dataset, hold_out)
     _require_memory(dataset)
     _warn_of_masses(nominal)
     rng = np.random.default_rng(seed)
 
+    priors = scope.priors
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
@@ -167,15 +226,13 @@ def _diagnosis(
 ) -> Diagnosis:
     """Put the result of a diagnosis together from those of its steps."""
     found, hypotheses = fitted.conclusion, settled.hypotheses
-    design = hypotheses.design
-    left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     regions = by_region(settled.searched, max(2, min(REGIONS, int(settled.searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(prepared.recorded.row, settled.kept.row)
     return Diagnosis(
         verdict=found.verdict,
         causes=fitted.causes,
         candidates=considered(hypotheses, found, settled.proposal.untested, fitted.unexplained.could_be),
-        where=where(design, left, found.alone, regions),
+        where=where(hypotheses, found.alone, regions),
         gap=fitted.gap,
         noise_source=fitted.noise_source,
         unexplained=fitted.unexplained,

@@ -1,4 +1,4 @@
-"""The result of a diagnosis."""
+"""The results of a diagnosis, and of a check against an earlier model."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Unexplained, Verdict
+from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Smallest, Unexplained, Verdict
 from gtpin.diagnosis.inference.shown_noise import Source
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
+from gtpin.model.fit_conditions import Unexplained as LeftBefore
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
 
@@ -22,8 +23,46 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
-@dataclass(frozen=True, repr=False)
-class Diagnosis(Shown):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Findings:
+    """What a diagnosis and a check have in common: the parameters are those of :class:`Diagnosis`."""
+
+    verdict: Verdict
+    causes: tuple[Cause, ...]
+    candidates: tuple[Considered, ...]
+    where: Where
+    gap: Gap
+    unexplained: Unexplained
+    model: Model
+    set_aside: tuple[str, ...]
+    set_aside_rows: tuple[int, ...]
+    dataset: Dataset
+    next_experiment: tuple[Experiment, ...] = ()
+    questions: tuple[Question, ...] = ()
+    effects: tuple[Effect, ...] = field(default_factory=catalogue)
+    seed: int = 0
+    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def effect(self, name: str) -> Effect:
+        """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
+        return effect_of(self.effects, name)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        content: dict[str, Any] = present(self).json()
+        return content
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
+
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
+        """
+        present(self).save(Path(folder), force=force)
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Diagnosis(Findings, Shown):
     """Verdict, causes, where the gap lies and how much of it the causes explain; see ``docs/diagnosis.md``.
 
     Parameters
@@ -79,40 +118,8 @@ class Diagnosis(Shown):
     ('m', True)
     """
 
-    verdict: Verdict
-    causes: tuple[Cause, ...]
-    candidates: tuple[Considered, ...]
-    where: Where
-    gap: Gap
-    unexplained: Unexplained
     baseline: Calibration
-    model: Model
-    set_aside: tuple[str, ...]
-    set_aside_rows: tuple[int, ...]
-    dataset: Dataset
-    next_experiment: tuple[Experiment, ...] = ()
-    questions: tuple[Question, ...] = ()
-    effects: tuple[Effect, ...] = field(default_factory=catalogue)
-    seed: int = 0
-    doubts: tuple[Doubt, ...] = ()
     noise_source: Source = "declared"
-    warnings: tuple[str, ...] = ()
-
-    def effect(self, name: str) -> Effect:
-        """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
-        return effect_of(self.effects, name)
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of ``diagnosis.json``."""
-        content: dict[str, Any] = present(self).json()
-        return content
-
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)
 
     def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
         """Plot a component of the residuals against a command or covariate, with the prediction by the causes.
@@ -160,7 +167,7 @@ class Diagnosis(Shown):
     def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
         """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
 
-        ``after``: True for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
+        ``after``: true for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
         of schema 2: the size of each reading's residual over its sigma.
         """
         figure: Figure = present(self).workspace(view, after=after)
@@ -188,3 +195,64 @@ class Diagnosis(Shown):
         """The table of the causes' parameters, as a figure."""
         figure: Figure = present(self).parameters()
         return figure
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class HealthCheck(Findings, Shown):
+    """What has changed since an earlier model was identified; see ``docs/health.md``.
+
+    Parameters
+    ----------
+    verdict, causes, candidates, where, gap, unexplained, doubts
+        As in a :class:`Diagnosis`, but the causes are changes since the earlier model.
+    baseline
+        The earlier model, with the present pose of the instrument.
+    model
+        The earlier model with the changes added, fitted again with the check's poses. A change whose covariate is in
+        ``assumed`` is left out: the model could not predict it.
+    poses, set_aside, set_aside_rows
+        Number of rows that were used; ids of the poses with rows that are gross errors, and the line numbers of these rows.
+    false_alarm, threshold
+        Probability of an alarm where nothing has changed, and the gain in log evidence, nats, from which a change is named.
+    power, smallest
+        For each tested effect, the smallest change that poses like these show with the probability ``power``.
+    assumed
+        Names of the temperatures whose change since the earlier model is not known. A check assumes that they may have
+        changed.
+    unexplained_before
+        What the earlier model left unexplained of the data that it was fitted to. It is a part of the uncertainty of what the
+        model predicts, so that changes that are smaller can't be told from it.
+    noise_known
+        Whether the noise was declared, or shown by repeated visits. Otherwise the noise floor of ``gap`` is what was left of
+        the earlier model's fit.
+    free_frame
+        Whether the pose of the instrument is unknown and identified too.
+    effects
+        The effects that were tried.
+    dataset, seed
+        The input data, and the seed of the random draws.
+    questions, next_experiment
+        Empty: a check finds neither.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> dataset = gtpin.Dataset.read("measured")
+    >>> model = gtpin.calibrate(dataset).model
+    >>> check = gtpin.diagnose(dataset.take(slice(0, 10)), against=model)
+    >>> check.poses, check.power
+    (10, 0.95)
+    """
+
+    baseline: Model
+    poses: int
+    false_alarm: float
+    threshold: float
+    power: float
+    smallest: tuple[Smallest, ...]
+    assumed: tuple[str, ...]
+    unexplained_before: LeftBefore
+    noise_known: bool
+    free_frame: bool

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 
 import numpy as np
 
@@ -21,24 +21,31 @@ class Basis:
         (m,) typical size of each coefficient: the prior's standard deviation at scale s = 1.
     command
         Index of an actuator and (N, m) displacements of its travel, m or rad.
-    carrier_joints
-        (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m.
     length
         (N, k, m) changes of the rods' lengths, m.
     twist
         (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
         position, m, and rotation vector, rad, base frame. Measured joints do not move then, unless there are rows for them.
     placements
-        Robots without rods: pairs of an index, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (N, 6, m) twists, m and
-        rad, of that placement frame, in its own axes.
+        Pairs of an index, as in :class:`~gtpin.kinematics.protocol.Bodies`, and (N, 6, m) twists, m and rad, of that frame, in
+        its own axes.
+    carrier_joints
+        (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m: another form of ``placements`` for
+        robots with rods.
     """
 
     sigma: Floats
     command: tuple[int, Floats] | None = None
-    carrier_joints: Floats | None = None
     length: Floats | None = None
     twist: Floats | None = None
     placements: tuple[tuple[int, Floats], ...] = ()
+    carrier_joints: InitVar[Floats | None] = None
+
+    def __post_init__(self, carrier_joints: Floats | None) -> None:
+        if carrier_joints is not None:
+            moved = [(i, carrier_joints[:, i]) for i in range(carrier_joints.shape[1]) if carrier_joints[:, i].any()]
+            twists = tuple((i, np.concatenate([shift, np.zeros_like(shift)], axis=1)) for i, shift in moved)
+            object.__setattr__(self, "placements", (*self.placements, *twists))
 
     def __len__(self) -> int:
         return len(self.sigma)
@@ -49,16 +56,20 @@ class Basis:
         if self.command is not None:
             actuator, travel = self.command
             total += at.command_jacobian[:, :, actuator, None] * travel[:, None, :]
-        if self.carrier_joints is not None:
-            moved = at.response @ np.einsum("nki,nkim->nkm", at.along, self.carrier_joints)
-            total += at.with_joints(moved, self.carrier_joints)
         if self.length is not None:
-            total += at.with_joints(at.response @ self.length)
+            total += at.response @ self.length
         for index, twist in self.placements:
             total += at.bodies.by_twist(index, twist)
         if self.twist is not None:
             total[:, : self.twist.shape[1]] += self.twist
         return total
+
+    def shifts(self, frames: Sequence[int]) -> Floats:
+        """(N, len(frames), 3, m) shifts of some frames by its twists of placements, in their own axes, m."""
+        moved = dict(self.placements)
+        count = next(iter(moved.values())).shape[0] if moved else 0
+        still = np.zeros((count, 3, len(self)))
+        return np.stack([moved[i][:, :3] if i in moved else still for i in frames], axis=1)
 
 
 def side_by_side(bases: Sequence[Basis]) -> Basis:
@@ -83,17 +94,11 @@ def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Bas
 
 def rods_of(at: Situation, site: str) -> list[int]:
     """Indices of the rods of a site: the rods on a cart, one rod, or all rods for ``arm``."""
-    rods = at.robot.rods
-    if site == "arm":
-        return list(range(len(rods)))
-    if site in at.robot.sites:
-        actuator = at.robot.sites.index(site)
-        return [i for i, rod in enumerate(rods) if actuator in (rod.carrier, rod.extension)]
-    return [i for i, rod in enumerate(rods) if rod.site == site]
+    return at.robot.rods_at(site)
 
 
 def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -> Basis:
     """Basis of changes (N, len(rods), m) of the lengths of some rods, m."""
-    length = np.zeros((len(at), len(at.robot.rods), columns.shape[2]))
+    length = np.zeros((len(at), len(at.robot.rod_sites), columns.shape[2]))
     length[:, rods] = columns
     return Basis(sigma, length=length)

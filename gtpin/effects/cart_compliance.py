@@ -7,14 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, rods_of
+from gtpin.effects.basis import Basis
+from gtpin.effects.chain_motions import cart_load, joint_frame, of_body
 from gtpin.effects.effect import Effect, Range, unit
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import wave
-from gtpin.robot.parameters import rotation_axes
+from gtpin.effects.smooth import approach, wave
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -70,12 +69,9 @@ class CartCompliance(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Compliances along and across, modulated by load, friction, place and small forces; then rotational compliances."""
         j = at.robot.sites.index(site)
-        rods = rods_of(at, site)
-        axes = np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)
-        pull = at.force[:, rods, None] * at.along[:, rods]
-        force = pull.sum(axis=1)
-        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
-        moment = np.cross(lever, pull).sum(axis=1)
+        frame = joint_frame(at, site)
+        rods, axes = list(frame.indices), np.vstack([frame.axis, frame.across])
+        force, moment = cart_load(at, site)
         # Relative to the load of the fit, so that a prediction does not depend on which poses are predicted together.
         mean, spread = at.references.force
         usual = max(float(np.sqrt((mean[rods] ** 2 + spread[rods] ** 2).sum())), 1e-9)
@@ -91,23 +87,19 @@ class CartCompliance(Effect):
             for axis, size in zip(axes, GIVE, strict=True):
                 # Friction depends on the magnitude of the pull.
                 along = np.abs(force @ axis) if factor is came else force @ axis
-                given = (factor * along)[:, None] * axis
-                columns.append(np.broadcast_to(given[:, None, :], lever.shape))
+                columns.append(np.outer(factor * along, [*axis, 0.0, 0.0, 0.0]))
                 sizes.append(share * size)
         for axis, size, least in zip(axes, GIVE, small, strict=True):
             along = force @ axis
-            given = (along / np.sqrt(1.0 + (along / least) ** 2))[:, None] * axis
-            columns.append(np.broadcast_to(given[:, None, :], lever.shape))
+            columns.append(np.outer(along / np.sqrt(1.0 + (along / least) ** 2), [*axis, 0.0, 0.0, 0.0]))
             sizes.append(MODULATION.dead_zone * size)
         if len(rods) > 1:
             strength = np.linalg.norm(moment, axis=1)
             for factor, share in [always, (strength / (LEVER * usual) - 1.0, stiffening), *tips_softer]:
                 for axis in axes:
-                    columns.append(np.cross(axis, lever) * (factor * (moment @ axis))[:, None, None])
+                    columns.append(np.outer(factor * (moment @ axis), [0.0, 0.0, 0.0, *axis]))
                     sizes.append(share * TIP)
-        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, len(columns)))
-        carrier_joints[:, rods] = np.stack(columns, axis=3)
-        return Basis(unit(sizes, 1.0), carrier_joints=carrier_joints)
+        return of_body(at, site, np.stack(columns, axis=2), unit(sizes, 1.0))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Compliances along and across the track, and rotational compliances."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, rods_of
+from gtpin.effects.basis import Basis
+from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.effect import Effect, unit
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -45,20 +45,16 @@ class CartRotation(Effect):
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
         """``single_joint`` where the cart has one joint, because a rotation of the cart about it does not move it."""
-        return None if len(rods_of(at, site)) > 1 else Untestable("single_joint")
+        return None if len(joint_frame(at, site).indices) > 1 else Untestable("single_joint")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Rotations about the track, a and b, each a sum of cosines along the track."""
         j = at.robot.sites.index(site)
-        rods = rods_of(at, site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
-        m = waves.shape[1]
-        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, 3 * m))
-        for a, axis in enumerate(np.roll(rotation_axes(at.robot.actuators[j].axis), 1, axis=0)):
-            arm = np.cross(axis, lever)
-            carrier_joints[:, rods, :, a * m : (a + 1) * m] = arm[..., None] * waves[:, None, None, :]
-        return Basis(unit(np.tile(size, 3), 1e-4), carrier_joints=carrier_joints)
+        frame, ways = joint_frame(at, site), np.zeros((6, 3))
+        ways[3:] = np.vstack([frame.axis, frame.across]).T
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 3, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.tile(size, 3), 1e-4))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Root mean square and peak to valley of the rotation about each axis."""

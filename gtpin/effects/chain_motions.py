@@ -11,7 +11,6 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
-from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
@@ -21,40 +20,70 @@ from gtpin.typing import Floats
 
 @dataclass(frozen=True)
 class JointFrame:
-    """The placement frame of an actuated joint, in which its error motions are expressed.
+    """The frames that an actuator carries, in which its error motions are expressed: a joint's own, or those on a cart.
 
     Parameters
     ----------
-    index
-        Index of the frame in the arrays of :class:`~gtpin.kinematics.bodies.Bodies`.
+    indices
+        Indices of the frames in the arrays of :class:`~gtpin.kinematics.protocol.Bodies`.
     axis
-        (3,) unit vector of the joint's axis, in the placement frame: the joint slides along it or turns about it.
+        (3,) unit vector of the actuator's axis, in the frames' axes: the actuator slides along it or turns about it.
     across
         (2, 3) unit vectors a and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`.
     """
 
-    index: int
+    indices: tuple[int, ...]
     axis: Floats
     across: Floats
 
+    @property
+    def index(self) -> int:
+        """Index of the frame of a joint of a robot without rods."""
+        return self.indices[0]
+
 
 def joint_frame(at: Situation, site: str) -> JointFrame:
-    """The placement frame of the joint at a site."""
-    actuator = at.robot.actuators[at.robot.sites.index(site)]
-    twist = joint_axis(at.robot.model, actuator.joint_id)
-    axis = twist[3:] if actuator.revolute else twist[:3]
-    return JointFrame(index_of(actuator.joint_id), axis, rotation_axes(axis)[:2])
+    """The frames that the actuator at a site carries, and its axis in them."""
+    actuator = at.robot.sites.index(site)
+    axis = at.kinematics.axis(actuator)
+    return JointFrame(at.kinematics.carried(actuator), axis, rotation_axes(axis)[:2])
 
 
 def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Basis:
-    """Basis of motions of a joint's placement frame, with w c coefficients: w directions of motion times c functions each.
+    """Basis of motions of what an actuator carries, with w c coefficients: w directions of motion times c functions each.
 
-    ways (6, w) are unit twists in the frame's axes. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are the
-    typical sizes of the coefficients.
+    ways (6, w) are unit twists in the axes of its frames. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are
+    the typical sizes of the coefficients.
     """
-    frame = joint_frame(at, site)
-    twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
-    return Basis(sigma, placements=((frame.index, twist),))
+    return of_body(at, site, np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1), sigma)
+
+
+def of_body(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
+    """Basis of twists (N, 6, m), m and rad, of what an actuator carries, in the axes of its frames.
+
+    A joint's own placement frame moves. The frames on a cart (its rods' joints) shift together and turn about their mean.
+    """
+    indices = joint_frame(at, site).indices
+    if len(indices) == 1:
+        return Basis(sigma, placements=((indices[0], twist),))
+    lever, turn = levers(at, site), twist[:, 3:]
+    moved = [
+        twist[:, :3] + np.cross(turn, lever[:, i, :, None], axisa=1, axisb=1, axisc=1) for i in range(len(indices))
+    ]
+    twists = (np.concatenate([shift, turn], axis=1) for shift in moved)
+    return Basis(sigma, placements=tuple(zip(indices, twists, strict=True)))
+
+
+def levers(at: Situation, site: str) -> Floats:
+    """(N, k, 3) vectors from the mean of the k joints on a cart to each of them, base frame, m."""
+    joints = at.carrier_joints[:, joint_frame(at, site).indices]
+    return np.asarray(joints - joints.mean(axis=1, keepdims=True))
+
+
+def cart_load(at: Situation, site: str) -> tuple[Floats, Floats]:
+    """(N, 3) force, N, of the rods on a cart and (N, 3) their moment, N m, about the mean of its joints, base frame."""
+    pull = at.joint_loads[:, joint_frame(at, site).indices, :3]
+    return pull.sum(axis=1), np.cross(levers(at, site), pull).sum(axis=1)
 
 
 def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
@@ -88,7 +117,6 @@ def _tip_from_joint(at: Situation, link: MovingLink) -> tuple[Floats, Floats]:
 
 def _tip_on_link(at: Situation, link: MovingLink) -> pin.SE3:
     """Placement, on the link, of the frame that ``Bodies`` has at the link's tip."""
-    assert isinstance(at.kinematics, ChainKinematics)
     robot = at.kinematics.robot
     last = link.tip == robot.model.njoints - 1
     return robot.tcp_placement if last else robot.model.jointPlacements[link.tip + 1]
@@ -99,7 +127,6 @@ def _target(at: Situation, link: MovingLink) -> pin.SE3:
 
     It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
     """
-    assert isinstance(at.kinematics, ChainKinematics)
     robot = at.kinematics.robot
     last = link.tip == robot.model.njoints - 1
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()

@@ -12,7 +12,7 @@ from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import carts
+from gtpin.effects.sites import carts, joints
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import wave
 from gtpin.robot.robot import Robot
@@ -75,13 +75,13 @@ class CrossCoupling(Effect):
         """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
-        chosen = _products(others.shape[1], bool(at.robot.rods), j)
+        chosen = _products(others.shape[1], site not in joints(at.robot), j)
         columns = np.stack(
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen.rows], axis=1
         )
         lower = np.array(chosen.along)
         size = chosen.sums**-chosen.decay
-        if not at.robot.rods and not at.robot.constraints:  # in a loop the order of the actuators is no distance
+        if not at.robot.constraints:  # in a loop the order of the actuators is no distance
             far = [_distance(k, j) for k in range(others.shape[1])]
             size = size / [np.prod([far[k] for k, order in enumerate(row) if order]) for row in chosen.rows]
         size = np.concatenate([size, MODULATION.own_track * size[lower]])

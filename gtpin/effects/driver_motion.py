@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.data.description import MOTIONS
-from gtpin.effects.basis import Basis, along_track, rods_of
+from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.sites import sliding_carts
+from gtpin.effects.sites import joints, links, sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.moving_links import moving_links
@@ -32,10 +32,10 @@ def refusal(robot: Robot, site: str, motion: str) -> str | None:
     if site in ("platform", "frame"):
         return f"{site} is no joint, so it has no q" if motion == "q" else None
     if site in robot.sites:
-        if motion == "q" or not robot.rods or site in sliding_carts(robot):
+        if motion == "q" or site in (*joints(robot), *sliding_carts(robot)):
             return None
         return f"{site} slides no carrier along a track, so that it has its q only"
-    if robot.rods:
+    if links(robot):
         return f"{site} is no site that a column can move: of this robot its actuators, platform and frame are"
     if motion == "q":
         return f"{site} is no actuator of this dataset, so it has no q"
@@ -59,12 +59,10 @@ def moved(
     for w, motion in enumerate(motions):
         if motion != "q":
             ways[MOTIONS.index(motion), w] = 1.0
-        elif robot.rods:
-            ways[:3, w] = robot.actuators[robot.sites.index(site)].axis
         else:
             turning = robot.actuators[robot.sites.index(site)].revolute
             ways[3 if turning else 0 : 6 if turning else 3, w] = joint_frame(at, site).axis
-    if site in robot.sites and not robot.rods:
+    if site in robot.sites:
         return of_joint(at, site, ways, columns, sigma)
     twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
     if site == "platform":
@@ -73,21 +71,9 @@ def moved(
     if site == "frame":
         turned = np.concatenate([instrument.axes @ twist[:, :3], instrument.axes @ twist[:, 3:]], axis=1)
         return Basis(sigma, twist=frame_motions(at.poses.T - instrument.origin) @ turned)
-    if robot.rods:
-        return _of_cart(at, site, twist, sigma)
     found = _placement(robot, site)
     assert found is not None
     return Basis(sigma, placements=tuple((index, action @ twist) for index, action in found))
-
-
-def _of_cart(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
-    """Basis of motions of a cart: its joints shift together and rotate about their mean; ``twist`` (N, 6, m), base frame."""
-    rods = rods_of(at, site)
-    lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
-    turned = np.cross(twist[:, None, 3:], lever[..., None], axisa=2, axisb=2, axisc=2)
-    joints = np.zeros((len(at), len(at.robot.rods), 3, twist.shape[2]))
-    joints[:, rods] = twist[:, None, :3] + turned
-    return Basis(sigma, carrier_joints=joints)
 
 
 def _placement(robot: Robot, site: str) -> tuple[tuple[int, Floats], ...] | None:

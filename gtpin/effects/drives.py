@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import rods_of
-from gtpin.effects.sites import turns
+from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines
-from gtpin.kinematics.bodies import index_of
-from gtpin.robot.chain import joint_axis
 from gtpin.typing import Floats
 
 RIM = 0.1
@@ -26,7 +24,7 @@ def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, si
     same number in rad.
     """
     whole = np.asarray(relative, dtype=float) * size
-    return whole / RIM if turns(at.robot, site) and not at.robot.rods else whole
+    return whole / RIM if turns(at.robot, site) and site in joints(at.robot) else whole
 
 
 SLOWEST_LINE = 3.0
@@ -44,7 +42,7 @@ def smooth_orders(at: Situation, j: int, most: int) -> int:
     """Number of cosines over the travel of drive j that count as smooth: ``most``, but for a turning joint of a robot without
     rods only those with at most ``SLOWEST_LINE`` periods per turn, and ``LEAST_ORDERS`` at least.
     """
-    if at.robot.rods or not at.robot.actuators[j].revolute:
+    if at.robot.sites[j] not in joints(at.robot) or not at.robot.actuators[j].revolute:
         return most
     return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE / _turns(at, j))))
 
@@ -55,7 +53,7 @@ def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floa
     For a turning joint of a robot without rods, cosines with many periods per turn are smaller: see ``FALL``.
     """
     columns, size = cosines(at.travel[:, j], 1, most, decay)
-    if at.robot.rods or not at.robot.actuators[j].revolute:
+    if at.robot.sites[j] not in joints(at.robot) or not at.robot.actuators[j].revolute:
         return columns, size
     rate = np.arange(1, most + 1) * _turns(at, j)
     kept = np.arange(most) < LEAST_ORDERS
@@ -74,7 +72,7 @@ def drive_load(at: Situation, site: str) -> Floats:
     The load is the mean over the forces of the drive's rods, each scaled in this way. For robots without rods it is the force
     along the joint's axis or the moment about it.
     """
-    if at.robot.rods:
+    if site not in joints(at.robot):
         return np.asarray(at.load[:, rods_of(at, site)].mean(axis=1))
     load, usual = own_load(at, site)
     mean, spread = usual
@@ -83,7 +81,9 @@ def drive_load(at: Situation, site: str) -> Floats:
 
 def own_load(at: Situation, site: str) -> tuple[Floats, tuple[float, float]]:
     """(N,) force along a joint's axis, N, or moment about it, N m, and its mean and spread over the poses of the fit."""
-    actuator = at.robot.actuators[at.robot.sites.index(site)]
-    axis, index = joint_axis(at.robot.model, actuator.joint_id), index_of(actuator.joint_id)
+    j = at.robot.sites.index(site)
+    (index,), still = at.kinematics.carried(j), np.zeros(3)
+    along = at.kinematics.axis(j)
+    axis = np.concatenate([still, along] if at.robot.actuators[j].revolute else [along, still])
     mean, spread = (values[index] for values in at.references.joints)
     return at.joint_loads[:, index] @ axis, (float(mean @ axis), float(np.linalg.norm(spread * axis)))

@@ -59,7 +59,7 @@ class JointClearance(Effect):
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
         """``one_sign``, ``no_load`` or ``no_masses``: play can be observed only where the force changes its sign."""
-        if not at.robot.rods:
+        if site in joints(at.robot):
             if not loaded(at, site):
                 return no_load(at)
             pushed = int((own_load(at, site)[0] > 0.0).sum())
@@ -73,7 +73,7 @@ class JointClearance(Effect):
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, a smooth transition where the force is small, and yielding."""
-        if not at.robot.rods:
+        if site in joints(at.robot):
             load, (mean, wide) = own_load(at, site)
             spread = max(abs(mean) + wide, 1e-9)
             sign = np.sign(load)

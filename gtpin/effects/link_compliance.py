@@ -10,11 +10,11 @@ import numpy as np
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import beam, bending, of_tips, tip_loads, torsion
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.joint_compliance import no_load
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import arm_and_links, links_at
+from gtpin.effects.sites import arm_and_links, links, links_at
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -82,7 +82,7 @@ class LinkCompliance(Effect):
 
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
         """``no_load`` or ``no_masses`` where no link of a robot without rods carries a load."""
-        return no_load(at) if not at.robot.rods and not at.joint_loads.any() else None
+        return None if links(at.robot) or at.joint_loads.any() else no_load(at)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The load and the payload."""
@@ -90,7 +90,7 @@ class LinkCompliance(Effect):
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The common compliance, then its modulation: load, tension or compression, friction, link, and length of a leg."""
-        if not at.robot.rods:
+        if not links(at.robot):
             return _of_beams(at, site)
         rods = rods_of(at, site)
         force = at.force[:, rods]
@@ -128,7 +128,7 @@ class LinkCompliance(Effect):
         self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
     ) -> dict[str, tuple[float, str]]:
         """The same parameters; for a robot without rods, the flexibilities of a beam, 1/(N m^2)."""
-        if robot.rods:
+        if links(robot):
             return self.parameters(coefficients, nonlinear)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
 

@@ -11,7 +11,7 @@ from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import carts, turns
+from gtpin.effects.sites import carts, joints, turns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -103,7 +103,7 @@ class RackPeriodic(Effect):
         phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
-        if at.robot.rods:
+        if site not in joints(at.robot):
             columns += [x**2 * c, x**2 * s, c * c - s * s, 2.0 * c * s]  # the last two: of twice the phase
             sizes = [1.0, 1.0, *[MODULATION.period] * 6]
         return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
@@ -122,7 +122,7 @@ class RackPeriodic(Effect):
 
 def _turns(at: Situation, site: str) -> bool:
     """Whether a site is a turning joint of a robot without rods."""
-    return turns(at.robot, site) and not at.robot.rods
+    return turns(at.robot, site) and site in joints(at.robot)
 
 
 def _span(at: Situation, site: str) -> float:

@@ -9,15 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.effects.sites import joints
 from gtpin.errors import ModelError
-from gtpin.kinematics.bodies import Bodies
-from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.closures import pose_jacobian, rod_vectors
-from gtpin.kinematics.joint_loads import joint_loads
-from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.statics import rod_forces
+from gtpin.kinematics.protocol import Bodies, Kinematics
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -66,7 +61,7 @@ class References:
         sliding joints, and empty where it is not known.
     joints
         Robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N m, as in
-        :func:`~gtpin.kinematics.joint_loads.joint_loads`.
+        :func:`~gtpin.kinematics.statics.joint_loads`.
     """
 
     temperature: float
@@ -84,8 +79,7 @@ class References:
 class Situation:
     """N poses of a robot, and the measurement conditions of each.
 
-    Members for rods exist only for robots with rods; ``bodies`` and ``joint_loads`` only for robots without rods. The number
-    of rods is k, of actuators n, and of Pinocchio joints J.
+    The number of rods is k (0 for a robot without rods), of actuators n, of measured joints j, and of the chain's frames F.
 
     Parameters
     ----------
@@ -157,7 +151,7 @@ class Situation:
 
         P is in the TCP frame: the joint on the platform. C is in the base frame: the joint on the carrier.
         """
-        return rod_vectors(self.poses, self._rods.ends(self.q))
+        return self.kinematics.rod_vectors(self.q, self.poses)
 
     @cached_property
     def length(self) -> Floats:
@@ -171,46 +165,34 @@ class Situation:
 
     @cached_property
     def response(self) -> Floats:
-        """(N, 6, k) motion of the TCP per change of each rod's length, base frame, m/m and rad/m."""
-        return np.asarray(np.linalg.inv(pose_jacobian(*self.vectors)) * self.length[:, None, :])
-
-    def with_joints(self, moved: Floats, carrier_joints: Floats | None = None) -> Floats:
-        """(N, 6 + j, m) the motion ``moved`` (N, 6, m) of a platform on rods, and the motion of the robot's j measured joints.
-
-        ``carrier_joints``: (N, k, 3, m) displacements of the carrier joints, base frame, m; None: they do not move.
-        """
-        if not self.robot.measured_joints:
-            return moved
-        return np.concatenate([moved, self._rods.joint_motion(self.q, self.poses, moved, carrier_joints)], axis=1)
+        """(N, 6 + j, k) motion of the TCP and j measured joints per change of each rod's length, base frame, m/m and rad/m."""
+        return self.kinematics.length_response(self.q, self.poses)
 
     @cached_property
     def command_jacobian(self) -> Floats:
         """(N, 6 + j, n) motion of the TCP, base frame, and of the j measured joints, per change of each command."""
-        if isinstance(self.kinematics, ChainKinematics):
-            return self.kinematics.by_commands(self.bodies)
-        return self.kinematics.command_jacobian(self.q, self.poses)
+        return self.kinematics.command_jacobian(self.q, self.poses, self.bodies)
 
     @cached_property
     def bodies(self) -> Bodies:
-        """First-order motion of the TCP for displacements of the joints' placement frames and of the tool."""
-        assert isinstance(self.kinematics, ChainKinematics)
-        return self.kinematics.bodies(self.q)
+        """First-order motion of the TCP for displacements of the chain's frames: joints, tool, rods' joints on carriers."""
+        return self.kinematics.bodies(self.q, self.poses)
 
     @cached_property
     def joint_loads(self) -> Floats:
-        """(N, J + 1, 6) loads on each joint and the TCP, N and N m: :func:`~gtpin.kinematics.joint_loads.joint_loads`."""
-        assert isinstance(self.kinematics, ChainKinematics)
-        return joint_loads(self.kinematics.robot, self.q, *self._tool)
+        """(N, F, 6) loads on the frames of :attr:`bodies`, N and N m: see ``Kinematics.loads``."""
+        return self.kinematics.loads(self.q, self.poses, *self._tool)
 
     @cached_property
     def carrier_joints(self) -> Floats:
         """(N, k, 3) positions of the carrier joints, base frame, m."""
-        return self._rods.ends(self.q).C
+        d, RP = self.vectors
+        return np.asarray(self.poses.T[:, None] + RP - d)
 
     @cached_property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive, from gravity of plate, rods and payload and the tool's force."""
-        return rod_forces(self._rods, self.q, self.poses, *self._tool)
+        return self.kinematics.rod_forces(self.q, self.poses, *self._tool)
 
     @cached_property
     def _tool(self) -> tuple[Floats | None, Floats | None]:
@@ -222,11 +204,6 @@ class Situation:
         tool = np.stack([given.get(name, none) for name in ("fx", "fy", "fz")], axis=1) if given else None
         return tool, payload
 
-    @property
-    def _rods(self) -> RodKinematics:
-        assert isinstance(self.kinematics, RodKinematics)
-        return self.kinematics
-
     @cached_property
     def references(self) -> References:
         """``fixed``, the references of an earlier fit, where given; otherwise computed from these data."""
@@ -235,31 +212,25 @@ class Situation:
         time = self.covariate("time") if self.has("time") else np.zeros(1)
         sessions = tuple(sorted({str(s) for s in self.covariates["session"]})) if self.has("session") else ()
         start, span = float(time.min()), max(float(np.ptp(time)), 1e-9)
-        known = tuple(sorted(self.covariates))
-        if not self.robot.rods:
-            nothing = np.zeros(0), np.zeros(0)
-            loads = self.joint_loads
-            return References(
-                self.temperature,
-                (start, span),
-                sessions,
-                nothing,
-                (np.zeros((0, 3)), np.zeros(0)),
-                known,
-                (self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
-                (loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
-                _measured_angles(self.q, self.robot.revolute),
-            )
         mean = self.along.mean(axis=0)
         mean /= np.linalg.norm(mean, axis=1)[:, None]
         spread = np.sqrt(((self.along - mean) ** 2).sum(axis=2).mean(axis=0))
-        return References(
+        found = References(
             temperature=self.temperature,
             time=(start, span),
             sessions=sessions,
             force=(self.force.mean(axis=0), np.maximum(self.force.std(axis=0), 1e-9)),
             direction=(mean, np.maximum(spread, 1e-9)),
-            covariates=known,
+            covariates=tuple(sorted(self.covariates)),
+        )
+        if not joints(self.robot):
+            return found
+        loads = self.joint_loads
+        return replace(
+            found,
+            commands=(self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
+            joints=(loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
+            angles=_measured_angles(self.q, self.robot.revolute),
         )
 
     @cached_property
@@ -276,7 +247,7 @@ class Situation:
         range: from the smallest to the largest command of the fit.
         """
         lower, upper = self.robot.lower, self.robot.upper
-        if not self.robot.rods:
+        if joints(self.robot):
             lower, upper = self.references.commands
         lower = np.where(np.isfinite(lower), lower, -np.pi)
         upper = np.where(np.isfinite(upper), upper, np.pi)

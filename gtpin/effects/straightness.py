@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, rods_of
+from gtpin.effects.basis import Basis
+from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.effect import Effect, unit
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import cosines, extent
-from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -44,13 +44,10 @@ class Straightness(Effect):
         """Cosines along the track in two directions across it."""
         j = at.robot.sites.index(site)
         waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        across = rotation_axes(at.robot.actuators[j].axis)[:2]
-        m = waves.shape[1]
-        carrier_joints = np.zeros((len(at), len(at.robot.rods), 3, 2 * m))
-        for a, axis in enumerate(across):
-            for i in rods_of(at, site):
-                carrier_joints[:, i, :, a * m : (a + 1) * m] = axis[None, :, None] * waves[:, None, :]
-        return Basis(unit(np.tile(size, 2), 4e-5), carrier_joints=carrier_joints)
+        ways = np.zeros((6, 2))
+        ways[:3] = joint_frame(at, site).across.T
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 2, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.tile(size, 2), 4e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Root mean square and peak to valley of the deviation in each direction."""

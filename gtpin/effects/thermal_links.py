@@ -11,7 +11,7 @@ from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import of_tips, reach
 from gtpin.effects.effect import Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import arm_and_links, links_at
+from gtpin.effects.sites import arm_and_links, links, links_at
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -60,7 +60,7 @@ class ThermalLinks(Effect):
         """The common expansion, then its modulation: temperature difference, time, and for robots with rods each link."""
         warm = at.covariate("temp_link") - at.references.temperature
         late = at.time if at.has("time") else np.zeros(len(at))
-        if not at.robot.rods:
+        if not links(at.robot):
             factors = np.stack([warm, warm * np.abs(warm) / 5.0, warm * late], axis=1)
             twists = []
             for link in links_at(at.robot, site):

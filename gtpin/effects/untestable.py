@@ -1,4 +1,4 @@
-"""The reason why data can't show an effect, as a typed value. ``gtpin.report.reasons`` writes it as a sentence."""
+"""The reason why data can't show an effect, as a typed value. ``gtpin.report.phrases`` writes it as a sentence."""
 
 from __future__ import annotations
 

@@ -2,6 +2,6 @@
 
 from gtpin.compensation.box import Box
 from gtpin.export.export import SUFFIXES, Format, export
-from gtpin.export.tables_for import TablesFor
+from gtpin.export.tables import TablesFor
 
 __all__ = ["SUFFIXES", "Box", "Format", "TablesFor", "export"]

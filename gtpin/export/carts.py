@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, Curve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
@@ -161,7 +161,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
             if active.site != site or set(active.effect.coordinates(robot, site)) != {f"q{number(robot, site)}"}:
                 continue
             at = conditions(model, active)
-            if active.basis(at).carrier_joints is None:
+            if not active.basis(at).placements:
                 continue
             q = at.q[:, index]
             curves = [fitted(q, moved, ends) for moved in _motion(active, at, axes).T]
@@ -222,9 +222,8 @@ def _joint(
 def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
     """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
     axes."""
-    displaced, lever = active.basis(at).carrier_joints, _levers(at, active.site)
-    assert displaced is not None
-    moved = (displaced @ active.coefficients)[:, rods_of(at, active.site)]
+    lever = _levers(at, active.site)
+    moved = active.basis(at).shifts(rods_of(at, active.site)) @ active.coefficients
     shift = moved.mean(axis=1)
     turned = -np.concatenate([skew(arm) for arm in lever[0]])  # the levers are the same at all poses
     turn = (moved - shift[:, None]).reshape(len(at), -1) @ np.linalg.pinv(turned, rcond=1e-9).T
@@ -237,7 +236,7 @@ def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
     rods = rods_of(at, site)
     carrier_joints = shift + np.cross(turn, _levers(at, site))
     stretch = np.einsum("nki,nki->nk", at.along[:, rods], carrier_joints)
-    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :, rods], stretch))
+    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :6, rods], stretch))
 
 
 def _levers(at: Situation, site: str) -> Floats:

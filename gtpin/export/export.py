@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
 
-import numpy as np
-
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
-from gtpin.compensation.grid_table import GridTable, grid_table
-from gtpin.compensation.machine import Machine, parts
-from gtpin.errors import GtpinError, ModelError, warn
+from gtpin.errors import GtpinError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
 from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
-from gtpin.export.printers import printer_files
 from gtpin.export.sdf import to_sdf
 from gtpin.export.springs import with_joint_springs, with_link_springs
-from gtpin.export.tables_for import POINTS, Left, TablesFor, Written, both_approaches, by_parts, check_any
+from gtpin.export.tables import (
+    TablesFor,
+    grid_file,
+    printer_files,
+)
 from gtpin.export.text import numbers, xml_text
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
@@ -35,7 +34,7 @@ from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables_for.TablesFor`."""
+"""Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",
@@ -235,48 +234,3 @@ def _reduction(root: Element, transmission: Element | None, joint: str) -> Eleme
     motor = SubElement(transmission, "actuator", name=f"{joint}_drive") if motor is None else motor
     found = next(transmission.iter("mechanicalReduction"), None)
     return SubElement(motor, "mechanicalReduction") if found is None else found
-
-
-def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Written:
-    """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
-
-    Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are
-    given and no effect depends on one; or if there is nothing to correct.
-    """
-    if wanted.box is not None or wanted.firmware is not None:
-        raise ModelError("a table over commands takes no --box and no --firmware", hint="leave them out")
-    machine, unknown = wanted.machine(model, session)
-    believed = wanted.believed(model)
-    table = grid_table(machine, believed, wanted.temperatures)
-    last = replace(machine, temperatures=table.temperatures[-1])
-
-    def left(part: Machine) -> Left:
-        return _left(part, believed, grid_table(part, believed, wanted.temperatures))
-
-    remains = _left(last, believed, table)
-    check_any([remains])
-    words, absent = by_parts(parts(last, believed), left)
-    notes = [remains.words("the range of the actuators", last.temperatures), *words]
-    missing = np.isnan(table.change[0]).any(axis=-1)
-    if missing.any():
-        notes.append(f"has no numbers at {missing.sum()} of {missing.size} nodes, where the robot can't be")
-    text = table.frame().to_csv(index=False, lineterminator="\n", float_format="%.10g")
-    return Written({file.name: text}, (*unknown, *absent), tuple(notes))
-
-
-def _left(machine: Machine, controller: Model, table: GridTable) -> Left:
-    """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
-    from scipy.stats import qmc
-
-    low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))
-    q = low + (high - low) * qmc.Halton(len(low), scramble=False).random(POINTS + 1)[1:]
-    asked = table.applied(q, len(table.temperatures) - 1)
-    wanted = controller.kinematics.forward(q)
-    inside = wanted.reached & np.isfinite(asked).all(axis=1)
-    at = replace(machine, temperatures=table.temperatures[-1])
-    approach = both_approaches(int(inside.sum()))
-    before, after = (at.goes_to(some[inside], approach) - wanted.T[inside] for some in (q, asked))
-    kept = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
-    if not kept.any():
-        raise ModelError("the robot can't be anywhere between the nodes of the table", hint="check its limits")
-    return Left(before[kept], after[kept])

@@ -134,7 +134,7 @@ def _flexibilities(
 def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g: float) -> Mechanism:
     """The mechanism with a link's tip, and the share ``OWN_WEIGHT`` of its mass, on springs at the link's middle."""
     here = _home(model)
-    robot = model.kinematics.robot  # type: ignore[attr-defined]
+    robot = model.kinematics.robot
     along = beam(here, link)
     length = float(np.linalg.norm(along))
     if length == 0.0:
@@ -183,7 +183,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
 
 def _target(model: Model, link: MovingLink) -> pin.SE3:
     """Placement, in the frame of a link's tip, of the frame that the loads and motions of ``Bodies`` at this tip refer to."""
-    robot = model.kinematics.robot  # type: ignore[attr-defined]
+    robot = model.kinematics.robot
     last = link.tip == robot.model.njoints - 1
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
 
@@ -220,7 +220,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
     shown = {}  # of rods that stretch by the rest and in proportion to their load
     for e in held:
         at, (compliance, rest) = conditions(model, e), laws[e.name]
-        shown[e.name] = np.asarray(np.einsum("nik,nk->ni", at.response, rest + compliance * at.force))
+        shown[e.name] = np.asarray(np.einsum("nik,nk->ni", at.response[:, :6], rest + compliance * at.force))
     return mechanism, shown
 
 

@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gtpin.data import Dataset
 from gtpin.data.files import read_text
 from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.health.result import HealthCheck
 
 SCHEMA: Final = "gtpin-history/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -24,10 +24,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 def refuse_readings(dataset: Dataset) -> None:
     """Refuse a check that is not by the poses of one tracker: a history has position errors.
 
-    Raises
-    ------
-    GtpinError
-        If it is a dataset of schema 2.
+    Raises `GtpinError` if it is a dataset of schema 2.
     """
     if dataset.readings is not None:
         what = "a history has position errors, and these are readings of other instruments"
@@ -68,10 +65,7 @@ class Entry(Part):
     def of(check: HealthCheck, now: datetime) -> Entry:
         """The line of a check that was made at the time ``now``.
 
-        Raises
-        ------
-        GtpinError
-            If it is a check by readings, which have no position errors.
+        Raises `GtpinError` if it is a check by readings, which have no position errors.
         """
         refuse_readings(check.dataset)
         changes = []
@@ -128,10 +122,7 @@ class HistoryFiles:
 def read_history(files: HistoryFiles) -> tuple[Entry, ...]:
     """The checks so far, the earliest first; none where there is no history yet.
 
-    Raises
-    ------
-    GtpinError
-        If a line is damaged, or the page is there and the file of lines is missing.
+    Raises `GtpinError` if a line is damaged, or the page is there and the file of lines is missing.
     """
     file = files.folder / files.lines
     if not file.exists():

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.planning import plan_poses
-from gtpin.calibration.problem import Measured
 from gtpin.data import Commands
+from gtpin.diagnosis.against.alarm import DRAWS, smallest_changes, threshold
+from gtpin.diagnosis.against.check import POWER, Changes
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.expectation import Conditions
+from gtpin.diagnosis.against.measured import FEWEST, least_scatter
+from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.findings import Smallest
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError
-from gtpin.health.alarm import Bench, threshold
-from gtpin.health.candidates import Candidates, candidates
-from gtpin.health.changes import Changes, Since, changes
-from gtpin.health.check import DRAWS, FALSE_ALARM, POWER, POWER_DRAWS
-from gtpin.health.choice import Choice
-from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import Conditions, expectation, share_unexplained
-from gtpin.health.measured import FEWEST, least_scatter
-from gtpin.health.power import Smallest, smallest_changes
+from gtpin.health.choice import Candidates, Choice, candidates
+from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
 from gtpin.noise.noise import SMALLEST, Noise
@@ -48,13 +48,9 @@ For effects that are to be distinguished it is 1: the others are not larger than
 class Told:
     """How well an effect is distinguished from all others.
 
-    Parameters
-    ----------
-    effect, site, parameter
-        The effect's first parameter; where the effect has several coefficients, the first core coefficient.
-    sigma, sigma_random
-        Its standard deviation, in ``unit``, after the planned poses, and after as many random poses. All other effects of the
-        plan and the geometry are unknown too.
+    ``effect``, ``site``, ``parameter``: the effect's first parameter; where the effect has several coefficients, the first core
+    coefficient. ``sigma``, ``sigma_random``: its standard deviation, in ``unit``, after the planned poses, and after as many
+    random poses. All other effects of the plan and the geometry are unknown too.
     """
 
     effect: str
@@ -69,12 +65,8 @@ class Told:
 class Information:
     """The result to expect of a calibration with the planned poses and, in ``..._random``, with as many random poses.
 
-    Parameters
-    ----------
-    nats, nats_random
-        Information about the geometry, nats.
-    error, error_random
-        Position error of the calibrated model, m, root mean square.
+    ``nats``, ``nats_random``: information about the geometry, nats. ``error``, ``error_random``: position error of the
+    calibrated model, m, root mean square.
     """
 
     nats: float
@@ -188,91 +180,67 @@ def plan(
     """
     if purpose not in get_args(Purpose):
         raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
-    left, given = model.unexplained or EXPLAINED, noise is not None
-    noise = noise if noise is not None else _noise_of(model)
+    left, given, fit = model.unexplained or EXPLAINED, noise is not None, model.fit
+    if noise is None:
+        if fit is None:
+            hint = "give it: Noise(1.5e-5, 5e-5), m and rad"
+            raise ModelError("the noise of the measurement is not known", hint=hint)
+        drives = max(fit.drives, least_scatter(model))
+        noise = Noise(fit.position_sigma, fit.orientation_sigma, drives).scaled(fit.misfit)
     where: Place = frame or ("robot" if model.frame.is_base else "free")
-    rng = np.random.default_rng(seed)
+    rng, free = np.random.default_rng(seed), where == "free"
     some = candidates(model, q, rng, moving=purpose == "discrimination", seed=seed)
     if not FEWEST <= poses <= len(some):
         hint = f"ask for {FEWEST} at least, and no more than there are candidates"
         raise ModelError(f"{poses} poses out of {len(some)}", hint=hint)
     if purpose == "calibration":
-        return _for_calibration(model, some, poses, noise, where, orientation, seed)
-    if given or left.noise_known:
-        how = Conditions(noise, where == "free", unexplained=left)
-    else:  # the noise of the fit is what it left
+        chosen = partial(plan_poses, at=some.q, orientation=orientation, free_frame=free, draws=RANDOM, seed=seed)
+        best = chosen(model, some.q, poses, noise)
+        others = float(best.random_nats.mean()), float(best.random_error.mean())
+        information = Information(best.nats, others[0], best.error, others[1])
+        commands = _commands(some, best.rows, purpose)
+        return PosePlan(purpose, commands, model, noise, where, information=information)
+    how = Conditions(noise, free, unexplained=left)
+    if not (given or left.noise_known):  # the noise of the fit is what it left
         least = replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
-        how = Conditions(least, where == "free", unexplained=left, noise_known=False)
+        how = replace(how, noise=least, noise_known=False)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
-    design, possible = _possible(Earlier(model), some, how, scope, orientation)
-    wanted = _wanted(possible, checked_first() if purpose == "health" else tuple(between), model)
-    choice = _choice(design, wanted, VAGUE if purpose == "health" else 1.0)
+    hypotheses = _possible(Earlier(model), some, how, scope, orientation).proposal.hypotheses
+    words = checked_first() if purpose == "health" else tuple(between)
+    wanted = [h for h in hypotheses.linear if not words or h.effect.id in words or str(h) in words]
+    for word in words:
+        if not any(word in (h.effect.id, str(h)) for h in wanted):
+            known = ", ".join(dict.fromkeys(h.effect.id for h in hypotheses.linear))
+            raise ModelError(f"no poses of {model.robot.name} tell {word}", hint=f"what they can tell: {known}")
+    choice = _choice(hypotheses.design, wanted, VAGUE if purpose == "health" else 1.0)
     rows = choice.best(poses)
     commands = _commands(some, rows, purpose)
     if purpose == "discrimination":
         random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
-        return PosePlan(purpose, commands, model, noise, where, told=tuple(_told(design, choice, wanted, rows, random)))
-    planned, chosen = _possible(Earlier(model), _taken(some, rows), how, scope, orientation)
-    bench = Bench(chosen.hypotheses, share_unexplained(planned, how))
-    level = threshold(bench, PRIORS.named_alarms * false_alarm, DRAWS, rng)
-    smallest = tuple(smallest_changes(bench, level, POWER, POWER_DRAWS, rng))
+        told = tuple(_told(hypotheses.design, choice, wanted, rows, random))
+        return PosePlan(purpose, commands, model, noise, where, told=told)
+    sampler = _possible(Earlier(model), some.take(rows), how, scope, orientation).sampler
+    level = threshold(sampler, PRIORS.named_alarms * false_alarm, DRAWS, rng)
+    smallest = smallest_changes(sampler, level, POWER, rng)
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)
 
 
-def _noise_of(model: Model) -> Noise:
-    if model.fit is None:
-        raise ModelError("the noise of the measurement is not known", hint="give it: Noise(1.5e-5, 5e-5), m and rad")
-    noise = Noise(model.fit.position_sigma, model.fit.orientation_sigma, max(model.fit.drives, least_scatter(model)))
-    return noise.scaled(model.fit.misfit)
-
-
-def _for_calibration(
-    model: Model, some: Candidates, poses: int, noise: Noise, frame: Place, orientation: bool, seed: int
-) -> PosePlan:
-    found = plan_poses(
-        model,
-        some.q,
-        poses,
-        noise,
-        at=some.q,
-        orientation=orientation,
-        free_frame=frame == "free",
-        draws=RANDOM,
-        seed=seed,
-    )
-    information = Information(
-        found.nats, float(found.random_nats.mean()), found.error, float(found.random_error.mean())
-    )
-    commands = _commands(some, found.rows, "calibration")
-    return PosePlan("calibration", commands, model, noise, frame, information=information)
-
-
-def _possible(
-    earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool
-) -> tuple[Design, Changes]:
-    """The linear problem of measuring candidates, and the changes that it could test."""
+def _possible(earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool) -> Changes:
+    """The changes that measuring candidates could test."""
     kinematics = earlier.model.kinematics
     seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
-    measured = Measured(some.q, seen.T, seen.R if orientation else None)
-    since = Since.of(some.covariates, earlier, how.temperature, len(some), PRIORS.warmer)
-    design = expectation(earlier, measured, some.covariates, how, since.covariates)
-    return design, changes(design, scope, since.assumed)
+    return Changes.of(
+        earlier,
+        Readings.of_poses(some.q, seen.T, seen.R if orientation else None, earlier.model.robot),
+        some.covariates,
+        how,
+        scope,
+    )
 
 
 def checked_first() -> tuple[str, ...]:
     """Ids of the effects for which the poses of a check are chosen."""
     return tuple(effect.id for effect in catalogue() if effect.first_checked)
-
-
-def _wanted(possible: Changes, words: Sequence[str], model: Model) -> list[Hypothesis]:
-    """The hypotheses that ``words`` name, each ``effect`` or ``effect@site``; all, where there are no words."""
-    tested = possible.hypotheses.linear
-    found = [h for h in tested if not words or h.effect.id in words or str(h) in words]
-    for word in words:
-        if not any(word in (h.effect.id, str(h)) for h in tested):
-            known = ", ".join(dict.fromkeys(h.effect.id for h in tested))
-            raise ModelError(f"no poses of {model.robot.name} tell {word}", hint=f"what they can tell: {known}")
-    return found
 
 
 def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Choice:
@@ -314,23 +282,14 @@ def _told(
     return found
 
 
-def _taken(some: Candidates, rows: npt.NDArray[np.intp]) -> Candidates:
-    return Candidates(some.q[rows], {n: v[rows] for n, v in some.covariates.items()}, some.set_by_plan)
-
-
 def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Commands:
-    """The chosen poses as a table, in an order with short paths between them."""
-    rows = rows[_short_way(some.q[rows])]
-    ids = np.array([f"{purpose}{k + 1}" for k in range(len(rows))], dtype=object)
-    known = {} if purpose == "calibration" else {name: some.covariates[name][rows] for name in some.set_by_plan}
-    return Commands(ids, some.q[rows], known)
-
-
-def _short_way(q: Floats) -> npt.NDArray[np.intp]:
-    """Order of commands (N, n) in which the next is always the nearest of those that are left."""
-    span = np.maximum(np.ptp(q, axis=0), 1e-12)
-    left, order = list(range(1, len(q))), [0]
+    """The chosen poses as a table, in an order in which the next is always the nearest of those that are left."""
+    q = some.q[rows]
+    span, left, order = np.maximum(np.ptp(q, axis=0), 1e-12), list(range(1, len(q))), [0]
     while left:
         off = np.linalg.norm((q[left] - q[order[-1]]) / span, axis=1)
         order.append(left.pop(int(off.argmin())))
-    return np.array(order, dtype=np.intp)
+    rows = rows[order]
+    ids = np.array([f"{purpose}{k + 1}" for k in range(len(rows))], dtype=object)
+    known = {} if purpose == "calibration" else {name: some.covariates[name][rows] for name in some.set_by_plan}
+    return Commands(ids, some.q[rows], known)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -155,8 +156,6 @@ class Instrument(ABC):
 
     Attributes
     ----------
-    up
-        (3,) unit vector against gravity, base frame.
     unknowns : tuple of Unknown
         The k unknowns.
     kind
@@ -190,8 +189,13 @@ class Instrument(ABC):
 
     def __init__(self, table: Any, read: Read, robot: Robot) -> None:
         """Take the table and the rows."""
-        self.table, self.read, self.robot, self.up = table, read, robot, up_of(robot)
+        self.table, self.read, self.robot = table, read, robot
         self.unknowns: tuple[Unknown, ...] = tuple(self._unknowns())
+
+    @cached_property
+    def up(self) -> Floats:
+        """(3,) unit vector against gravity, base frame."""
+        return up_of(self.robot)
 
     @property
     def name(self) -> str:

@@ -6,18 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.data.dataset import Dataset
 from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import TrackerTable
+from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import DatasetError
 from gtpin.instruments import BUILT_IN
 from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
 from gtpin.instruments.socket import Socket
+from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import FittedInstrument, Model
+from gtpin.kinematics.rotations import frame_motions, to_quaternions
+from gtpin.model.model import FittedInstrument, Model, in_frame
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Indices
 
@@ -49,7 +54,7 @@ class Readings:
 
     @staticmethod
     def of(dataset: Dataset, robot: Robot, u: Floats | None = None) -> Readings:
-        """The readings of a dataset that :func:`single` has returned.
+        """The readings of a dataset that :func:`single` has returned; poses are those of one tracker without a name.
 
         ``u``: (k,) deviations of the unknowns; None: zeros.
 
@@ -58,10 +63,14 @@ class Readings:
         DatasetError
             For impossible readings.
         """
-        rows = dataset.readings
-        assert rows is not None
-        found = Readings(dataset.q, rows, robot, np.zeros(0))
+        found = Readings(dataset.q, rows_of(dataset), robot, np.zeros(0))
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
+
+    @staticmethod
+    def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Robot) -> Readings:
+        """Poses of a lone tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
+        rows = _of_tracker(T, None if R is None else to_quaternions(R), np.arange(len(q)))
+        return Readings(q, rows, robot, np.zeros(0))
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
         """The rows that a mask, indices or a slice select."""
@@ -69,7 +78,31 @@ class Readings:
 
     def at(self, u: Floats) -> Readings:
         """The same readings with other values (k,) of the unknowns' deviations."""
-        return replace(self, u=u)
+        if not len(u):
+            return self
+        found = replace(self, u=u)
+        vars(found).update({name: value for name, value in vars(self).items() if name != "u"})  # what is cached
+        return found
+
+    @property
+    def tracked(self) -> bool:
+        """Whether these are the poses of a lone tracker, which has no name: their frame is that of the model."""
+        return not self.rows.tables[0].name
+
+    @property
+    def poses(self) -> tuple[Floats, Floats | None]:
+        """(N, 3) positions, m, and (N, 3, 3) orientations or None, that a lone tracker has read, in its frame."""
+        one = self.instruments[0]
+        assert isinstance(one, Tracker)
+        return one.positions, one.rotations
+
+    @property
+    def station(self) -> Floats | None:
+        """(3,) where a lone tracker stands in its frame, m; None for others, and where it is not known."""
+        table = self.rows.tables[0]
+        if not self.tracked or not isinstance(table, TrackerTable) or table.station is None:
+            return None
+        return np.array(table.station)
 
     @cached_property
     def instruments(self) -> tuple[Instrument, ...]:
@@ -101,7 +134,7 @@ class Readings:
             lambda i, one: np.broadcast_to(
                 first[i] + np.array([c.group for c in one.components]), (one.read.count, len(one.components))
             )
-        ).astype(np.intp)
+        )
 
     @property
     def alike(self) -> list[Indices]:
@@ -149,7 +182,7 @@ class Readings:
 
         def own(_: int, one: Instrument) -> Floats:
             sigmas = one.row_sigmas()
-            return np.full((one.read.count, len(one.components)), np.nan) if sigmas is None else sigmas
+            return np.broadcast_to(np.nan, (one.read.count, len(one.components))) if sigmas is None else sigmas
 
         return self._each(own)
 
@@ -165,11 +198,11 @@ class Readings:
             lambda _, one: np.broadcast_to(
                 np.array([c.shown for c in one.components]), (one.read.count, len(one.components))
             )
-        ).astype(bool)
+        )
 
     def minus(self, poses: Poses) -> Floats:
         """(N, c) measured less predicted at poses (N) of the TCP, base frame."""
-        return self._each(lambda i, one: one.minus(poses[self._rows[i]], self.u[self._own[i]]))
+        return self._each(lambda i, one: one.minus(self._part(poses, i), self.u[self._own[i]]))
 
     def by_motion(self, poses: Poses) -> Floats:
         """(N, c, 6 + j) derivative of the readings by a shift, m, and a rotation vector, rad, of the platform, base frame, and
@@ -177,7 +210,7 @@ class Readings:
         """
 
         def own(i: int, one: Instrument) -> Floats:
-            there, u = poses[self._rows[i]], self.u[self._own[i]]
+            there, u = self._part(poses, i), self.u[self._own[i]]
             by_pose = one.by_pose(there, u)
             return np.concatenate([by_pose, one.by_joints(there, u)], axis=2) if there.joints else by_pose
 
@@ -187,35 +220,38 @@ class Readings:
         """(N, c, k) derivative of the readings by the unknowns ``u``."""
 
         def own(i: int, one: Instrument) -> Floats:
-            mine = one.by_unknown(poses[self._rows[i]], self.u[self._own[i]])
+            mine = one.by_unknown(self._part(poses, i), self.u[self._own[i]])
             whole = np.zeros((*mine.shape[:2], len(self.u)))
             whole[:, :, self._own[i]] = mine
             return whole
 
         return self._each(own)
 
-    def left(self, _: Model, poses: Poses) -> Floats:
-        """(N, c) measured less predicted at poses (N), base frame; as :meth:`minus`, without use of the model."""
-        return self.minus(poses)
+    def left(self, model: Model, poses: Poses) -> Floats:
+        """(N, c) measured less predicted at poses (N), base frame, as instruments in the model's frame read them."""
+        return self.minus(model.seen(poses))
 
-    def scatter(self, J: Floats, model: Model, poses: Poses) -> Floats:
-        """(N, c, n) derivative of the readings by the commands, from that of the poses and measured joints, J (N, 6 + j, n)."""
-        return self.seen(J, model, poses)
-
-    def seen(self, J: Floats, _: Model, poses: Poses) -> Floats:
+    def seen(self, J: Floats, model: Model, poses: Poses) -> Floats:
         """(N, c, m) change of the readings by m motions J (N, 6 + j, m) of the poses, base frame, and of j measured joints."""
-        return np.asarray(self.by_motion(poses) @ J)
+        if self.tracked:  # the components are those of the pose
+            return in_frame(J, model.frame)[:, : self.components]
+        return np.asarray(self.by_motion(model.seen(poses)) @ in_frame(J, model.frame))
 
-    def unknown_columns(self, _: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
-        """(N, c, k) derivatives by the unknowns in units of their prior sigmas; and 0, the number of unknowns without a prior.
+    def unknown_columns(self, model: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
+        """(N, c, k) derivatives by the unknowns in units of their prior sigmas, and by a free frame; and how many of these have
+        no prior.
 
-        An unknown without a prior gets one of the sigma ``VAGUE``.
+        An unknown without a prior gets one of the sigma ``VAGUE``. The last six are those of a free frame, without a prior:
+        shifts, m, and rotations, rad, about ``pivot`` (3,), or about the middle of the poses if that is None.
         """
-        assert not free_frame
-        assert pivot is None
-        return self.by_unknown(poses) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE), 0
+        seen = model.seen(poses)
+        known = self.by_unknown(seen) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE)
+        if not free_frame:
+            return known, 0
+        motion = frame_motions(seen.T - (seen.T.mean(axis=0) if pivot is None else pivot))
+        return np.concatenate([known, self.by_motion(seen) @ motion], axis=2), 6
 
-    def at_trials(self, rows: npt.NDArray[np.intp], q: Floats, _: Poses) -> Readings:
+    def at_trials(self, rows: npt.NDArray[np.intp], q: Floats) -> Readings:
         """Readings at other commands q (M, n), read in the same way as the present rows with the indices ``rows`` (M,).
 
         Their measured numbers have no meaning: only derivatives are used.
@@ -231,9 +267,9 @@ class Readings:
         """(k,) deviations of the unknowns in units of their prior sigmas; 0 for an unknown without a prior."""
         return np.asarray(np.where(np.isfinite(self.sigma), self.u / self.sigma, 0.0))
 
-    def taken(self, _: bool) -> int:
+    def taken(self, free_frame: bool) -> int:
         """Number of unknowns without a prior, which is the number of degrees of freedom that they take."""
-        return int((~np.isfinite(self.sigma)).sum())
+        return int((~np.isfinite(self.sigma)).sum()) + (6 if free_frame else 0)
 
     def start(self, nominal: Poses) -> Floats:
         """(k,) first guess of the unknowns' deviations from the poses (N) of the nominal robot, base frame."""
@@ -254,7 +290,9 @@ class Readings:
 
     @property
     def fitted(self) -> tuple[FittedInstrument, ...]:
-        """The instruments with the values of their unknowns."""
+        """The instruments with the values of their unknowns; none where poses were measured."""
+        if self.tracked:
+            return ()
         numbers = {n: column for n, column in self.rows.columns.items() if column.dtype != object}
         found = []
         for i, one in enumerate(self.instruments):
@@ -278,21 +316,45 @@ class Readings:
     def _first_groups(self) -> tuple[int, ...]:
         return tuple(int(n) for n in np.cumsum([0, *(len(one.declared) for one in self.instruments)]))
 
-    def _each(self, values: Callable[[int, Instrument], npt.NDArray[np.generic]]) -> Floats:
+    def _part(self, poses: Poses, index: int) -> Poses:
+        """The poses of an instrument's rows."""
+        return poses if len(self.rows.tables) == 1 else poses[self._rows[index]]
+
+    def _each(self, values: Callable[[int, Instrument], npt.NDArray[Any]]) -> npt.NDArray[Any]:
         """(N, c, ...) values of all rows, from a function that gives those of one instrument.
 
         Where each row is one component (c = 1), only the values of that component are kept.
         """
-        found: Floats | None = None
+        found: npt.NDArray[Any] | None = None
         for i, one in enumerate(self.instruments):
-            mine = np.asarray(values(i, one), dtype=np.float64)
+            mine = values(i, one)
             if self.components == 1 and mine.shape[1] > 1:
                 mine = mine[np.arange(len(mine)), np.maximum(one.read.component, 0)][:, None]
+            if len(self.instruments) == 1:
+                return mine
             if found is None:
-                found = np.empty((len(self.rows), *mine.shape[1:]))
+                found = np.empty((len(self.rows), *mine.shape[1:]), dtype=mine.dtype)
             found[self._rows[i]] = mine
         assert found is not None
         return found
+
+
+def rows_of(dataset: Dataset) -> InstrumentRows:
+    """What was measured, as the rows of instruments: those of schema 2, or the poses of one tracker, which has no name."""
+    if dataset.readings is not None:
+        return dataset.readings
+    rows, given = _of_tracker(dataset.position, dataset.orientation, dataset.row), dataset.instrument
+    declared = {key: getattr(given, key) for key in ("position_sigma", "orientation_sigma", "station")}
+    return replace(rows, tables=(rows.tables[0].model_copy(update=declared),), files=(dataset.file,))
+
+
+def _of_tracker(T: Floats, quaternions: Floats | None, line: npt.NDArray[np.int64]) -> InstrumentRows:
+    """Poses that a tracker without a name has read in lines (N,) of a table: T (N, 3), m, and (N, 4) or None."""
+    columns = dict(zip(POSITION, T.T, strict=True))
+    if quaternions is not None:
+        columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
+    table, of = TrackerTable.model_construct(name="", kind="tracker"), np.zeros(len(T), dtype=np.int64)
+    return InstrumentRows((table,), (None,), of, line, columns, np.full(len(T), -1), ({},))
 
 
 def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:

@@ -84,7 +84,7 @@ class Targets:
 
     def positions(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) positions of the targets, base frame, m; u as for :meth:`lever`."""
-        return poses.T + self.lever(poses, u)
+        return poses.T + self.lever(poses, u) if self.count or self.declared.any() else poses.T
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3, 6) derivative of the positions by the TCP's position (m) and rotation vector (rad), base frame."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -11,8 +12,7 @@ from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.instruments.targets import AXES, Targets
-from gtpin.kinematics.alignment import alignment
-from gtpin.kinematics.frame_and_target import TURN, frame_and_target
+from gtpin.kinematics.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
 from gtpin.typing import Floats
@@ -39,12 +39,6 @@ class Tracker(Instrument):
         self.turned = "qw" in self.read.numbers and bool(np.isfinite(self.read.numbers["qw"]).all())
         turns = tuple(Component(axis, "rad", group=1, usual=5e-5, shown=False) for axis in TURNS)
         self.components = positions + (turns if self.turned else ())
-        self._T = np.column_stack([self.read.numbers[name] for name in POSITION])
-        self._R = (
-            from_quaternions(np.column_stack([self.read.numbers[name] for name in ORIENTATION]))
-            if self.turned
-            else None
-        )
         free_target = self.table.target == "free"
         self.targets = Targets(self.table, self.read, free=free_target)
         # A free target's orientation on the platform is free as well, where orientations are read.
@@ -66,6 +60,18 @@ class Tracker(Instrument):
         both = (self.table.position_sigma or self.table.sigma, self.table.orientation_sigma)
         return both if self.turned else both[:1]
 
+    @cached_property
+    def positions(self) -> Floats:
+        """(M, 3) what was read of the targets' positions, m."""
+        return np.column_stack([self.read.numbers[name] for name in POSITION])
+
+    @cached_property
+    def rotations(self) -> Floats | None:
+        """(M, 3, 3) what was read of their orientations; None where none was."""
+        if not self.turned:
+            return None
+        return from_quaternions(np.column_stack([self.read.numbers[name] for name in ORIENTATION]))
+
     def row_sigmas(self) -> Floats | None:
         """(M, c) sigmas along the axes of the instrument's frame, m and rad, if the table has such columns; else None."""
         names = SIGMAS[: len(self.components)]
@@ -75,22 +81,31 @@ class Tracker(Instrument):
 
     def measured(self) -> Floats:
         """(M, c) measured positions, m, and zeros for the orientation: :meth:`predicted` has its residual."""
-        return np.hstack([self._T, np.zeros((len(self._T), len(self.components) - 3))])
+        return np.hstack([self.positions, np.zeros((len(self.positions), len(self.components) - 3))])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         """(M, c) in the instrument's frame: position, m, and rotation vector, rad, from measured to predicted orientation."""
-        t, mount, shift, turn = self._split(u)
-        F = exp(turn)
-        positions = self.targets.positions(poses, t) @ F.T + shift
-        if self._R is None:
-            return np.asarray(positions)
-        R = F @ poses.R @ self._mounted(mount)
-        return np.hstack([positions, -log(self._R @ np.swapaxes(R, 1, 2))])
+        found = self.measured() - self.minus(poses, u)
+        found[:, :3] = self._read_at(poses, u).T
+        return found
+
+    def minus(self, poses: Poses, u: Floats) -> Floats:
+        """(M, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
+        seen = self._read_at(poses, u)
+        if self.rotations is None:
+            return self.positions - seen.T
+        return Poses(self.positions, self.rotations).minus(seen)
 
     def orientations(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3, 3) orientations of the targets that would be read, instrument's frame."""
-        _, mount, _, turn = self._split(u)
-        return np.asarray(exp(turn) @ poses.R @ self._mounted(mount))
+        return self._read_at(poses, u).R
+
+    def _read_at(self, poses: Poses, u: Floats) -> Poses:
+        """The poses of the targets in the instrument's frame."""
+        t, mount, shift, turn = self._split(u)
+        R = poses.R @ exp(mount.reshape(-1, 3))[self.targets.of] if len(mount) else poses.R
+        seen = Poses(self.targets.positions(poses, t), R)
+        return seen.moved(shift, exp(turn)) if self.table.frame == "free" else seen
 
     def looked_at(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) the targets, base frame, m."""
@@ -104,7 +119,7 @@ class Tracker(Instrument):
         t, _, _, turn = self._split(u)
         F = exp(turn)
         moved = F @ self.targets.by_pose(poses, t)
-        if self._R is None:
+        if not self.turned:
             return np.asarray(moved)
         turned = np.zeros((len(poses), 3, 6))
         turned[:, :, 3:] = F
@@ -126,7 +141,7 @@ class Tracker(Instrument):
             turned = left_jacobian(turn)
             found[:, :3, -6:-3] = np.eye(3)
             found[:, :3, -3:] = -skew(self.targets.positions(poses, t) @ F.T) @ turned
-            if self._R is not None:
+            if self.turned:
                 found[:, 3:, -3:] = turned
         return found
 
@@ -137,7 +152,7 @@ class Tracker(Instrument):
             return self._start_of_targets(nominal, u, free)
         if free:
             at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)
-            shift, F = alignment(at, self._T, self._R)
+            shift, F = alignment(at, self.positions, self.rotations)
             u[-6:-3], u[-3:] = shift, log(F[None])[0]
         return u
 
@@ -148,7 +163,8 @@ class Tracker(Instrument):
             rows = self.targets.of == i
             if not rows.any():
                 continue
-            T, R = (self._T[rows] - shift) @ F, None if self._R is None else F.T @ self._R[rows]
+            T = (self.positions[rows] - shift) @ F
+            R = None if self.rotations is None else F.T @ self.rotations[rows]
             place = frame_and_target(nominal[rows], T, R, free_frame=free)
             if free:
                 shift, F, free = place.shift, place.turn, False
@@ -158,12 +174,6 @@ class Tracker(Instrument):
         if self.table.frame == "free":
             u[-6:-3], u[-3:] = shift, log(F[None])[0]
         return u
-
-    def _mounted(self, mount: Floats) -> Floats:
-        """(M, 3, 3) orientation of each row's target on the platform."""
-        if not len(mount):
-            return np.broadcast_to(np.eye(3), (self.read.count, 3, 3))
-        return np.asarray(exp(mount.reshape(-1, 3))[self.targets.of])
 
     def _split(self, u: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         k = self.targets.count

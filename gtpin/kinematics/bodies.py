@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -11,39 +10,14 @@ import pinocchio as pin
 from gtpin.errors import ClosureError
 from gtpin.kinematics.geometry_jacobian import Regressors
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.kinematics.protocol import Bodies
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
-@dataclass(frozen=True)
-class Bodies:
-    """First-order motion at N postures of a robot with J Pinocchio joints (Pinocchio's "universe" is not counted).
-
-    A joint's *placement frame* is its frame on its parent, before its own motion. Joint j has the index j - 1; the TCP, on
-    the body that carries it, the index J; the 2 L anchors of L loops have the indices J + 1 to J + 2 L.
-
-    Parameters
-    ----------
-    response
-        (N, 6 + k, J + 1 + 2 L, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of
-        the robot's k measured joints (rad or m), by a twist (m, rad) of each placement frame, of the TCP on its body, in that
-        frame's own axes, and of each anchor, in the axes of its link, at constant commands.
-    R, T
-        (N, J + 1, 3, 3) and (N, J + 1, 3), m: placement frames, and the TCP, in the base frame.
-    """
-
-    response: Floats
-    R: Floats
-    T: Floats
-
-    def by_twist(self, index: int, twist: Floats) -> Floats:
-        """(N, 6 + k, m) motion of the TCP and the measured joints by twists (N, 6, m) of one placement frame."""
-        return np.asarray(self.response[:, :, index] @ twist)
-
-
 def bodies(robot: Robot, q: Floats) -> Bodies:
-    """Postures at commands q (N, n); NaN where the loops can't be closed."""
+    """Motion by placement frames at commands q (N, n); NaN where the loops can't be closed."""
     count = robot.model.njoints - 1
     response = _unknown(robot, q)
     R, T = np.full((len(q), count + 1, 3, 3), np.nan), np.full((len(q), count + 1, 3), np.nan)

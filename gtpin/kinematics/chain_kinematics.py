@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import ClosureError
-from gtpin.kinematics.bodies import Bodies, bodies, configurations, driven_twists, responses
+from gtpin.errors import ClosureError, ConvergenceError
+from gtpin.kinematics.bodies import bodies, configurations, driven_twists, index_of, responses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.kinematics.protocol import Bodies, SmallError
 from gtpin.kinematics.rotations import twist_jacobian
+from gtpin.kinematics.statics import joint_loads
+from gtpin.robot.chain import joint_axis
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
+
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+"""Components of a placement (of a joint on its parent, of the TCP on its body): translation, m, and rotation, rad, own axes."""
 
 
 @dataclass(frozen=True)
@@ -46,22 +52,15 @@ class ChainKinematics:
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
-        return self.displaced(q, {})
+        return self._displaced(q, {})
 
-    def displaced(self, q: Floats, twists: Mapping[int, Floats]) -> Poses:
-        """Poses (N) at commands q (N, n) with placement frames and the TCP displaced, base frame; exact.
+    def displaced(
+        self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats], lengths: Floats
+    ) -> Poses:
+        """Poses (N) at other commands, with placement frames and the TCP displaced, but no anchors; see ``Kinematics``."""
+        return self._displaced(commands, twists)
 
-        Parameters
-        ----------
-        twists
-            By index as in :class:`~gtpin.kinematics.bodies.Bodies`, without the anchors of loops: (N, 6) twists in the frame's
-            own axes, m and rad.
-
-        Returns
-        -------
-        poses
-            NaN where the loops can't be closed.
-        """
+    def _displaced(self, q: Floats, twists: Mapping[int, Floats]) -> Poses:
         self.robot.check_commands(q)
         poses = Poses.unknown(len(q), (joint.name for joint in self.robot.measured_joints))
         if self.robot.constraints:
@@ -70,20 +69,70 @@ class ChainKinematics:
             self._open(q, twists, poses)
         return poses
 
-    def bodies(self, q: Floats) -> Bodies:
-        """Motion of the TCP by displaced joints and tool at commands q (N, n), to first order."""
+    def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
+        """(N, 6 + k, n) derivative by the commands; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
+        return _contracted(self._responses(q) if at is None else at.response, driven_twists(self.robot))
+
+    def bodies(self, q: Floats, poses: Poses) -> Bodies:
+        """Motion of the TCP by displaced joints, tool and anchors: see ``Kinematics``."""
         return bodies(self.robot, q)
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, n) derivative by the commands; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
-        return _contracted(self._responses(q), driven_twists(self.robot))
+    def carried(self, actuator: int) -> tuple[int, ...]:
+        """The index of the placement frame of an actuator's joint."""
+        return (index_of(self.robot.actuators[actuator].joint_id),)
 
-    def by_commands(self, at: Bodies) -> Floats:
-        """(N, 6 + k, n) derivative by the commands, from postures that are already computed."""
-        return _contracted(at.response, driven_twists(self.robot))
+    def axis(self, actuator: int) -> Floats:
+        """(3,) unit vector of a joint's axis, in its placement frame."""
+        joint = self.robot.actuators[actuator]
+        twist = joint_axis(self.robot.model, joint.joint_id)
+        return twist[3:] if joint.revolute else twist[:3]
+
+    def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Floats:
+        """(N, J + 1, 6) loads on each joint and the TCP: :func:`~gtpin.kinematics.statics.joint_loads`."""
+        return joint_loads(self.robot, q, force, payload)
+
+    def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
+        """There are no rods: (N, 0, 3) both."""
+        return np.zeros((len(q), 0, 3)), np.zeros((len(q), 0, 3))
+
+    def rod_forces(self, q: Floats, poses: Poses, force: Floats | None, payload: Floats | None) -> Floats:
+        """There are no rods: (N, 0)."""
+        return np.zeros((len(q), 0))
+
+    def length_response(self, q: Floats, poses: Poses) -> Floats:
+        """There are no rods: (N, 6 + k, 0)."""
+        return np.zeros((len(q), self.robot.motion_size, 0))
+
+    def singularity(self, q: Floats, poses: Poses) -> tuple[Floats, str]:
+        """(N,) smallest singular value of the derivative of the TCP's pose by the commands, relative to the best of the poses.
+
+        Rotations are multiplied by the reach, the root mean square distance of the TCP from its mean position.
+        """
+        J = self.command_jacobian(q, poses)[:, :6]
+        reach = float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        least = np.linalg.svd(np.concatenate([J[:, :3], reach * J[:, 3:]], axis=1), compute_uv=False)[:, -1]
+        return np.asarray(least / max(float(least.max()), 1e-300), dtype=np.float64), "best"
+
+    def small_errors(self, q: Floats, poses: Poses) -> Iterator[SmallError]:
+        """Errors of the placement of each joint on its parent, of the TCP and of the loops' anchors, in their own axes."""
+        J = self.geometry_jacobian(q, poses)[:, :6]
+        for column, p in enumerate(self.geometry.parameters):
+            place = p.name.rpartition(".")[0]
+            link = place.removeprefix("placement[").removeprefix("anchor[").removesuffix("]")
+            yield SmallError(COMPONENTS[p.component], link, J[:, :, column], partial(self._stepped, q, column))
+
+    def _stepped(self, q: Floats, column: int, step: float) -> Poses:
+        """Poses at commands after a step of one parameter of the geometry; raises `ConvergenceError` where the loops open."""
+        values = self.geometry.values.copy()
+        values[column] += step
+        poses = ChainKinematics(self.geometry.with_values(values)).forward(q)
+        if not poses.reached.all():
+            what = f"a step of {step:g} opens the loops at row {np.flatnonzero(~poses.reached)[0]}"
+            raise ConvergenceError(what, hint="leave out commands near a singularity")
+        return poses
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
+        """(N, 6 + k, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         return _contracted(self._responses(q), self._parameter_twists)
 
     def _responses(self, q: Floats) -> Floats:

@@ -11,6 +11,7 @@ from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.geometry_jacobian import geometry_jacobian
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.kinematics.protocol import Bodies
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.seats import Turned
 from gtpin.robot.description import Description
@@ -22,8 +23,8 @@ from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
-class PinocchioRods:
-    """The kinematics of a robot with rods, computed by Pinocchio from a URDF that is written with the values of the geometry.
+class PinocchioRods(RodKinematics):
+    """The kinematics of a robot with rods, computed by Pinocchio from a URDF that is written with the geometry.
 
     Drive scales, which a URDF can't hold, multiply the commands.
 
@@ -39,9 +40,8 @@ class PinocchioRods:
         arm. If joints of the robot are measured.
     """
 
-    geometry: Geometry
-
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.geometry.robot.measured_joints:
             raise ModelError("measured joints of rods need the solver in arrays", hint='use kinematics="arrays"')
         by_rod = any(p.kind in ("direction", "scale") and p.per == "rod" for p in self.geometry.parameters)
@@ -51,42 +51,37 @@ class PinocchioRods:
                 hint='use kinematics="arrays"',
             )
 
-    @cached_property
-    def home(self) -> Poses:
-        """(1) pose at the home commands, base frame."""
-        return RodKinematics(self.geometry).home
-
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
         self.geometry.robot.check_commands(q)
         poses = Poses(np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan))
-        for i, row in enumerate(q * self._scale):
+        for i, row in enumerate(q * self._travel_scale):
             try:
-                posture = self._home.moved_to(row)
+                posture = self._posture.moved_to(row)
             except ClosureError:
                 continue
             poses.T[i], poses.R[i] = posture.T, posture.R
         return poses
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
         """(N, 6, n) derivative of the TCP's pose by the commands; see ``RodKinematics``."""
-        jacobians = [self._home.moved_to(row).jacobian * self._scale for row in q * self._scale]
+        jacobians = [self._posture.moved_to(row).jacobian * self._travel_scale for row in q * self._travel_scale]
         return np.array(jacobians).reshape(len(q), 6, -1)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters; see ``RodKinematics``."""
-        jacobians = [geometry_jacobian(self._home.moved_to(row), self._at_nominal) for row in q * self._scale]
+        jacobians = [geometry_jacobian(self._posture.moved_to(row), self._at_nominal) for row in q * self._travel_scale]
         own = np.array(jacobians).reshape(len(q), 6, len(self._at_nominal.parameters))
         return np.asarray(own @ self._chain)
 
     @cached_property
-    def _home(self) -> ClosedPosture:
-        rods, robot = RodKinematics(self.geometry), self.geometry.robot
-        xml = to_urdf(self.geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
+    def _posture(self) -> ClosedPosture:
+        robot, there = self.geometry.robot, self.home
+        xml = to_urdf(self.geometry, self.P, self.C0, self.L0, self.v, (there.T[0], there.R[0]))
         return home(Robot(Description.parse(xml, source=robot.name), robot.tcp_frame))
 
     @cached_property
-    def _scale(self) -> Floats:
+    def _travel_scale(self) -> Floats:
         """(n,) travel per commanded unit."""
         count = self.geometry.robot.n_actuators
         return np.asarray(1.0 + self.geometry.deviations("scale", "actuator", (count, 1))[:, 0])
@@ -98,7 +93,7 @@ class PinocchioRods:
         for p in self.geometry.parameters:
             for one in (replace(p, component=0), replace(p, component=1)) if p.kind == "direction" else (p,):
                 found[one.kind, one.per, one.owner, one.component] = one
-        return Geometry(self._home.robot, tuple(found.values()), np.array([p.nominal for p in found.values()]))
+        return Geometry(self._posture.robot, tuple(found.values()), np.array([p.nominal for p in found.values()]))
 
     @cached_property
     def _chain(self) -> Floats:
@@ -115,8 +110,8 @@ class PinocchioRods:
                     continue
                 if p.kind == "direction":
                     axes = rotation_axes(self.geometry.robot.actuators[p.owner].axis)
-                    moved = rotation_axes(self._home.robot.actuators[p.owner].axis)
+                    moved = rotation_axes(self._posture.robot.actuators[p.owner].axis)
                     found[row, column] = Turned(axes, turns[p.owner]).rate(p.component) @ moved[own.component]
                 elif p.component == own.component:
-                    found[row, column] = 1.0 / self._scale[p.owner] if p.kind == "scale" else 1.0
+                    found[row, column] = 1.0 / self._travel_scale[p.owner] if p.kind == "scale" else 1.0
         return found

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.errors import ModelError
-from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.first_guess import FirstGuess
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.posture import home
+from gtpin.kinematics.protocol import Bodies, SmallError
+from gtpin.kinematics.rod_geometry import RodGeometry
 from gtpin.kinematics.rod_joints import RodJoint, direction, motion
-from gtpin.kinematics.seats import ArmJoint, CarrierJoint, FixedJoint, MeasuredJoint, TrackJoint, Turned
+from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
+from gtpin.kinematics.statics import rod_forces
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import Kind, rotation_axes
-from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 MANY = 2000
@@ -26,8 +25,10 @@ MANY = 2000
 
 
 @dataclass(frozen=True)
-class RodKinematics:
-    """The closures of one geometry (Dressler et al. 2010, eqs. 2 and 5), in arrays.
+class RodKinematics(RodGeometry):
+    """The closures of one geometry (Dressler et al. 2010, eqs. 2 and 5) of k rods, in arrays.
+
+    It is a :class:`~gtpin.kinematics.protocol.Kinematics`, held to Pinocchio's results by tests.
 
     Parameters
     ----------
@@ -39,57 +40,6 @@ class RodKinematics:
     ModelError
         If the robot does not have six rods.
     """
-
-    geometry: Geometry
-
-    def __post_init__(self) -> None:
-        rods = self.geometry.robot.rods
-        if len(rods) != 6:
-            raise ModelError(f"{self.geometry.robot.name} has {len(rods)} rods", hint="six hold a platform")
-
-    # ------------------------------------------------------------------------------------- the geometry, in arrays
-
-    @cached_property
-    def P(self) -> Floats:
-        """(k, 3) joints on the platform, TCP frame, m."""
-        return np.array([rod.P for rod in self._rods]) + self.geometry.deviations("platform_joint", "rod", (self._k, 3))
-
-    @cached_property
-    def C0(self) -> Floats:
-        """(k, 3) joints on the carriers with all commands zero, base frame, m."""
-        return np.array([rod.C for rod in self._rods]) + self._deviations("carrier_joint", 3)
-
-    @cached_property
-    def L0(self) -> Floats:
-        """(k,) lengths with all commands zero, m."""
-        return np.array([rod.L for rod in self._rods]) + self._deviations("length", 1)[:, 0]
-
-    @cached_property
-    def v(self) -> Floats:
-        """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        return np.array([getattr(seat, "v", np.zeros(3)) for seat in self.seats])
-
-    @cached_property
-    def seats(self) -> tuple[CarrierJoint, ...]:
-        """The motion of each rod's joint on its carrier."""
-        return tuple(self._seat(i, rod) for i, rod in enumerate(self._rods))
-
-    @cached_property
-    def scale(self) -> Floats:
-        """(k,) travel per commanded unit."""
-        return np.asarray(1.0 + self._deviations("scale", 1)[:, 0])
-
-    # ------------------------------------------------------------------------------------------------- kinematics
-
-    def ends(self, q: Floats) -> RodEnds:
-        """The rods' ends at commands q (N, n): the paper's C(q), and lengths where actuators change them."""
-        travel = self._travel(q)
-        C = np.empty((len(q), self._k, 3))
-        for i, seat in enumerate(self.seats):
-            C[:, i] = seat.position(travel[:, i])
-        if not self._extends.any():
-            return RodEnds(self.P, C, self.L0[None, :])
-        return RodEnds(self.P, C, self.L0 + travel * self._extends)
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), in the base frame, on the assembly mode of home.
@@ -180,18 +130,107 @@ class RodKinematics:
         """(1) pose at the home commands, on a path from the nominal robot's home."""
         robot = self.geometry.robot
         posture = home(robot)
-        nominal = RodKinematics(Geometry(robot, (), np.zeros(0)))
+        nominal = RodGeometry(Geometry(robot, (), np.zeros(0)))
         q = robot.home_q[None, :]
         before, after = nominal.ends(q), self.ends(q)
         start = Poses(posture.T[None, :].copy(), posture.R[None, :, :].copy())
         return self.with_joints(follow(lambda s, rows: between(before, after, s, rows), start, self.size), q)
 
+    def displaced(
+        self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats], lengths: Floats
+    ) -> Poses:
+        """Poses (N) at other commands, with shifted joints on the carriers and longer rods; see ``Kinematics``."""
+        ends = self.ends(commands)
+        C = ends.C.copy()
+        for i, twist in twists.items():
+            C[:, i] += twist[:, :3]
+        before, after = self.ends(q), RodEnds(ends.P, C, ends.L + lengths)
+        poses = follow(lambda s, rows: between(before, after, s, rows), plain, self.size)
+        return self.with_joints(poses, commands, C)
+
+    def bodies(self, q: Floats, poses: Poses) -> Bodies:
+        """Motion by displaced joints on the carriers: see ``Kinematics``."""
+        ends = self.ends(q)
+        d, _ = rod_vectors(poses, ends)
+        along = d / np.linalg.norm(d, axis=2)[..., None]
+        moved = self._by_length(q, poses)[:, :, :, None] * along[:, None]
+        if self._measured:
+            joints = np.zeros((len(q), len(self._measured), self._k, 3))
+            for i in range(self._k):
+                dC = np.zeros((len(q), self._k, 3, 3))
+                dC[:, i] = np.eye(3)
+                joints[:, :, i] = self.joint_motion(q, poses, moved[:, :, i], dC)
+            moved = np.concatenate([moved, joints], axis=1)
+        return Bodies(moved, np.broadcast_to(np.eye(3), (*d.shape[:2], 3, 3)), ends.C)
+
+    def carried(self, actuator: int) -> tuple[int, ...]:
+        """Indices of the rods whose joints move with an actuator's carrier."""
+        return tuple(i for i, rod in enumerate(self._rods) if rod.carrier == actuator)
+
+    def axis(self, actuator: int) -> Floats:
+        """(3,) unit vector of a track or axis, base frame."""
+        return np.asarray(self.geometry.robot.actuators[actuator].axis)
+
+    def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Floats:
+        """(N, k, 6) force, N, and no moment, of each rod on the joint on its carrier, base frame."""
+        d, _ = self.rod_vectors(q, poses)
+        pulled = self.rod_forces(q, poses, force, payload) / np.linalg.norm(d, axis=2)
+        return np.concatenate([pulled[..., None] * d, np.zeros_like(d)], axis=2)
+
+    def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
+        """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
+        return rod_vectors(poses, self.ends(q))
+
+    def rod_forces(self, q: Floats, poses: Poses, force: Floats | None, payload: Floats | None) -> Floats:
+        """(N, k) axial forces: see :func:`~gtpin.kinematics.statics.rod_forces`."""
+        return rod_forces(self, q, poses, force, payload)
+
+    def length_response(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6 + j, k) motion of the TCP and the j measured joints per change of each rod's length."""
+        moved = self._by_length(q, poses)
+        return np.concatenate([moved, self.joint_motion(q, poses, moved, None)], axis=1) if self._measured else moved
+
+    def _by_length(self, q: Floats, poses: Poses) -> Floats:
+        d, RP = rod_vectors(poses, self.ends(q))
+        return np.asarray(np.linalg.inv(pose_jacobian(d, RP)) * np.linalg.norm(d, axis=2)[:, None, :])
+
+    def singularity(self, q: Floats, poses: Poses) -> tuple[Floats, str]:
+        """(N,) smallest singular value of the closures' Jacobian, relative to that at home.
+
+        A row of the Jacobian is the rod's unit vector u and (r x u) / l, with r the vector from the mean of the joints on the
+        platform to the rod's joint, and l the root mean square length of all r: the result does not depend on the TCP.
+        """
+        at_home = self._smallest(self.geometry.robot.home_q[None], self.home)
+        return self._smallest(q, poses) / at_home, "home"
+
+    def _smallest(self, q: Floats, poses: Poses) -> Floats:
+        d, RP = rod_vectors(poses, self.ends(q))
+        arm = RP - RP.mean(axis=1, keepdims=True)
+        size = np.sqrt((arm**2).sum(axis=2).mean(axis=1))
+        u = d / np.linalg.norm(d, axis=2)[..., None]
+        rows = np.concatenate([u, np.cross(arm, u) / size[:, None, None]], axis=2)
+        return np.asarray(np.linalg.svd(rows, compute_uv=False), dtype=np.float64)[:, -1]
+
+    def small_errors(self, q: Floats, poses: Poses) -> Iterator[SmallError]:
+        """Errors of the length, the joints and the track of each rod: :data:`~gtpin.kinematics.rod_steps.PARAMETERS`."""
+        ends = self.ends(q)
+        d, RP = rod_vectors(poses, ends)
+        response = np.linalg.inv(pose_jacobian(d, RP))
+        for parameter in PARAMETERS:
+            for i, rod in enumerate(self._rods):
+                change = rod_step(self, q, parameter, i)
+                if change is not None:
+                    rate = -response[:, :, i] * change.slope(d[:, i], ends, poses)[:, None]
+                    size = self.geometry.robot.size
+                    after = partial(change.poses_after, ends=ends, poses=poses, size=size)
+                    yield SmallError(parameter, rod.name, rate, after)
+
     def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""
         return pose_jacobian(*rod_vectors(poses, self.ends(q)))
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, n) derivative by the commands; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
+    def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
+        """(N, 6 + j, n) derivative by the commands; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         jacobian = np.empty((len(q), 6, q.shape[1]))
         for rows in chunks(len(q)):
             jacobian[rows] = self._by_commands(q[rows], poses[rows])
@@ -214,7 +253,7 @@ class RodKinematics:
         return np.asarray(-np.linalg.solve(pose_jacobian(d, RP), gradient), dtype=np.float64)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.kinematics.Kinematics`."""
+        """(N, 6 + j, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         if not self.geometry.parameters:
             return np.zeros((len(q), 6 + len(self._measured), 0))
         ends = self.ends(q)
@@ -298,85 +337,12 @@ class RodKinematics:
                 gradient[:, slot] = by_travel[:, i] * q[:, self._driver[i]]
         return gradient
 
-    # --------------------------------------------------------------------------------------------------- inside
-
-    @property
-    def _rods(self) -> tuple[Rod, ...]:
-        return self.geometry.robot.rods
-
-    @property
-    def _k(self) -> int:
-        return len(self._rods)
-
     @cached_property
     def _measured(self) -> tuple[RodJoint, ...]:
         return tuple(RodJoint.of(self.geometry.robot, joint) for joint in self.geometry.robot.measured_joints)
-
-    @cached_property
-    def _driver(self) -> npt.NDArray[np.int_]:
-        """(k,) the actuator that moves a rod's carrier joint or changes its length; -1 where none does."""
-        return np.array([_first(rod.carrier, rod.extension) for rod in self._rods])
-
-    @cached_property
-    def _extends(self) -> npt.NDArray[np.bool_]:
-        return np.array([rod.extension is not None for rod in self._rods])
-
-    def _deviations(self, kind: Kind, components: int) -> Floats:
-        """(k, components) deviations of each rod: its own, and those that all rods of its actuator share."""
-        own = self.geometry.deviations(kind, "rod", (self._k, components))
-        by_actuator = self.geometry.deviations(kind, "actuator", (self.geometry.robot.n_actuators, components))
-        return np.asarray(own + np.where(self._driver[:, None] >= 0, by_actuator[self._driver], 0.0))
-
-    def _seat(self, i: int, rod: Rod) -> CarrierJoint:
-        robot, C0 = self.geometry.robot, self.C0[i]
-        if rod.carrier is None:
-            return FixedJoint(C0)
-        actuator = robot.actuators[rod.carrier]
-        turned = Turned(rotation_axes(actuator.axis), self._turns[i])
-        track = self.geometry.track(i)
-        if track is not None:
-            return MeasuredJoint(C0, track, turned)
-        if actuator.revolute:
-            return ArmJoint(C0, actuator.axis, actuator.origin, turned)
-        return TrackJoint(C0, actuator.axis, turned)
-
-    @cached_property
-    def _turns(self) -> Floats:
-        """(k, 3) rotations of each rod's path, rad: a, b, and about the track itself."""
-        return self._deviations("direction", 3)
-
-    @cached_property
-    def size(self) -> float:
-        """Magnitude of the coordinates, m, for the size of rounding errors."""
-        return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
-
-    def _travel(self, q: Floats) -> Floats:
-        """(N, k) travel of each rod's own actuator, m or rad; zero where it has none."""
-        return np.asarray(np.where(self._driver >= 0, q[:, self._driver], 0.0) * self.scale)
-
-    def _by_travel(self, ends: RodEnds, d: Floats, travel: Floats) -> Floats:
-        """(N, k) derivative of each closure by the travel of its own actuator."""
-        rate = np.empty(d.shape[:2])
-        for i, seat in enumerate(self.seats):
-            rate[:, i] = -np.einsum("ni,ni->n", d[:, i], seat.by_travel(travel[:, i]))
-        return np.asarray(np.where(self._extends, -ends.L, rate))
-
-    def _owned(self, per: str, kind: str, owner: int) -> list[int]:
-        """The rods that a parameter moves."""
-        if per == "rod":
-            return [owner]
-        if kind == "direction":
-            return [i for i, rod in enumerate(self._rods) if rod.carrier == owner]
-        return [i for i in range(self._k) if self._driver[i] == owner]
 
     def _ends_that_close(self, poses: Poses, q: Floats) -> RodEnds:
         """Rods of this geometry, with the lengths at which their closures hold at ``poses``."""
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         return RodEnds(ends.P, ends.C, np.linalg.norm(d, axis=2))
-
-
-def _first(carrier: int | None, extension: int | None) -> int:
-    if carrier is not None:
-        return carrier
-    return -1 if extension is None else extension

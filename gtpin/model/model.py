@@ -75,6 +75,15 @@ class Frame:
         return not self.T.any() and bool((np.eye(3) == self.R).all())
 
 
+def in_frame(J: Floats, frame: Frame) -> Floats:
+    """Derivatives (N, 6 + j, p) of poses in the base frame, and of j joints, transformed to the instrument's frame."""
+    if frame.is_base:
+        return J
+    seen = J.copy()
+    seen[:, :3], seen[:, 3:6] = frame.R @ J[:, :3], frame.R @ J[:, 3:6]
+    return seen
+
+
 @dataclass(frozen=True, repr=False)
 class Model:
     """Predicts poses from a geometry and active effects, in the instrument's frame.

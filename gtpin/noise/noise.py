@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.kinematics.chunks import chunks
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
 SMALLEST = 1e-7
@@ -56,6 +55,40 @@ class Noise:
     estimated: tuple[bool, bool] = (False, False)
     lack: float = 0.0
 
+    @staticmethod
+    def of(noise: ReadingNoise) -> Noise:
+        """The noise of a lone tracker's rows: positions have the first sigma, orientations the second."""
+        turning = len(noise.sigma) > 1
+        return Noise(
+            float(noise.sigma[0]),
+            float(noise.sigma[1]) if turning else 5e-5,
+            noise.repeatability,
+            noise.sight,
+            noise.reach,
+            noise.range_ratio,
+            noise.source,
+            noise.dof,
+            (bool(noise.estimated[0]), bool(noise.estimated[1]) if turning else True),
+            noise.lack,
+        )
+
+    def rows(self, count: int, components: int) -> ReadingNoise:
+        """The noise of ``count`` rows, each with the 3 or 6 ``components`` of a pose."""
+        group = np.array([0, 0, 0, 1, 1, 1])[:components]
+        return ReadingNoise(
+            np.array([self.position_sigma, self.orientation_sigma])[: 1 + group[-1]],
+            np.broadcast_to(group, (count, components)),
+            np.broadcast_to(np.full(components, np.nan), (count, components)),
+            np.array(self.estimated)[: 1 + group[-1]],
+            self.repeatability,
+            self.lack,
+            self.sight,
+            self.reach,
+            self.range_ratio,
+            self.source,
+            self.dof,
+        )
+
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of measured poses, m and rad: of the position (c = 3), or also of the rotation vector (c = 6).
 
@@ -66,32 +99,16 @@ class Noise:
         components
             c, 3 or 6.
         """
-        count = len(command_jacobian)
-        covariance = np.zeros((count, components, components))
-        covariance[:, :3, :3] = self.position_sigma**2 * self.shape(count)
-        if components == 6:
-            covariance[:, 3:, 3:] = self.orientation_sigma**2 * np.eye(3)
-        if self.along_drives > 0.0:
-            J = command_jacobian[:, :components]
-            covariance += self.along_drives**2 * (J @ np.swapaxes(J, 1, 2))
-        return covariance
+        return self.rows(len(command_jacobian), components).covariance(command_jacobian, components)
+
+    def whitening(self, command_jacobian: Floats, components: int) -> Floats:
+        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view where all are equal."""
+        return self.rows(len(command_jacobian), components).whitening(command_jacobian, components)
 
     @property
     def along_drives(self) -> float:
         """Root of the sum of the squares of ``repeatability`` and ``lack``, m or rad."""
         return float(np.hypot(self.repeatability, self.lack))
-
-    def whitening(self, command_jacobian: Floats, components: int) -> Floats:
-        """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view where all are equal."""
-        count = len(command_jacobian)
-        if self.along_drives == 0.0 and self.sight is None:
-            sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)[:components]
-            return np.broadcast_to(np.diag(1.0 / sigma), (count, components, components))
-        whitening = np.empty((count, components, components))
-        for rows in chunks(count):
-            covariance = self.take(rows).covariance(command_jacobian[rows], components)
-            whitening[rows] = np.linalg.inv(np.linalg.cholesky(covariance))
-        return whitening
 
     def scaled(self, factor: float) -> Noise:
         """The same noise with every sigma multiplied by a factor."""
@@ -102,41 +119,3 @@ class Noise:
             repeatability=self.repeatability * factor,
             lack=self.lack * factor,
         )
-
-    def sized_as(self, other: object) -> Noise:
-        """The same noise with the sigmas and the repeatability of another."""
-        assert isinstance(other, Noise)
-        return replace(
-            self,
-            position_sigma=other.position_sigma,
-            orientation_sigma=other.orientation_sigma,
-            repeatability=other.repeatability,
-        )
-
-    def at_least(self, sigma: float) -> Noise:
-        """The same noise with ``position_sigma`` and ``orientation_sigma`` of at least ``sigma``, m and rad."""
-        return replace(
-            self,
-            position_sigma=max(self.position_sigma, sigma),
-            orientation_sigma=max(self.orientation_sigma, sigma),
-        )
-
-    def take(self, rows: npt.NDArray[np.generic] | slice) -> Noise:
-        """The noise of some of the poses."""
-        if self.sight is None or self.reach is None:
-            return self
-        return replace(self, sight=self.sight[rows], reach=self.reach[rows])
-
-    def shape(self, count: int) -> Floats:
-        """(N, 3, 3) covariance of the positions divided by position_sigma^2."""
-        if self.sight is None or self.reach is None:
-            return np.broadcast_to(np.eye(3), (count, 3, 3))
-        return sight_shape(self.sight, self.reach, self.range_ratio)
-
-
-def sight_shape(sight: Floats, reach: Floats, range_ratio: float) -> Floats:
-    """(N, 3, 3) covariance of positions over sigma^2, for noise that is not equal along and across the line of sight."""
-    along = sight[:, :, None] * sight[:, None, :]
-    across = np.eye(3) - along
-    level = 3.0 / (range_ratio**2 + 2.0)
-    return np.asarray(level * (range_ratio**2 * along + reach[:, None, None] ** 2 * across))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.chunks import chunks
-from gtpin.noise.noise import Noise, sight_shape
+from gtpin.kinematics.poses import chunks
+from gtpin.noise.sight import line_of_sight, sight_shape
 from gtpin.typing import Floats
 
 
@@ -51,23 +51,10 @@ class ReadingNoise:
     source: str = "declared"
     dof: float = np.inf
 
-    @staticmethod
-    def of_poses(noise: Noise, count: int, components: int) -> ReadingNoise:
-        """The noise of ``count`` poses of a lone tracker: see :meth:`as_poses`."""
-        group = np.array([0, 0, 0, 1, 1, 1])[:components]
-        return ReadingNoise(
-            np.array([noise.position_sigma, noise.orientation_sigma])[: 1 + group[-1]],
-            np.broadcast_to(group, (count, components)),
-            np.broadcast_to(np.full(components, np.nan), (count, components)),
-            np.array(noise.estimated)[: 1 + group[-1]],
-            noise.repeatability,
-            noise.lack,
-            noise.sight,
-            noise.reach,
-            noise.range_ratio,
-            noise.source,
-            noise.dof,
-        )
+    def towards(self, position: Floats, station: Floats) -> ReadingNoise:
+        """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
+        sight, reach = line_of_sight(position, station)
+        return replace(self, sight=sight, reach=reach)
 
     @property
     def along_drives(self) -> float:
@@ -150,19 +137,3 @@ class ReadingNoise:
                 self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.broadcast_to(one, self.row_sigma.shape)
             )
         return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.maximum(self.row_sigma, sigma))
-
-    def as_poses(self) -> Noise:
-        """The noise of a lone tracker's poses: positions have the first sigma, orientations the second."""
-        turning = len(self.sigma) > 1
-        return Noise(
-            float(self.sigma[0]),
-            float(self.sigma[1]) if turning else 5e-5,
-            self.repeatability,
-            self.sight,
-            self.reach,
-            self.range_ratio,
-            self.source,
-            self.dof,
-            (bool(self.estimated[0]), bool(self.estimated[1]) if turning else True),
-            self.lack,
-        )

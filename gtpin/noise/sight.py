@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from gtpin.noise.noise import sight_shape
 from gtpin.typing import Floats
 
 FARTHEST = 10.0
@@ -43,3 +42,11 @@ def range_ratio(sight: Floats, reach: Floats, residual: Floats) -> float:
 
     found = minimize_scalar(cost, bounds=(np.log(0.05), np.log(3.0)), method="bounded")
     return float(np.exp(found.x))
+
+
+def sight_shape(sight: Floats, reach: Floats, range_ratio: float) -> Floats:
+    """(N, 3, 3) covariance of positions over sigma^2, for noise that is not equal along and across the line of sight."""
+    along = sight[:, :, None] * sight[:, None, :]
+    across = np.eye(3) - along
+    level = 3.0 / (range_ratio**2 + 2.0)
+    return np.asarray(level * (range_ratio**2 * along + reach[:, None, None] ** 2 * across))

@@ -12,21 +12,22 @@ from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
 ROWS = 12
 """Rows of a table that a notebook shows; ``to_dataframe`` has all."""
 
 
 class Presentation(ABC):
-    """The display of a result; ``gtpin/report/show`` has one for each kind of result.
+    """The display of a result; ``gtpin/report`` has one for each kind of result.
 
     ``files``: names of what :meth:`write` writes into a folder, for results that can be saved.
     """
 
     files: ClassVar[tuple[str, ...]] = ()
 
-    def write(self, folder: Path) -> None:
-        """Write the result into a new folder."""
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the result into a new folder; return what the command prints with ``--json``."""
         raise NotImplementedError
 
     def save(self, folder: Path, *, force: bool) -> None:
@@ -41,6 +42,10 @@ class Presentation(ABC):
     @abstractmethod
     def text(self) -> str:
         """The whole result as text."""
+
+    def terminal(self) -> RenderableType:
+        """What the result's command prints; by default the whole text."""
+        return self.text().rstrip("\n")
 
     @abstractmethod
     def table(self) -> pd.DataFrame:
@@ -61,12 +66,12 @@ PRESENTATIONS = {
     "Comparison": "comparison",
     "Dataset": "dataset",
     "Diagnosis": "diagnosis",
-    "Experiment": "experiment",
+    "Experiment": "next_experiment",
     "HealthCheck": "health",
     "PosePlan": "plan",
     "Poses": "poses",
 }
-"""For each kind of result its file in ``gtpin/report/show``: there, ``present`` makes its presentation."""
+"""For each kind of result its file in ``gtpin/report``: there, ``present`` makes its presentation."""
 
 
 def present(result: object) -> Any:
@@ -76,7 +81,7 @@ def present(result: object) -> Any:
     do not depend on it.
     """
     file = next(PRESENTATIONS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
-    return import_module(f"gtpin.report.show.{file}").present(result)
+    return import_module(f"gtpin.report.{file}").present(result)
 
 
 class Shown:

@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 
 from gtpin.instruments.range import Range
-from gtpin.report.circles import Run, plane_axes, runs
 from gtpin.report.residuals import Residuals
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Indices
@@ -21,16 +20,45 @@ Direction = Literal["counterclockwise", "clockwise"]
 Layer = Literal["measured", "before", "after"]
 
 DIRECTIONS: tuple[Direction, ...] = ("counterclockwise", "clockwise")
+STEP, JUMP = np.deg2rad(1.5), np.deg2rad(60.0)
+"""Smallest step of a path, as an angle about the point, from which its direction of travel is determined, and the largest step
+within one circle."""
+KEPT = np.cos(np.deg2rad(35.0))
+"""Cosine of the largest angle by which the axis of travel may change from one step to the next."""
+HALF = 0.98 * np.pi
+"""Smallest swept angle of a circle that is shown, rad: half a turn, less the gap between its last and first readings."""
+LEAST = 8
+"""Smallest number of readings of a circle that is shown."""
+ROUND, FLAT = 0.15, 0.05
+"""Largest variation of a circle's radius, and largest distance from its plane, over its radius. A station that is set up by eye
+is not at the circle's centre, so that the distance from it varies."""
 SAME_PLANE = np.cos(np.deg2rad(5.0))
 """Smallest cosine of the angle between the planes of two runs along one circle."""
 SAME_RADIUS = 0.05
 """Largest difference of the radii, and of the heights of the planes, of two runs along one circle, over the radius."""
 ALONG_AXIS = np.cos(np.deg2rad(5.0))
 """Smallest cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis normal to it."""
-STEPS = 20
-"""Largest number of steps of the fit of a centre."""
-SMALLEST = 1e-12
-"""Step, m, below which the fit has converged."""
+STEPS, SMALLEST = 20, 1e-12
+"""Of the fit of a centre: largest number of steps, and step, m, below which it has converged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run along a circle.
+
+    Parameters
+    ----------
+    rows
+        (m,) rows of the path, in the order of travel.
+    normal
+        (3,) unit normal of its plane; the direction of travel is counterclockwise about it.
+    swept
+        Swept angle, rad, positive.
+    """
+
+    rows: Indices
+    normal: Floats
+    swept: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +143,6 @@ def circles(residuals: Residuals) -> tuple[Circle, ...]:
 
     Rows are taken in the order of ``time``, where there is one, else in that of the table.
     """
-    if residuals.readings is None:
-        return ()
     instruments = residuals.readings.instruments
     return tuple(
         circle
@@ -128,7 +154,6 @@ def circles(residuals: Residuals) -> tuple[Circle, ...]:
 
 def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]:
     readings = residuals.readings
-    assert readings is not None
     mine = readings.rows.rows_of(index)
     away = one.away(residuals.poses[mine], readings.own(index))
     order = np.asarray(residuals.dataset.covariates.get("time", readings.rows.line), dtype=float)[mine]
@@ -136,27 +161,22 @@ def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]
     for station, target in np.unique(np.column_stack([one.station, one.targets.of]), axis=0):
         own = np.flatnonzero((one.station == station) & (one.targets.of == target))
         own = own[np.argsort(order[own], kind="stable")]
-        names = (_named(one.table.stations, station), _named(one.table.fixed_targets, target))
+        known = ((one.table.stations, station), (one.table.fixed_targets, target))
+        names = tuple(list(ids)[k] if len(ids) > 1 else "" for ids, k in known)
         for same in _groups(runs(away[own]), away[own]):
             found.append(_circle(residuals, mine, one, [replace(run, rows=own[run.rows]) for run in same], names))
     return found
-
-
-def _named(known: Mapping[str, object], index: int) -> str:
-    """The id of a station or target; "" where there is only one."""
-    return list(known)[index] if len(known) > 1 else ""
 
 
 def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
     """The runs, grouped by circle."""
     groups: list[list[Run]] = []
     for run in found:
-        for group in groups:
-            if _alike(run, group[0], away):
-                group.append(run)
-                break
-        else:
+        group = next((group for group in groups if _alike(run, group[0], away)), None)
+        if group is None:
             groups.append([run])
+        else:
+            group.append(run)
     return groups
 
 
@@ -170,7 +190,7 @@ def _alike(one: Run, two: Run, away: Floats) -> bool:
     return abs(radii[0] - radii[1]) < most and abs(heights[0] - heights[1]) < most
 
 
-def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], names: tuple[str, str]) -> Circle:
+def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], names: tuple[str, ...]) -> Circle:
     """The circle of the runs ``same``. Their rows are indices into ``mine``, the instrument's rows."""
     normal = same[0].normal * np.sign(same[0].normal[np.argmax(np.abs(same[0].normal))])
     rows = np.concatenate([run.rows for run in same])
@@ -181,7 +201,9 @@ def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], na
     first, second = plane_axes(normal)
     flat = np.column_stack([commanded @ first, commanded @ second])
     height = float((commanded @ normal).mean())
-    middle = middle_of(flat)
+    # |p - c|^2 = r^2 is linear in the centre c and k = r^2 - |c|^2: |p|^2 = 2 p . c + k.
+    matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    middle = np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
     angle = np.arctan2(*(flat - middle).T[::-1])
     measured = centred(flat, height, one.measured()[rows, 0], middle)
     traces, start = [], 0
@@ -196,13 +218,8 @@ def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], na
         direction: Direction = "counterclockwise" if float(run.normal @ normal) > 0.0 else "clockwise"
         traces.append(Trace(direction, mine[run.rows], angle[part], deviation))
     radius = float(np.linalg.norm(flat - middle, axis=1).mean())
-    return Circle(one.name, *names, normal, radius, tuple(traces))
-
-
-def middle_of(flat: Floats) -> Floats:
-    """(2,) centre c of the circle that fits points p (N, 2) by least squares of |p|^2 = 2 p . c + k."""
-    matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
-    return np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
+    station, target = names
+    return Circle(one.name, station, target, normal, radius, tuple(traces))
 
 
 def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Floats:
@@ -228,3 +245,66 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
         if np.abs(step[:2]).max() < SMALLEST:
             break
     return np.asarray(left - J @ step)
+
+
+def runs(away: Floats) -> list[Run]:
+    """The circles of a path.
+
+    Parameters
+    ----------
+    away
+        (N, 3) vectors from the point to the positions of the path, in the order of travel, m.
+    """
+    found = [_run(np.arange(a, b), away[a:b]) for a, b in _parts(away)]
+    return [run for run in found if run is not None]
+
+
+def _parts(away: Floats) -> list[tuple[int, int]]:
+    """First row, and the row after the last, of each part that turns about one axis."""
+    direction = away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
+    starts, last, axis = [0], 0, None
+    for i in range(1, len(direction)):
+        cross = np.cross(direction[last], direction[i])
+        sine = float(np.linalg.norm(cross))
+        angle = float(np.arctan2(sine, direction[last] @ direction[i]))
+        if angle > JUMP:
+            starts.append(i)
+            last, axis = i, None
+        elif angle >= STEP:
+            turning = cross / sine
+            if axis is not None and float(turning @ axis) < KEPT:
+                starts.append(last + 1)  # the path turned back, or left the plane, after the last step
+                turning = None
+            last, axis = i, turning
+    return list(zip(starts, [*starts[1:], len(away)], strict=True))
+
+
+def _run(rows: Indices, away: Floats) -> Run | None:
+    """A part of a path as a circle; None if it is no circle."""
+    if len(rows) < LEAST:
+        return None
+    middle = away.mean(axis=0)
+    normal = np.linalg.svd(away - middle, full_matrices=False)[2][2]
+    radius = np.linalg.norm(away, axis=1)
+    if np.abs(radius / radius.mean() - 1.0).max() > ROUND:
+        return None
+    if np.abs((away - middle) @ normal).max() > FLAT * radius.mean():
+        return None
+    across, along = plane_axes(normal)
+    angle = np.unwrap(np.arctan2(away @ along, away @ across))
+    swept = float(angle[-1] - angle[0])
+    if abs(swept) < HALF:
+        return None
+    return Run(rows, normal if swept > 0.0 else -normal, abs(swept))
+
+
+def plane_axes(normal: Floats) -> tuple[Floats, Floats]:
+    """(3,) unit vectors e1 and e2 of a plane, with e1 x e2 = normal; of the planes XY, YZ and ZX, their axes.
+
+    e1 is a base axis, projected on the plane: in the cyclic order x, y, z the one after the axis that is nearest to the normal.
+    """
+    first = np.zeros(3)
+    first[(int(np.argmax(np.abs(normal))) + 1) % 3] = 1.0
+    first -= (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return first, np.asarray(np.cross(normal, first))

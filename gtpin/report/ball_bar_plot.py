@@ -15,7 +15,6 @@ from gtpin.report.embedded import Plot, escaped
 from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
 from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import pose_names
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import quantity, typeset
 
@@ -53,13 +52,13 @@ def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
     """
     layers, found = _layers(causes), []
     for number, circle in enumerate(circles(residuals)):
-        key, title = f"circle-{number}", name_of(circle)
+        key, title = f"circle-{number}", _name(circle)
         plots = tuple(
             Plot(
                 f"{key}-{layer}",
                 f"{title}: {LAYERS[layer].lower()}",
                 partial(_alone, residuals, circle, layer, layers),
-                caption=caption(circle, layer, layers),
+                caption=". ".join([*_words(circle, layer, layers), ""]).rstrip(),
                 height=300,
             )
             for layer in layers
@@ -100,18 +99,12 @@ def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
         ]
         left, right = k / len(layers), (k + 0.88) / len(layers)
         layout[f"polar{suffix}"] = _polar(circle, layer, layers) | {"domain": {"x": [left, right], "y": [0.14, 1.0]}}
-        words = "<br>".join(lines(circle, layer, layers))
-        place = {
-            "x": (left + right) / 2.0,
-            "y": 0.06,
-            "xref": "paper",
-            "yref": "paper",
-            "yanchor": "top",
-            "xanchor": "center",
-        }
+        words = "<br>".join(_words(circle, layer, layers))
+        place = {"x": (left + right) / 2.0, "y": 0.06, "xanchor": "center", "yanchor": "top"}
+        place |= {"xref": "paper", "yref": "paper"}
         layout["annotations"].append({"text": words, "showarrow": False, "font": {"size": 11}} | place)
     layout |= {"width": 400 * len(layers), "height": 560}
-    made = alone(Drawing(traces, layout).figure(), f"Circular test, {name_of(circle)}")
+    made = alone(Drawing(traces, layout).figure(), f"Circular test, {_name(circle)}")
     made.update_layout(margin={"t": 90, "b": 70})
     return made
 
@@ -130,7 +123,7 @@ def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[
 
 
 def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[dict[str, Any]]:
-    factor, unit, _ = scale(circle, one_scale(layer, layers))
+    factor, unit, _ = _scale(circle, layer, layers)
     zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
     traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
     for trace in circle.traces:
@@ -143,7 +136,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
                 "theta": np.rad2deg(trace.angle),
                 "r": factor * trace.deviation[layer],
                 "line": {"color": color, "width": 1.5},
-                "text": pose_names(residuals, trace.rows),
+                "text": residuals.names[trace.rows],
                 "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
             }
         )
@@ -156,8 +149,8 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
 
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
     """The axes of a plot; the circle of zero deviation is at two thirds of the plot's radius."""
-    _, _, top = scale(circle, one_scale(layer, layers))
-    step = division(top)
+    _, _, top = _scale(circle, layer, layers)
+    step = _division(top)
     first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
     one, two = circle.axes
     grid = {"gridcolor": LINE, "linecolor": LINE}
@@ -173,22 +166,16 @@ def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, A
     return {"bgcolor": LIGHT["paper"], "radialaxis": radial | grid, "angularaxis": around | grid}
 
 
-def name_of(circle: Circle) -> str:
+def _name(circle: Circle) -> str:
     """A circle in words: ``ballbar XY, radius 150 mm``."""
     ids = "".join(f", {what} {one}" for what, one in (("station", circle.station), ("target", circle.target)) if one)
     return typeset(f"{circle.instrument} {circle.plane}{ids}, radius {quantity(circle.radius, 'm')}")
 
 
-def caption(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> str:
-    """The quantities of ISO 230-4 of a layer, and the size of a division of its plot."""
-    first, *others = lines(circle, layer, layers)
-    return f"{first}. {'. '.join(others)}."
-
-
-def lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
-    """The same as lines: the division, the quantities of each direction, and those of both together."""
-    _, unit, top = scale(circle, one_scale(layer, layers))
-    words = [f"{LAYERS[layer]}, {division(top):g} {unit} a division"]
+def _words(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
+    """The size of a division of a layer's plot, and its quantities of ISO 230-4, of each direction and of both together."""
+    _, unit, top = _scale(circle, layer, layers)
+    words = [f"{LAYERS[layer]}, {_division(top):g} {unit} a division"]
     for direction in circle.directions:
         low, high = (f"{'+' if value > 0.0 else ''}{quantity(value, 'm')}" for value in circle.radial(layer, direction))
         words.append(
@@ -199,19 +186,16 @@ def lines(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
     return words
 
 
-def scale(circle: Circle, layers: Sequence[Layer]) -> tuple[float, str, float]:
-    """Factor from m to the unit of a plot of some layers, the unit, and their largest deviation in this unit."""
-    values = np.concatenate([t.deviation[layer] for t in circle.traces for layer in layers])
+def _scale(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> tuple[float, str, float]:
+    """Factor from m to the unit of a layer's plot, the unit, and the largest deviation in this unit; ``before`` and ``after``
+    have one scale, because they are compared."""
+    alike = [one for one in layers if (one == "measured") == (layer == "measured")]
+    values = np.concatenate([t.deviation[one] for t in circle.traces for one in alike])
     factor, unit = scale_of(values, "m")
     return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
 
 
-def one_scale(layer: Layer, layers: Sequence[Layer]) -> Sequence[Layer]:
-    """The layers with the same scale as ``layer``: ``before`` and ``after`` have one scale, because they are compared."""
-    return [one for one in layers if (one == "measured") == (layer == "measured")]
-
-
-def division(top: float) -> float:
+def _division(top: float) -> float:
     """Step of a plot's divisions: 1, 2 or 5 times a power of ten, so that the largest deviation has two to five steps."""
     power = 10.0 ** np.floor(np.log10(top / 2.0))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

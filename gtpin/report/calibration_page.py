@@ -8,30 +8,23 @@ from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.report.ball_bar_plot import circular_tests
-from gtpin.report.drawing import drawing
-from gtpin.report.evidence import Bar
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
-from gtpin.report.maps import maps
-from gtpin.report.page import Table, render
+from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Section, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import cannot_judge, quality, scatters
-from gtpin.report.reading_maps import reading_maps
-from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, selection
+from gtpin.report.residual_plots import ONE_LAYER, against_columns, components
+from gtpin.report.residual_sections import (
+    circle_sections,
+    column_section,
+    data_section,
+    instrument_sections,
+    map_section,
+)
 from gtpin.report.residuals import Residuals
+from gtpin.report.sketch import drawing
 from gtpin.report.words import counted, joined, length, percent, quantity, whole
 
-CONTENTS = (
-    ("instruments", "The instruments"),
-    ("circles", "Circular tests"),
-    ("maps", "Over the workspace"),
-    ("covariates", "Against what was recorded"),
-    ("parameters", "Parameters"),
-    ("unseen", "What the data can't see"),
-    ("data", "Data"),
-    ("provenance", "Provenance"),
-)
 UNKNOWN = "noise as the fit shows it: it was not declared"
 """What the noise of readings is called where no instrument has declared it."""
 SHOWN = 8
@@ -40,48 +33,33 @@ SHOWN = 8
 
 def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
     """The whole report of a calibration as one self-contained HTML file."""
-    robot = calibration.model.robot
+    c, robot = calibration, calibration.model.robot
     dataset = with_positions(dataset, robot)
-    residuals = Residuals.of(dataset, calibration)
-    seen, component = components(residuals, residuals.first_component)
-    against = against_columns(residuals, {}, seen, (component, ONE_LAYER))
-    views = maps(residuals, ONE_LAYER) if residuals.of_poses else reading_maps(residuals, ONE_LAYER)
-    tests = circular_tests(residuals, False)
-    absent = {"instruments"} if residuals.of_poses else set[str]()
-    absent |= set() if tests else {"circles"}
-    moved, parameters = geometry_tables(calibration)
-    tone, badge, headline, advice = _verdict(calibration)
-    return render(
-        "calibration.html",
-        title=f"Calibration of {robot.name}",
-        contents=[(id_, name) for id_, name in CONTENTS if id_ not in absent],
-        plots={"against": against, "maps": views.plots, **{test.key: test.plots for test in tests}},
-        provenance=provenance(dataset, robot),
-        robot=robot.name,
-        count=len(calibration.names),
-        poses=calibration.poses,
-        tone=tone,
-        badge=badge,
-        headline=headline,
-        advice=advice,
-        numbers=_numbers(calibration),
-        sketch=drawing(calibration.model, dataset.q.mean(axis=0)),
-        views=views,
-        component=component,
-        selection=selection(residuals),
-        layers=ONE_LAYER,
-        moved=moved,
-        parameters=parameters,
-        reduction=_variance_reduction(calibration),
-        unseen=_unobservable(calibration),
-        correlations=_correlations(calibration),
-        zeros=_zeros(calibration),
-        quality=quality(dataset, calibration),
-        of_poses=residuals.of_poses,
-        tests=tests,
-        instruments=fit_table(calibration),
-        unknowns=unknowns_table(calibration.model, calibration),
-        words=calibration.words if isinstance(calibration, ReadingsCalibration) else (),
+    residuals = Residuals.of(dataset, c)
+    views, component = components(residuals, residuals.first_component)
+    against = against_columns(residuals, {}, views, (component, ONE_LAYER))
+    tone, badge, headline, advice = _verdict(c)
+    return report(
+        f"Calibration of {robot.name}",
+        Lead(
+            f"Calibration of {robot.name} · {len(c.names)} parameters from {c.poses} measurements",
+            headline,
+            advice,
+            _numbers(c),
+            badge,
+            tone,
+            drawing(c.model, dataset.q.mean(axis=0)),
+        ),
+        [
+            *instrument_sections(fit_table(c), unknowns_table(c.model, c)),
+            *circle_sections(residuals, False),
+            map_section(residuals, ONE_LAYER),
+            column_section(residuals, against, (ONE_LAYER, component), False),
+            _parameters(c),
+            _unseen(c),
+            data_section(quality(dataset, c)),
+        ],
+        provenance(dataset, robot),
     )
 
 
@@ -161,36 +139,47 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
     return numbers
 
 
-def _variance_reduction(c: Calibration) -> list[Bar]:
-    """Mean variance reduction of each kind of parameter."""
+def _parameters(c: Calibration) -> Section:
+    """Mean variance reduction of each kind of parameter, the parameters, and the drives' zeros."""
     kinds: dict[str, list[float]] = {}
     for name, reduction in zip(c.names, c.learned, strict=True):
         kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(reduction))
-    return [
-        Bar(
-            f"{kind} ({counted(len(values), 'parameter')})",
-            float(np.clip(np.mean(values), 0.0, 1.0)),
-            percent(float(np.mean(values))),
-        )
-        for kind, values in kinds.items()
+    means = {f"{kind} ({counted(len(v), 'parameter')})": float(np.mean(v)) for kind, v in kinds.items()}
+    moved, every = geometry_tables(c)
+    content: list[Block] = [
+        "Variance reduction, mean of each kind of parameter: 1 − (sigma / tolerance)²; at 0 % the data give no information "
+        "beyond the tolerance.",
+        Bars([Bar(kind, float(np.clip(mean, 0.0, 1.0)), percent(mean)) for kind, mean in means.items()]),
+        Heading("Largest deviations from nominal"),
+        Table(moved.head, moved.rows, (1, 2, 3, 4)),
+        Fold(f"All {len(every.rows)} parameters", [Table(every.head, every.rows, (1, 2, 3, 4))]),
     ]
+    if c.zeros:
+        rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
+        content += [
+            Heading("Zeros of the drives"),
+            "The zero of a drive is not a separate parameter: a shifted zero moves all joints of its cart or arm equally, and "
+            "is part of their values above. Their common shift, as a shift of the zero:",
+            Table(("drive", "equivalent shift of its zero", "sigma"), rows, (1, 2)),
+        ]
+    return Section("parameters", "Parameters", content)
 
 
-def _unobservable(c: Calibration) -> Table:
+def _unseen(c: Calibration) -> Section:
+    """Directions that the data hardly show, and the strongest correlations."""
+    content: list[Block] = ["The data determine every direction of the geometry."]
     rows = []
     for direction in c.unobservable[:SHOWN]:
         terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
         rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
-    return Table(("direction, weights in tolerances", "variance reduction"), rows)
-
-
-def _zeros(c: Calibration) -> Table:
-    rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
-    return Table(("drive", "equivalent shift of its zero", "sigma"), rows)
-
-
-def _correlations(c: Calibration) -> Table:
-    return Table(
-        ("parameter", "parameter", "correlation"),
-        [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]],
-    )
+    if rows:
+        content = [
+            "Directions of the geometry that are hardly observable with these data. Their values are the prior means, and "
+            "change no prediction near the measured poses.",
+            *(c.words if isinstance(c, ReadingsCalibration) else ()),
+            Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),
+        ]
+    if pairs := [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]]:
+        table = Table(("parameter", "parameter", "correlation"), pairs, (2,))
+        content += [Heading("The strongest correlations"), table]
+    return Section("unseen", "What the data can't see", content)

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from gtpin.report.skeleton import BARE, Skeleton
 from gtpin.typing import Floats
 
 WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
 """Size of a sketch, pixels."""
 ELEVATION = np.deg2rad(24.0)
-
-
-class Drawable(Protocol):
-    """A machine as lines in space."""
-
-    @property
-    def points(self) -> Floats:
-        """(m, 3) all points."""
-
-    @property
-    def lines(self) -> tuple[Floats, Floats]:
-        """(m, 3) start points and end points of the lines that should not hide each other."""
-
-    @property
-    def up(self) -> Floats:
-        """(3,) unit vector against gravity."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +23,7 @@ class Camera:
     scale: float
 
     @staticmethod
-    def of(machine: Drawable, beyond: Floats | None = None) -> Camera:
+    def of(machine: Skeleton, beyond: Floats | None = None) -> Camera:
         """A camera a little above the machine, in the direction in which its lines hide each other least.
 
         Parameters
@@ -70,10 +54,10 @@ def _axes(up: Floats, azimuth: float) -> Floats:
     return np.array([right, np.cos(ELEVATION) * up + np.sin(ELEVATION) * into])
 
 
-def _open(machine: Drawable, axes: Floats) -> float:
+def _open(machine: Skeleton, axes: Floats) -> float:
     """Score of a view: larger where the lines' ends and middles are farther apart in the picture, and it is less flat."""
-    seats, joints = (ends @ axes.T for ends in machine.lines)
-    flat = np.vstack([seats, (seats + joints) / 2.0])
+    lines = np.array([line.ends for line in machine.of(*BARE)]) @ axes.T
+    flat = np.vstack([lines[:, 0], lines.mean(axis=1)])
     apart = np.linalg.norm(flat[:, None] - flat[None, :], axis=2)[np.triu_indices(len(flat), 1)]
     size = np.ptp(machine.points @ axes.T, axis=0)
     return float(np.log(apart / np.linalg.norm(size) + 0.01).mean() + np.log(size.min() / size.max() + 0.1))

@@ -8,9 +8,8 @@ import numpy as np
 
 from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
 from gtpin.diagnosis.linear.hold_out import TOGETHER
-from gtpin.diagnosis.result import Diagnosis
-from gtpin.health.result import HealthCheck
-from gtpin.report.reasons import reason_words
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.report.phrases import reason_words
 from gtpin.report.words import number_word
 
 

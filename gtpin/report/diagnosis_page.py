@@ -2,191 +2,146 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+import re
+from collections.abc import Mapping, Sequence
 
-import numpy as np
-import numpy.typing as npt
+from markupsafe import Markup, escape
 
 from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
+from gtpin.diagnosis.inference.findings import Cause, Considered, Member
 from gtpin.diagnosis.inference.where import Where
-from gtpin.diagnosis.linear.cross_validation import InstrumentGap
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.ball_bar_plot import circular_tests
-from gtpin.report.corrected import sure_corrections
+from gtpin.effects.effect import Effect
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
-from gtpin.report.drawing import drawing
 from gtpin.report.effect_curves import Curve, curves
-from gtpin.report.embedded import Choice, Plot
-from gtpin.report.evidence import Bar, evidence_bars, named_causes, testable_count, untestable
-from gtpin.report.experiments import confirmation, experiments
-from gtpin.report.gap_words import gap_words
+from gtpin.report.embedded import Choice
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
-from gtpin.report.maps import maps
-from gtpin.report.page import render
+from gtpin.report.next_experiment import experiment_notes
+from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Note, Plots, Section, Small, Table, report
+from gtpin.report.phrases import SURE, clause, others, reason_words, sentence
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import nominal_words, quality
-from gtpin.report.reading_maps import reading_maps
 from gtpin.report.residual_columns import View, commanded, leading
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two, selection
-from gtpin.report.residuals import Residuals
-from gtpin.report.verdict import verdict
-from gtpin.report.words import coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
-
-CONTENTS = (
-    ("where", "Where it lies"),
-    ("causes", "The causes"),
-    ("left", "What is left"),
-    ("instruments", "The instruments"),
-    ("circles", "Circular tests"),
-    ("maps", "Over the workspace"),
-    ("covariates", "Against what was recorded"),
-    ("evidence", "Evidence"),
-    ("apart", "What to measure next"),
-    ("untestable", "Not testable"),
-    ("parameters", "Parameters"),
-    ("data", "Data"),
-    ("provenance", "Provenance"),
+from gtpin.report.residual_plots import LAYERS, ONE_LAYER, against_columns, components, over_two
+from gtpin.report.residual_sections import (
+    circle_sections,
+    column_section,
+    data_section,
+    instrument_sections,
+    map_section,
 )
+from gtpin.report.residuals import Residuals
+from gtpin.report.sketch import drawing
+from gtpin.report.verdict import gap_words, verdict
+from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
 
 CHANCE = 0.01
 """Smallest p-value at which noise alone explains what is left."""
+SHOWN = 12
+"""Number of candidates with a bar; the others are in a table."""
+PROGRAM = Markup("<code>gtpin export DIR/model --commands program.csv -o corrected.csv</code>")
+TABLES = Markup(
+    "<code>gtpin export DIR/model -o corrections.csv</code> writes them as a table for each actuator, <code>-o corrections.comp"
+    "</code> for LinuxCNC; {} corrects a program for everything that the model knows. The tables are for a controller that has "
+    "the calibrated geometry: one with the nominal geometry needs corrected programs. DIR is this report's folder."
+)
+WHOLE = Markup(
+    "No table for single actuators corrects this, but whole programs can be corrected for everything that the model knows: {}, "
+    "DIR being this report's folder."
+)
 
 
-def diagnosis_page(diagnosis: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
-    """The whole report of a diagnosis as one self-contained HTML file.
-
-    Parameters
-    ----------
-    diagnosis, dataset
-        The result, and the data.
-    seed
-        Seed of the diagnosis, to be recorded on the page.
-    """
-    robot = diagnosis.baseline.model.robot
+def diagnosis_page(d: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
+    """The whole report of a diagnosis as one self-contained HTML file; ``seed``: that of the diagnosis, to be recorded."""
+    robot, causes = d.baseline.model.robot, bool(d.causes)
     dataset = with_positions(dataset, robot)
-    residuals = Residuals.of(dataset, diagnosis.baseline, diagnosis.model, diagnosis.set_aside_rows)
-    own_curves = _found_curves(diagnosis, residuals)
-    named = named_causes(diagnosis, {key: reach(found) for key, found in own_curves.items()})
-    sites = [c.site for c in diagnosis.causes] or [site for site, _, _ in diagnosis.unexplained.correlates]
-    seen, component = components(residuals, leading(residuals, sites, diagnosis.where.axis))
-    layers = LAYERS if named else ONE_LAYER
-    against = against_columns(residuals, diagnosis.where.covariate, seen, (component, layers))
-    views = maps(residuals, layers) if residuals.of_poses else reading_maps(residuals, layers)
-    tests = circular_tests(residuals, bool(named))
-    by_cause = {c.key: curve_plots(c.key, own_curves.get((c.effect, c.site), ())) for c in named}
-    bars, others = evidence_bars(diagnosis)
-    absent = {"causes"} if not named else set[str]()
-    absent |= {"instruments"} if residuals.of_poses else set()
-    absent |= set() if tests else {"circles"}
-    moved, parameters = geometry_tables(diagnosis.baseline, diagnosis.model if named else None)
-    return render(
-        "diagnosis.html",
-        title=f"{robot.name}: {diagnosis.verdict}",
-        contents=[(id_, name) for id_, name in CONTENTS if id_ not in absent],
-        plots={
-            "left": _left(diagnosis, residuals, seen, component),
-            "against": against,
-            "maps": views.plots,
-            **{test.key: test.plots for test in tests},
-            **by_cause,
-        },
-        provenance=provenance(dataset, robot, seed),
-        robot=robot.name,
-        poses=len(dataset),
-        verdict=verdict(diagnosis),
-        numbers=_numbers(diagnosis),
-        sketch=_sketch(diagnosis, dataset),
-        causes=named,
-        notes={cause.key: curve_notes(own_curves.get((cause.effect, cause.site), ())) for cause in named},
-        where=_where_bars(diagnosis.where),
-        rods=bool(diagnosis.where.rod),
-        regions=_regions(diagnosis.where),
-        component=component,
-        selection=selection(residuals),
-        layers=layers,
-        views=views,
-        bars=bars,
-        others=others,
-        tested=testable_count(diagnosis),
-        unexplained=_unexplained(diagnosis),
-        correlates=_correlates(diagnosis),
-        doubtful=[cause for cause in named if len(cause.members) > 1],
-        corrected=joined(sure_corrections(diagnosis)),
-        confirm=confirmation(diagnosis),
-        next_experiment=experiments(diagnosis),
-        untestable=untestable(diagnosis.candidates),
-        moved=moved,
-        parameters=parameters,
-        quality=quality(dataset, diagnosis.baseline, diagnosis.set_aside_rows),
-        method=gap_method(diagnosis.gap),
-        of_poses=residuals.of_poses,
-        tests=tests,
-        instruments=gap_table(diagnosis.gap),
-        unknowns=unknowns_table(diagnosis.model, diagnosis.baseline),
+    residuals = Residuals.of(dataset, d.baseline, d.model, d.set_aside_rows)
+    sites = [c.site for c in d.causes] or [site for site, _, _ in d.unexplained.correlates]
+    views, component = components(residuals, leading(residuals, sites, d.where.axis))
+    layers = LAYERS if causes else ONE_LAYER
+    against = against_columns(residuals, d.where.covariate, views, (component, layers))
+    by_cause = {(a.effect.id, a.site): curves(a, residuals) for a in d.model.effects}
+    reaches = [_reach(d, cause, by_cause) for cause in d.causes]
+    sections = [
+        _where(d),
+        *([_causes(d, by_cause)] if causes else []),
+        _left(d, residuals, views, component),
+        *instrument_sections(gap_table(d.gap), unknowns_table(d.model, d.baseline)),
+        *circle_sections(residuals, causes),
+        map_section(residuals, layers),
+        column_section(residuals, against, (layers, component), causes),
+        _evidence(d),
+        _apart(d),
+        _untestable(d),
+        _parameters(d),
+        data_section(
+            quality(dataset, d.baseline, d.set_aside_rows),
+            Small(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}."),
+        ),
+    ]
+    return report(f"{robot.name}: {d.verdict}", _lead(d, dataset, reaches), sections, provenance(dataset, robot, seed))
+
+
+def _lead(d: Diagnosis, dataset: Dataset, reaches: Sequence[str]) -> Lead:
+    """The verdict, a drawing of the machine, the key figures and the causes."""
+    told, q = verdict(d), dataset.q.mean(axis=0)
+    caption = "No part of the machine stands out."
+    if d.verdict == "none":
+        sketch = drawing(d.model, q)
+    else:
+        sketch = drawing(d.model, q, d.where.site, d.where.rod, [c.site for c in d.causes])
+        caption = (
+            "Redder: a motion of this part alone would explain more of the gap. One scale for all parts; shares from 5 % are "
+            f"shown.{' Ringed or edged in blue: the sites of the causes.' if d.causes else ''}"
+        )
+    rows = []
+    for k, (cause, size) in enumerate(zip(d.causes, reaches, strict=True)):
+        link = Markup('<a href="#cause-{}">{}</a>').format(k + 1, cause.effect)
+        also = ", ".join(f"{_name(m)} ({chance(m.probability)})" for m in others(cause)) or "nothing else"
+        rows.append([link, site_words(cause.site), chance(cause.probability), _explains(d, cause), size, also])
+    head = ("cause", "at", "probability", "explains of the gap", "size", "could also be")
+    return Lead(
+        f"Diagnosis of {d.model.robot.name} · {len(dataset)} measurements",
+        told.headline,
+        told.advice,
+        _numbers(d),
+        told.badge,
+        told.tone,
+        sketch,
+        caption,
+        [Table(head, rows, (2, 3), wide=(4, 5))] if rows else [],
     )
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
     """The key figures under the headline."""
+    numbers = []
     if len(d.gap.by_instrument) > 1:
-        return [_number(one, bool(d.causes)) for one in d.gap.by_instrument] + _shrinkage(d)
-    size = gap_words(d.gap)
-    numbers = [
-        (nominal_words(d.baseline), "nominal geometry, RMS"),
-        (size.before, "calibrated geometry, at left-out poses"),
-    ]
-    if d.causes:
-        numbers.append((size.after, "with the causes"))
-    left = d.baseline.model.unexplained
-    known = left is None or left.noise_known
-    numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
-    return numbers + _shrinkage(d)
+        for one in d.gap.by_instrument:
+            before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
+            words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
+            numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
+    else:
+        size, left = gap_words(d.gap), d.baseline.model.unexplained
+        numbers.append((nominal_words(d.baseline), "nominal geometry, RMS"))
+        numbers.append((size.before, "calibrated geometry, at left-out poses"))
+        numbers += [(size.after, "with the causes")] if d.causes else []
+        known = left is None or left.noise_known
+        numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
+    if d.gap.shrinkage is not None and d.gap.before > d.gap.floor:
+        between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
+        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}"))
+    return numbers
 
 
-def _number(one: InstrumentGap, causes: bool) -> tuple[str, str]:
-    """The key figures of one instrument of several."""
-    before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
-    if not causes:
-        return before, f"{one.name}, gap of the calibrated geometry; noise alone {floor}"
-    return (
-        f"{before} → {after}",
-        f"{one.name}, gap of the calibrated geometry, and with the causes; noise alone {floor}",
-    )
-
-
-def _shrinkage(d: Diagnosis) -> list[tuple[str, str]]:
-    """The explained fraction of the gap as a key figure; empty where there is no gap."""
-    if d.gap.shrinkage is None or d.gap.before <= d.gap.floor:
-        return []
-    between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
-    return [(percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}")]
-
-
-def _sketch(d: Diagnosis, dataset: Dataset) -> str | None:
-    q = dataset.q.mean(axis=0)
-    if d.verdict == "none":
-        return drawing(d.model, q)
-    return drawing(d.model, q, d.where.site, d.where.rod, [c.site for c in d.causes])
-
-
-def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Plot | None:
-    """Residuals over the two commands on which they depend most, if they depend on two."""
-    for _, coordinates, _ in d.unexplained.correlates[:1]:
-        commands = coordinates.split(" ")[0].split(",")
-        if len(commands) == 2 and all(name in commanded(residuals) for name in commands):
-            return over_two(residuals, commands[0], commands[1], views, component)
-    return None
-
-
-def _found_curves(d: Diagnosis, residuals: Residuals) -> dict[tuple[str, str], tuple[Curve, ...]]:
-    return {(active.effect.id, active.site): curves(active, residuals) for active in d.model.effects}
-
-
-def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
-    """Shares by site, rod, axis and coordinate, as far as they exist."""
+def _where(d: Diagnosis) -> Section:
+    """Shares by site, rod, axis, coordinate and region, as far as they exist."""
+    where = d.where
     groups = (
         ("By site", {short(site_words(k)): v for k, v in where.site.items()}),
         ("By rod", where.rod),
@@ -196,53 +151,216 @@ def _where_bars(where: Where) -> list[tuple[str, list[Bar]]]:
             {short(coordinate_words(k)): v for k, v in where.covariate.items()},
         ),
     )
-    return [(title, bars) for title, shares in groups if (bars := _bars(shares))]
+    beside = [(title, bars) for title, shares in groups if (bars := _bars(shares, 0.01))]
+    if not beside or d.verdict == "none":
+        return Section("where", "Where it lies", ["The residuals are noise: shares have no meaning."])
+    content: list[Block] = [
+        f"Computed before any cause is named. By {'rod, ' if where.rod else ''}axis and region: shares of the gap's mean "
+        "square beyond noise. By site: shares of the largest gain in log evidence at each site, by an effect or a smooth term "
+        "alone; common motions of several parts are left out. By covariate: the largest gain of a smooth term over it, "
+        "relative to the best covariate.",
+        Bars(beside=beside),
+    ]
+    if regions := _bars(_regions(where), 0.0)[:4]:
+        content += [Heading("By region of the workspace"), Bars(regions)]
+    return Section("where", "Where it lies", content)
 
 
-def _bars(shares: Mapping[str, float]) -> list[Bar]:
+def _bars(shares: Mapping[str, float], least: float) -> list[Bar]:
+    """Bars of the shares above ``least``, the largest first."""
     top = max(shares.values(), default=0.0)
     order = sorted(shares.items(), key=lambda pair: -pair[1])
-    return [Bar(name, share / top, percent(share)) for name, share in order if share >= 0.01] if top > 0.0 else []
+    return [Bar(name, share / top, percent(share)) for name, share in order if share >= least and share > 0.0]
 
 
-def _regions(where: Where) -> list[Bar]:
-    """The boxes of the workspace with most of the gap."""
-    order = sorted(where.region, key=lambda pair: -pair[1])[:4]
-    top = max((share for _, share in order), default=0.0)
-    return [
-        Bar(
-            _box(box),
-            share / top,
-            percent(share),
+def _regions(where: Where) -> dict[str, float]:
+    """Shares by box of the workspace, in words."""
+    return {
+        ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m": share
+        for box, share in where.region
+    }
+
+
+def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[Curve]]) -> Section:
+    """Each cause with its parameters, what they mean, and its curves; then how a controller corrects them."""
+    content: list[Block] = []
+    given = ", given the other causes" if len(d.causes) > 1 else ""
+    for k, c in enumerate(d.causes):
+        effect, found = d.effect(c.effect), by_cause.get((c.effect, c.site), ())
+        rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
+        explains = (
+            f" It explains {percent(c.shrinkage)} of the gap's power beyond noise{given}." if _estimable(d) else ""
         )
-        for box, share in order
-        if share > 0.0
-    ]
+        told = sentence(clause(effect, c.site, d.model.robot))
+        content += [
+            Heading(f"{c.effect} at {site_words(c.site)}", f"cause-{k + 1}"),
+            f"{told} Probability {chance(c.probability)}.{explains}",
+            Table(("parameter", "value"), rows),
+        ]
+        if paragraphs := meaning(effect):
+            content.append(Fold("What they mean", [Small(words) for words in paragraphs], opened=True))
+        if found:
+            content += [Plots(curve_plots(f"cause-{k + 1}", found)), *map(Small, curve_notes(found))]
+    if kept := sure_corrections(d):
+        content.append(Note([f"A controller can correct {joined(kept)} by itself.", TABLES.format(PROGRAM)]))
+    elif verdict(d).tone == "accent":
+        content.append(Note([WHOLE.format(PROGRAM)]))
+    return Section("causes", "The causes", content)
 
 
-def _box(box: npt.NDArray[np.float64]) -> str:
-    """A box of the workspace in words."""
-    return ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m"
+def sure_corrections(d: Diagnosis) -> list[str]:
+    """Certain causes that a controller with the calibrated geometry can correct, with tables for single actuators that
+    ``gtpin export`` writes."""
+    sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
+    kept = [active for active in correctable(d.model) if (active.effect.id, active.site) in sure]
+    return [f"{active.effect.id} at {site_words(active.site)}" for active in kept]
 
 
-def _correlates(d: Diagnosis) -> list[tuple[str, str, str]]:
-    """Coordinates with which the residuals correlate, if they are more than noise."""
-    if d.unexplained.p_value >= CHANCE and d.verdict != "unknown":
-        return []
-    return [(site_words(site), coordinate_words(c), _rare(p)) for site, c, p in d.unexplained.correlates]
+def _estimable(d: Diagnosis) -> bool:
+    """Whether an explained fraction of the gap can be estimated."""
+    return d.gap.before > d.gap.floor
 
 
-def _rare(chance: float) -> str:
-    """A p-value as text; very small ones only as a bound."""
-    return "less than 10⁻⁹" if chance < 1e-9 else typeset(f"{chance:.2g}")
+def _explains(d: Diagnosis, cause: Cause) -> str:
+    return percent(cause.shrinkage) if _estimable(d) else "not estimable"
 
 
-def _unexplained(d: Diagnosis) -> str:
-    left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
-    share = (
-        f"In units of the noise, all that was measured together, {left} of what geometry alone leaves beyond noise is not "
-        "explained. (The gap above is in the measurements' own units, on poses that were not fitted.)"
+def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[Curve]]) -> str:
+    """The nonlinear parameter of a cause, such as a period, and its largest displacement, as text."""
+    words = [reach(by_cause.get((c.effect, c.site), ()))]
+    if d.effect(c.effect).has_nonlinear:  # it is the first of the parameters
+        name, setting = next(iter(c.parameters.items()))
+        words.insert(0, f"{name.replace('_', ' ')} {quantity(setting.value, setting.unit)}")
+    return "; ".join(filter(None, words))
+
+
+def meaning(effect: Effect) -> tuple[Markup, ...]:
+    """Equation, signs and parameters of an effect, a paragraph each; empty without a docstring.
+
+    Paragraphs on typical sizes are omitted, because the data have determined the size.
+    """
+    text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
+    paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
+    return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))
+
+
+def _marked(text: str) -> Markup:
+    """A paragraph with its names set as code, and references to classes as the class name."""
+    parts = re.sub(r":\w+:`~?(?:[\w.]+\.)?(\w+)`", r"``\1``", text).split("``")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if i % 2 else escape(part) for i, part in enumerate(parts)
     )
-    if d.unexplained.p_value >= CHANCE:
-        return f"Nothing beyond noise: noise alone leaves as much with a probability of {p}."
-    return f"{share} Noise alone would leave as much with a probability of {p}."
+
+
+def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Section:
+    """What is left unexplained, and the coordinates with which it correlates, if it is more than noise."""
+    left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
+    noise = d.unexplained.p_value >= CHANCE
+    words = f"Nothing beyond noise: noise alone leaves as much with a probability of {p}."
+    if not noise:
+        words = (
+            f"In units of the noise, all that was measured together, {left} of what geometry alone leaves beyond noise is not "
+            "explained. (The gap above is in the measurements' own units, on poses that were not fitted.) Noise alone would "
+            f"leave as much with a probability of {p}."
+        )
+    rows = [[site_words(site), coordinate_words(c), _rare(p)] for site, c, p in d.unexplained.correlates]
+    content: list[Block] = [words]
+    if rows and not (noise and d.verdict != "unknown"):
+        content.append("Correlations of the residuals with smooth terms at every site:")
+        content.append(Table(("site", "coordinates", "p-value under noise alone"), rows, (2,)))
+        commands = d.unexplained.correlates[0][1].split(" ")[0].split(",")
+        if len(commands) == 2 and all(name in commanded(residuals) for name in commands):
+            content.append(Plots([over_two(residuals, commands[0], commands[1], views, component)]))
+    return Section("left", "What is left", content)
+
+
+def _rare(p_value: float) -> str:
+    """A p-value as text; very small ones only as a bound."""
+    return "less than 10⁻⁹" if p_value < 1e-9 else typeset(f"{p_value:.2g}")
+
+
+def _evidence(d: Diagnosis) -> Section:
+    """Gain in log evidence of geometry with each single candidate over geometry alone: bars and a table."""
+    named = {(c.effect, c.site) for c in d.causes}
+    tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
+    top = max([c.log_evidence for c in tested], default=0.0)
+    gains = [whole(f"{c.log_evidence:.1f}") for c in tested]
+    bars = [
+        Bar(_name(c), max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in named)
+        for c, gain in zip(tested[:SHOWN], gains, strict=False)
+    ]
+    count = f"{len(tested)} candidate{'s' if len(tested) != 1 else ''}"
+    content: list[Block] = [
+        "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
+        f"10 of 22000. {count} were tested."
+    ]
+    if d.verdict == "unknown":
+        content.append(
+            "A large gain alone does not prove a cause: smooth terms without a name explain these data better, so a candidate "
+            "may only resemble the true cause."
+        )
+    content.append(Bars(bars))
+    if rest := [[_name(c), gain] for c, gain in list(zip(tested, gains, strict=True))[SHOWN:]]:
+        table = Table(("candidate", "gain in log evidence"), rest, (1,))
+        content.append(Fold("The other candidates", [table]))
+    return Section("evidence", "Evidence", content)
+
+
+def _name(c: Considered | Member) -> str:
+    return f"{c.effect} at {site_words(c.site)}"
+
+
+def _apart(d: Diagnosis) -> Section:
+    """Classes of causes that can't be distinguished, and what to measure next."""
+    content: list[Block] = []
+    for c in d.causes:
+        if len(c.members) > 1:
+            content.append("These effects give nearly the same residuals in these data. Probabilities:")
+            lead = (c.effect, c.site)
+            content.append(
+                Bars(
+                    [Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == lead) for m in c.members]
+                )
+            )
+    if not d.causes:
+        content.append("No cause is named, so there are no alternatives to distinguish.")
+    elif not content:
+        content.append("Each cause is unique: no other effect of the catalogue explains these data as well.")
+    if d.verdict == "explained":
+        content.append(
+            Note(
+                [
+                    "To confirm it: remove the cause on the machine, or load the corrections. Then measure as many poses of "
+                    "the same kind again and diagnose them: only noise should remain."
+                ]
+            )
+        )
+    title = "What can't be told apart, and what to measure next"
+    return Section("apart", title, [*content, *experiment_notes(d)], "What to measure next")
+
+
+def _untestable(d: Diagnosis) -> Section:
+    """Effects that could not be tested, with the reason."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for c in d.candidates:
+        if not c.testable:
+            reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
+    rows = [[effect, joined(sites), reason] for (effect, reason), sites in reasons.items()]
+    content: list[Block] = ["Every effect of the catalogue could be tested."]
+    if rows:
+        content = [
+            "These data have no information on the following effects, for the reason given. A cause among them can't be named.",
+            Table(("effect", "at", "why not"), rows),
+        ]
+    return Section("untestable", "What could not be tested", content, "Not testable")
+
+
+def _parameters(d: Diagnosis) -> Section:
+    moved, every = geometry_tables(d.baseline, d.model if d.causes else None)
+    numbers = (1, 2, 3, 4, 5)
+    content: list[Block] = [
+        "The geometric parameters with the largest deviations from nominal. Variance reduction: 1 − (sigma / tolerance)².",
+        Table(moved.head, moved.rows, numbers),
+        Fold(f"All {len(every.rows)} parameters of the geometry", [Table(every.head, every.rows, numbers)]),
+    ]
+    return Section("parameters", "Parameters", content)

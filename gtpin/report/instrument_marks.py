@@ -8,8 +8,7 @@ import numpy as np
 from markupsafe import escape
 
 from gtpin.report.camera import Camera
-from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.patches import patch
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.typing import Floats
 
 NEAR = 1.0

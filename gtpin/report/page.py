@@ -1,30 +1,253 @@
-"""Pages: one self-contained HTML file each, from templates, with interactive plots if plotly is installed."""
+"""Pages: one self-contained HTML file each, made of sections, with interactive plots if plotly is installed.
+
+A :class:`Section` is one topic: paragraphs, tables, bars and plots in their order. A page is a list of them; the same tables
+are printed in a terminal and drawn in a notebook.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from gtpin.report.embedded import Embedded, Plot, Shared, key_of
-from gtpin.report.figure import has_plotly
-from gtpin.report.palette import DARK, LIGHT
+from gtpin.report.embedded import Choice, Embedded, Plot, Shared, key_of
+from gtpin.report.figure import Drawing, alone, has_plotly
+from gtpin.report.palette import DARK, INK, LIGHT, LINE
 from gtpin.report.words import typeset
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+    from rich.table import Table as Printed
+
+ROW, LOWEST, HIGHEST = 26, 8, 600
+"""Of a table as a figure: height of a row, pixels; width of the narrowest column, characters; largest height, pixels: a higher
+table scrolls."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts: its head, and its rows."""
+    """A table of texts.
+
+    Parameters
+    ----------
+    head, rows
+        Names of the columns, and the cells of each row.
+    numbers
+        Indices of the columns that are set to the right.
+    shades
+        Shares, 0 to 1, of the colour behind each cell, by row and column; None: no colours.
+    wide
+        Indices of the columns of sentences.
+    whole
+        Whether no cell is divided into lines in a terminal.
+    """
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
+    numbers: Collection[int] = ()
+    shades: Sequence[Sequence[float]] | None = None
+    wide: Collection[int] = ()
+    whole: bool = False
+    kind: ClassVar[str] = "table"
+
+    def printed(self) -> Printed:
+        """The table for a terminal; only the first column and columns of numbers keep their lines whole."""
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table as Printed
+
+        made = Printed(box=SIMPLE_HEAD, pad_edge=False)
+        for k, name in enumerate(self.head):
+            right = k in self.numbers
+            made.add_column(name, justify="right" if right else "left", no_wrap=self.whole or right or k == 0)
+        for row in self.rows:
+            made.add_row(*row)
+        return made
+
+    def figure(self, title: str) -> Figure:
+        """The table as a figure of plotly."""
+        from gtpin.report.embedded import escaped
+
+        columns = [[typeset(escaped(row[k])) for row in self.rows] for k in range(len(self.head))]
+        look = {"align": "left", "line": {"color": LINE}, "font": {"color": INK}, "height": ROW}
+        head = {"values": [f"<b>{escaped(name)}</b>" for name in self.head], "fill": {"color": LIGHT["panel"]}}
+        cells = {"values": columns, "fill": {"color": LIGHT["paper"]}}
+        widths = [max(LOWEST, *map(len, (name, *column))) for name, column in zip(self.head, columns, strict=True)]
+        made = Drawing(
+            [{"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}]
+        ).figure()
+        made.update_layout(height=min(HIGHEST, 120 + ROW * (len(self.rows) + 2)))
+        return alone(made, title)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar: name, length relative to the longest, value as text, and whether it is a named cause."""
+
+    name: str
+    share: float
+    value: str
+    lead: bool = False
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Horizontal bars; ``beside``: several groups of bars with titles, beside each other."""
+
+    rows: Sequence[Bar] = ()
+    beside: Sequence[tuple[str, Sequence[Bar]]] = ()
+    kind: ClassVar[str] = "bars"
+
+
+@dataclass(frozen=True)
+class Small:
+    """A paragraph in small print."""
+
+    words: str
+    kind: ClassVar[str] = "small"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading inside a section, and its id; empty where nothing links to it."""
+
+    words: str
+    id: str = ""
+    kind: ClassVar[str] = "heading"
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of sentences."""
+
+    words: Sequence[str]
+    kind: ClassVar[str] = "items"
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Content that the reader can fold away, under a title."""
+
+    title: str
+    content: Sequence[Block]
+    opened: bool = False
+    kind: ClassVar[str] = "fold"
+
+
+@dataclass(frozen=True)
+class Note:
+    """Content in a frame."""
+
+    content: Sequence[Block]
+    kind: ClassVar[str] = "note"
+
+
+@dataclass(frozen=True)
+class Plots:
+    """Plots beside each other, as far as there is room.
+
+    Parameters
+    ----------
+    words, choices
+        A paragraph above them, and the reader's choices at its end. Where plots can't be drawn, a hint is in its place.
+    ramp
+        The value at the end of the colour scale, with its unit; empty: no scale is shown.
+    legend
+        Whether there is one legend for all plots.
+    drawn
+        Whether the plots are drawn; otherwise only what is above them.
+    """
+
+    plots: Sequence[Plot]
+    words: str = ""
+    choices: Sequence[Choice] = ()
+    ramp: str = ""
+    legend: bool = False
+    drawn: bool = True
+    kind: ClassVar[str] = "plots"
+
+
+Block = str | Table | Bars | Small | Heading | Items | Fold | Note | Plots
+"""A part of a section; a text is a paragraph."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A topic of a page: its id, its title, its content, and its name in the list of contents if that is another."""
+
+    id: str
+    title: str
+    content: Sequence[Block]
+    entry: str = ""
+
+
+@dataclass(frozen=True)
+class Lead:
+    """The first screen of a page.
+
+    Parameters
+    ----------
+    eyebrow
+        What the page is of.
+    headline, advice
+        The result in a sentence, and paragraphs below it.
+    numbers
+        Key figures: value, and what it is.
+    badge, tone
+        A short verdict, and the name of its colour; empty: none.
+    sketch, caption
+        A drawing of the machine as SVG, and the text below it.
+    content
+        What follows the key figures.
+    hint
+        A note that is not printed.
+    """
+
+    eyebrow: str
+    headline: str
+    advice: Sequence[str] = ()
+    numbers: Sequence[tuple[str, str]] = ()
+    badge: str = ""
+    tone: str = ""
+    sketch: Markup | None = None
+    caption: str = ""
+    content: Sequence[Block] = ()
+    hint: str = ""
+
+
+def report(
+    title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None, *, contents: bool = True
+) -> str:
+    """A page of sections as one self-contained HTML file.
+
+    Parameters
+    ----------
+    title
+        Title in the browser's tab.
+    provenance
+        Versions, and digests of the data of the page.
+    contents
+        Whether the page begins with links to its sections.
+    """
+    links = [(section.id, section.entry or section.title) for section in sections]
+    links += [("provenance", "Provenance")] if provenance else []
+    blocks = [*lead.content, *(block for section in sections for block in section.content)]
+    plots = {str(k): block.plots for k, block in enumerate(blocks) if isinstance(block, Plots) and block.plots}
+    return render(
+        "report.html",
+        title=title,
+        contents=links if contents else (),
+        plots=plots,
+        provenance=provenance,
+        lead=lead,
+        sections=sections,
+    )
 
 
 def render(
@@ -57,6 +280,7 @@ def render(
     scripts = (library, _own_script()) if library else ()
     shared = Shared()
     drawn = {name: _embedded(shared, some) for name, some in (plots or {}).items() if some} if library else {}
+    by_plot = {id(one.plot): one for some in drawn.values() for one in (some if isinstance(some, list) else [some])}
     return (
         _environment()
         .get_template(template)
@@ -64,6 +288,7 @@ def render(
             title=title,
             contents=contents,
             plots=drawn,
+            embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
             drawn=library is not None or not plots,
             scripts=scripts,
             script_hashes=[_hash(script) for script in scripts],

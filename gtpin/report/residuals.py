@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import in_frame, measured_poses
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
@@ -19,6 +18,8 @@ from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.report.embedded import escaped
 from gtpin.typing import Floats, Indices
 
@@ -27,7 +28,6 @@ FINE, FINEST = 401, 1500
 MOST = 20_000
 """Largest number of poses from which plots are made; of more, an even selection is used. A mean of neighbouring poses is then
 still over a thousand poses."""
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Residuals:
         (N, c) residuals of ``baseline`` and of ``model``: position, m, and rotation vector, rad, instrument's frame; or
         readings, m and rad.
     sigma
-        (c,) the instrument's noise, m and rad; (N, c) for readings.
+        (N, c) the instruments' noise, m and rad.
     readings
-        For a dataset of schema 2, the readings; None for poses.
+        What was measured.
     """
 
     dataset: Dataset
@@ -58,7 +58,7 @@ class Residuals:
     before: Floats
     after: Floats
     sigma: Floats
-    readings: Readings | None = None
+    readings: Readings
 
     @staticmethod
     def of(
@@ -74,18 +74,25 @@ class Residuals:
             Line numbers of the rows that were set aside; by default those of the baseline.
         """
         lines = list(baseline.rejected_rows if aside is None else aside)
+        robot, u = baseline.model.robot, None
+        noise: Noise | ReadingNoise = baseline.noise
         if isinstance(baseline, ReadingsCalibration):
-            return _of_readings(dataset, baseline, model, lines)
-        rows = np.flatnonzero(~np.isin(dataset.row, lines))
-        kept = dataset.take(rows[evenly(len(rows), MOST)])
-        measured = measured_poses(kept if baseline.residual.shape[1] == 6 else replace(kept, orientation=None))
-        before = measured.minus(baseline.model.predict(kept.q))
-        after = before if model is None else measured.minus(model.predict(kept.q, kept.covariates))
-        noise = baseline.noise
-        sigma = np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)
-        return Residuals(
-            kept, len(rows), baseline.model, model or baseline.model, before, after, sigma[: measured.components]
-        )
+            u, noise = baseline.u, baseline.noise
+        elif baseline.residual.shape[1] == 3:  # a reduced arm is fitted to positions alone
+            dataset = replace(dataset, orientation=None)
+        whole = single(dataset, robot)
+        rows = np.flatnonzero(~np.isin(whole.row, lines))
+        kept = whole.take(rows[evenly(len(rows), MOST)])
+        readings = Readings.of(kept, robot, u)
+        before = readings.minus(baseline.model.predict(kept.q))
+        after = before
+        if model is not None:
+            values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
+            u = np.array([values[unknown.name] for unknown in readings.unknowns])
+            after = readings.at(u).minus(model.predict(kept.q, kept.covariates))
+        each = noise.rows(len(kept), readings.components) if isinstance(noise, Noise) else noise
+        sigma = replace(each, group=readings.group, row_sigma=readings.row_sigma).each
+        return Residuals(kept, len(rows), baseline.model, model or baseline.model, before, after, sigma, readings)
 
     def __len__(self) -> int:
         return len(self.before)
@@ -113,7 +120,7 @@ class Residuals:
     @property
     def of_poses(self) -> bool:
         """Whether residuals are of poses, and not of readings of any instruments."""
-        return self.readings is None
+        return self.readings.tracked
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -121,12 +128,11 @@ class Residuals:
 
         With several instruments: the instrument's name (``wire``), followed by the component if it reads several (``cup.x``).
         """
-        return AXES[: self.components] if self.readings is None else tuple(self._read)
+        return tuple(self._read)
 
     @cached_property
     def _read(self) -> dict[str, tuple[Indices, int, str]]:
         """By the name of a component of readings: its rows, its column of the residuals, and its unit."""
-        assert self.readings is not None
         instruments, rows = self.readings.instruments, self.readings.rows
         if len(instruments) == 1 and self.components == len(instruments[0].components):
             every = np.arange(len(self))
@@ -144,7 +150,7 @@ class Residuals:
 
     def rows_of(self, name: str) -> Indices:
         """Indices of the rows that have a component: with several instruments, those of the instrument that reads it."""
-        return self._read[name][0] if self.readings is not None and name in self._read else np.arange(len(self))
+        return self._read[name][0] if name in self._read else np.arange(len(self))
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
         """The situation at commands q (N, n) and covariates, with the model's geometry."""
@@ -157,12 +163,11 @@ class Residuals:
 
         ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
         """
-        if self.readings is None:
-            u = in_frame(motion[:, :, None], self.model.frame)[:, : self.components, 0] / self.sigma
-        else:
-            u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / self.sigma
+        # The points of a line of the causes are no rows of the dataset: the noise of the first row is that of all.
+        sigma = self.sigma if len(motion) == len(self) else self.sigma[:1]
+        u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
         power = np.einsum("nc,nc->n", u, u)
-        return np.asarray(np.einsum("nc,nc->n", u, residual / self.sigma) / np.maximum(power, 1e-300))
+        return np.asarray(np.einsum("nc,nc->n", u, residual / sigma) / np.maximum(power, 1e-300))
 
     def component(self, name: str, residual: Floats, by_command: Floats | None = None) -> Floats:
         """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad.
@@ -174,13 +179,11 @@ class Residuals:
         by_command
             As the property of this name, for the poses of the residuals; by default those of the dataset.
         """
-        if self.readings is not None and name in self._read:
+        if name in self._read:
             rows, k, _ = self._read[name]
             found = np.full(len(residual), np.nan)
             found[rows] = residual[rows, k]
             return found
-        if name in self.axes:
-            return np.asarray(residual[:, self.axes.index(name)])
         actuator = self.model.robot.sites.index(name)
         return self.along(residual, (self.by_command if by_command is None else by_command)[:, :, actuator])
 
@@ -196,10 +199,8 @@ class Residuals:
 
     def unit(self, name: str) -> str:
         """The unit of a component: ``m``, ``rad``, or that of a reading."""
-        if self.readings is not None and name in self._read:
+        if name in self._read:
             return self._read[name][2]
-        if name in AXES:
-            return "rad" if name.startswith("r") else "m"
         return "rad" if self.model.robot.actuators[self.model.robot.sites.index(name)].revolute else "m"
 
     def column(self, name: str) -> Column | None:
@@ -228,23 +229,6 @@ class Residuals:
             usual = values[0] if name == "session" else np.median(values)
             known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
         return q, known
-
-
-def _of_readings(dataset: Dataset, baseline: ReadingsCalibration, model: Model | None, lines: list[int]) -> Residuals:
-    """Residuals of readings of several instruments."""
-    robot = baseline.model.robot
-    whole = single(dataset, robot)
-    rows = np.flatnonzero(~np.isin(whole.row, lines))
-    kept = whole.take(rows[evenly(len(rows), MOST)])
-    readings = Readings.of(kept, robot, baseline.u)
-    before = readings.minus(baseline.model.predict(kept.q))
-    after = before
-    if model is not None:
-        values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
-        u = np.array([values[unknown.name] for unknown in readings.unknowns])
-        after = readings.at(u).minus(model.predict(kept.q, kept.covariates))
-    noise = replace(baseline.noise, group=readings.group, row_sigma=readings.row_sigma)
-    return Residuals(kept, len(rows), baseline.model, model or baseline.model, before, after, noise.each, readings)
 
 
 def evenly(count: int, most: int) -> npt.NDArray[np.intp]:

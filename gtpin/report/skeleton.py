@@ -1,104 +1,143 @@
-"""A machine with rods as points and lines in space (tracks, carts, rods, platform), for sketches and 3-D views."""
+"""A machine as points and lines in space (tracks, carts, rods, links, joints), for sketches and 3-D views."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.bodies import bodies, index_of
 from gtpin.model.model import Model
-from gtpin.robot.chain import Actuator
+from gtpin.robot.chain import joint_axis
+from gtpin.robot.moving_links import moving_links
+from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
+Kind = Literal["track", "arm", "bracket", "rod", "link", "fixed"]
+"""A cart's path; from a turning actuator's axis to its joints; from a cart to its joints; a rod; a moving link of a chain; a
+part that no actuator moves."""
+BARE: tuple[Kind, ...] = ("rod", "link", "fixed")
+"""Lines that should not hide each other in a picture."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line of a machine: its kind, its site, empty for fixed parts, and its ends (2, 3), base frame, m."""
+
+    kind: Kind
+    site: str
+    ends: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """An actuator: its site and place (3,), base frame, m; of a chain's joint also the unit vector (3,) of its axis."""
+
+    site: str
+    at: Floats
+    axis: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Skeleton:
-    """A machine with rods at one command, base frame, m.
+    """A machine at one command, base frame, m.
 
     Parameters
     ----------
-    seats, joints
-        (k, 3) the rods' ends on their carriers and on the platform.
+    lines, spots
+        Its lines, and its carts or joints.
+    base, platform
+        (m, 3) corners of the outlines of the joints on the base and on the platform; without corners for a chain.
     tcp
         (3,) the TCP.
-    tracks
-        By actuator: (2, 3) end points of the path of its cart (the mean of its joints).
-    carts
-        By actuator that moves rods' ends: (3,) the middle of its joints.
-    anchors
-        By actuator that turns: (3,) the point of its axis that is nearest to its joints.
-    rods_of
-        By actuator: its rods.
     up
         (3,) unit vector against gravity.
     """
 
-    seats: Floats
-    joints: Floats
+    lines: tuple[Line, ...]
+    spots: tuple[Spot, ...]
+    base: Floats
+    platform: Floats
     tcp: Floats
-    tracks: dict[str, Floats]
-    carts: dict[str, Floats]
-    anchors: dict[str, Floats]
-    rods_of: dict[str, tuple[int, ...]]
     up: Floats
 
     @property
     def points(self) -> Floats:
         """(m, 3) all points."""
-        ends = [*self.tracks.values(), *(a[None] for a in self.anchors.values())]
-        return np.vstack([self.seats, self.joints, self.tcp[None], *ends])
+        spots = np.array([spot.at for spot in self.spots]).reshape(-1, 3)
+        return np.vstack([*(line.ends for line in self.lines), spots, self.tcp[None]])
 
-    @property
-    def lines(self) -> tuple[Floats, Floats]:
-        """(k, 3) the rods' ends on their carriers, and on the platform."""
-        return self.seats, self.joints
+    def of(self, *kinds: Kind) -> list[Line]:
+        """The lines of some kinds."""
+        return [line for kind in kinds for line in self.lines if line.kind == kind]
 
 
 def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
-    """The skeleton at a command (n,), by default mid-range; None without rods, or if the pose can't be reached."""
+    """The skeleton at a command (n,), by default :func:`standing`; None if the pose can't be reached."""
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
-        return None
-    if q is None:
-        q = standing(model)
+    q = standing(model) if q is None else q
+    gravity = np.asarray(robot.model.gravity.linear, dtype=float)
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    if not robot.rod_sites:
+        return _of_chain(kinematics.robot, q, up)
     pose = kinematics.forward(q[None])
     if not pose.reached.all():
         return None
-    ends = kinematics.ends(q[None])
-    joints = np.broadcast_to(ends.P, (1, *ends.P.shape[-2:]))[0] @ pose.R[0].T + pose.T[0]
-    tracks, carts, anchors, rods_of = {}, {}, {}, {}
+    d, RP = kinematics.rod_vectors(q[None], pose)
+    joints = RP[0] + pose.T[0]
+    seats = joints - d[0]
+    lines = [Line("rod", site, np.stack(pair)) for site, *pair in zip(robot.rod_sites, seats, joints, strict=True)]
+    spots, on_base = [], set(range(len(seats)))
     for j, actuator in enumerate(robot.actuators):
         carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == j]
-        rods_of[actuator.site] = tuple(i for i, rod in enumerate(robot.rods) if j in (rod.carrier, rod.extension))
         if not carried:
             continue
-        middle = ends.C[0, carried].mean(axis=0)
-        carts[actuator.site] = middle
+        site, middle = actuator.site, seats[carried].mean(axis=0)
+        spots.append(Spot(site, middle))
+        own = [i for i, rod in enumerate(robot.rods) if j in (rod.carrier, rod.extension)]
+        on_base -= set(own)
+        lines += [Line("bracket", site, np.stack([middle, seats[i]])) for i in own]
         if actuator.revolute:
-            away = middle - actuator.origin
-            anchors[actuator.site] = actuator.origin + actuator.axis * float(actuator.axis @ away)
+            anchor = actuator.origin + actuator.axis * float(actuator.axis @ (middle - actuator.origin))
+            lines.append(Line("arm", site, np.stack([anchor, middle])))
         else:
-            tracks[actuator.site] = _track(actuator, float(q[j]), middle)
-    gravity = np.asarray(robot.model.gravity.linear, dtype=float)
-    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
-    return Skeleton(ends.C[0], joints, pose.T[0], tracks, carts, anchors, rods_of, up)
+            there, limits = float(q[j]), (actuator.lower, actuator.upper)
+            low, high = limits if np.isfinite(limits).all() else (there - 0.5, there + 0.5)
+            path = np.array([middle + (end - there) * actuator.axis for end in (low, high)])
+            lines.append(Line("track", site, path))
+    return Skeleton(tuple(lines), tuple(spots), seats[sorted(on_base)], joints, pose.T[0], up)
 
 
 def standing(model: Model) -> Floats:
     """(n,) default command of a drawing, m or rad: for a robot with rods mid-range, where it can be reached; else home."""
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
-        return robot.home_q
     middle = (robot.lower + robot.upper) / 2.0
-    if np.isfinite(middle).all() and kinematics.forward(middle[None]).reached.all():
-        return np.asarray(middle)
-    return robot.home_q
+    known = bool(robot.rod_sites) and np.isfinite(middle).all()
+    return np.asarray(middle) if known and kinematics.forward(middle[None]).reached.all() else robot.home_q
 
 
-def _track(actuator: Actuator, q: float, middle: Floats) -> Floats:
-    """(2, 3) end points of a cart's path, as a straight line."""
-    ends = (
-        (actuator.lower, actuator.upper) if np.isfinite([actuator.lower, actuator.upper]).all() else (q - 0.5, q + 0.5)
-    )
-    return np.array([middle + (end - q) * actuator.axis for end in ends])
+def _of_chain(robot: Robot, q: Floats, up: Floats) -> Skeleton | None:
+    """A robot without rods, through its joints' origins to the TCP."""
+    at = bodies(robot, q[None])
+    R, T = at.R[0], at.T[0]
+    if not np.isfinite(T).all():
+        return None
+    spots = []
+    for actuator in robot.actuators:
+        twist, index = joint_axis(robot.model, actuator.joint_id), index_of(actuator.joint_id)
+        spots.append(Spot(actuator.site, T[index], R[index] @ (twist[3:] if actuator.revolute else twist[:3])))
+    links = [Line("link", link.name, T[[index_of(link.joint_id), link.tip]]) for link in moving_links(robot)]
+    drawn = {(tuple(line.ends[0]), tuple(line.ends[1])) for line in links}
+    fixed = [Line("fixed", "", ends) for ends in _bones(robot, T) if (tuple(ends[0]), tuple(ends[1])) not in drawn]
+    nothing = np.empty((0, 3))
+    return Skeleton((*links, *fixed), tuple(spots), nothing, nothing, T[-1], up)
+
+
+def _bones(robot: Robot, T: Floats) -> Iterator[Floats]:
+    """(2, 3) lines from each joint's parent to the joint, and from the last joint to the TCP."""
+    parents = [int(robot.model.parents[j]) for j in range(1, robot.model.njoints)]
+    ends = [(parent, T[j]) for j, parent in enumerate(parents)]
+    for parent, end in [*ends, (int(robot.tcp_joint), T[-1])]:
+        yield np.stack([T[index_of(parent)] if parent else np.zeros(3), end])

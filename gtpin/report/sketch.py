@@ -1,23 +1,66 @@
-"""A machine with rods drawn as SVG, each part in the colour of its share of the gap, with one colour scale."""
+"""A machine drawn as SVG, each part in the colour of its share of the gap, with one colour scale."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 from markupsafe import Markup, escape
 
+from gtpin.model.model import Model
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.instrument_marks import InstrumentMarks
-from gtpin.report.skeleton import Skeleton
-from gtpin.report.sketch_parts import CORNERS, NONE, corners, drawn, line, ring, scale, shades_of, with_share
-from gtpin.report.words import percent
+from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.skeleton import Kind, Skeleton, skeleton
+from gtpin.report.words import percent, short, site_words
 from gtpin.typing import Floats
+
+SHOWN = 0.05
+"""Smallest share that is written next to a part's name."""
+CORNERS = {"arm": 42.0, "frame": WIDTH - 42.0}
+"""Positions of sites that are not one part of the machine (all links, the instrument), pixels from the left."""
+LOOKS: dict[Kind, tuple[float, str]] = {
+    "track": (7.0, 'opacity="0.45"'),
+    "arm": (8.0, 'opacity="0.6"'),
+    "fixed": (4.0, ""),
+    "rod": (2.6, ""),
+    "link": (7.0, ""),
+}
+"""Width of a line, pixels, and further attributes, by kind."""
+EDGES = {"rod": 10.0, "link": 15.0}
+"""Width of the edge, pixels, that marks the site of a cause."""
+AXIS = 15.0
+"""Half the length of a joint's axis as drawn, pixels."""
+APART = 14.0
+"""Smallest vertical distance of two labels beside joints, pixels."""
+
+
+def drawing(
+    model: Model,
+    q: Floats | None = None,
+    site_share: Mapping[str, float] | None = None,
+    rod_share: Mapping[str, float] | None = None,
+    causes: Collection[str] = (),
+) -> Markup | None:
+    """A machine and its instruments; parts have the colours of their shares of the gap. None if the pose can't be reached.
+
+    Parameters
+    ----------
+    q
+        (n,) commands at which a robot without rods is drawn, by default home; a robot with rods is drawn mid-range.
+    site_share, rod_share, causes
+        See :func:`sketch`; by default no part has a share.
+    """
+    machine = skeleton(model, None if model.robot.rod_sites else q)
+    if machine is None:
+        return None
+    places = InstrumentPlaces.of(model.instruments)
+    marks = InstrumentMarks(places, machine.points, machine.tcp) if places else None
+    return sketch(machine, site_share or {}, rod_share or {}, causes, marks)
 
 
 def sketch(
     machine: Skeleton,
-    links: Sequence[str],
     site_share: Mapping[str, float],
     rod_share: Mapping[str, float],
     causes: Collection[str] = (),
@@ -27,129 +70,193 @@ def sketch(
 
     Parameters
     ----------
-    links
-        Names of the rods' sites, in the machine's order.
     site_share
-        Shares of the gap by site (carts, links, all links, platform, instrument), in which the parts are coloured; empty
-        where there is no gap.
+        Shares of the gap by site (carts, joints, links, all links, platform, instrument), in which the parts are coloured;
+        empty where there is no gap.
     rod_share
         Share of the gap by rod. It is shown as a tooltip and not as a colour: the rods' shares sum to 1 by themselves, so that
         a rod would seem to have a larger share than its cart.
     causes
-        Sites of the causes, which are marked by rings.
+        Sites of the causes, which are marked by rings, links by a wide edge.
     marks
         Instruments that are drawn under the machine.
     """
     at = Camera.of(machine, None if marks is None else marks.points)
-    shades = shades_of(site_share)
+    top = max(site_share.values(), default=0.0)
+    shades = {site: color(share / top) for site, share in site_share.items()} if top > 0.0 else {}
     parts = [
         "" if marks is None else marks.draw(at),
-        _base(machine, at),
-        _tracks(machine, at, shades),
-        _rods(machine, at, links, shades, rod_share, causes),
-        _platform(machine, at, shades),
-        _carts(machine, at, shades, causes),
-        corners(shades, causes),
-        _labels(machine, at, links, site_share, causes),
-        scale(site_share),
+        _outline(at(machine.base), "fill:var(--panel);stroke:var(--line);stroke-width:2")
+        if len(machine.base) > 2
+        else "",
+        *_lines(machine, at, shades, rod_share, causes),
+        *_spots(machine, at, shades, causes),
+        _tcp(machine, at, shades, causes),
+        *_corners(shades, causes),
+        *_labels(machine, at, site_share, causes),
+        _scale(top),
     ]
-    return drawn(parts, site_share)
-
-
-def _base(machine: Skeleton, at: Camera) -> str:
-    """The outline of the joints on the base."""
-    carried = {i for site in machine.carts for i in machine.rods_of[site]}
-    fixed = [i for i in range(len(machine.seats)) if i not in carried]
-    if len(fixed) < 3:
-        return ""
-    outline = _outline(at(machine.seats[fixed]))
-    return f'<polygon points="{outline}" style="fill:var(--panel);stroke:var(--line);stroke-width:2"/>'
-
-
-def _outline(points: Floats) -> str:
-    """Corners (m, 2) as text for SVG, in their order around their middle."""
-    order = np.argsort(np.arctan2(*(points - points.mean(axis=0)).T[::-1]))
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points[order])
-
-
-def _tracks(machine: Skeleton, at: Camera, shades: Mapping[str, str]) -> str:
-    made = []
-    for site, ends in machine.tracks.items():
-        a, b = at(ends)
-        made.append(line(a, b, shades.get(site, NONE), 7.0, 'opacity="0.45"'))
-    for site, anchor in machine.anchors.items():
-        a, b = at(np.stack([anchor, machine.carts[site]]))
-        made.append(line(a, b, shades.get(site, NONE), 8.0, 'opacity="0.6"'))
-    return "".join(made)
-
-
-def _rods(
-    machine: Skeleton,
-    at: Camera,
-    links: Sequence[str],
-    shades: Mapping[str, str],
-    landed: Mapping[str, float],
-    causes: Collection[str],
-) -> str:
-    made = []
-    for link, a, b in zip(links, at(machine.seats), at(machine.joints), strict=True):
-        if link in causes or "arm" in causes:
-            made.append(line(a, b, "var(--accent)", 10.0, 'opacity="0.3"'))
-        title = f"{link}: {percent(landed[link])} of the gap lands on it" if link in landed else link
-        rod = line(a, b, shades.get(link, NONE), 2.6)
-        made.append(rod.replace("/>", f"><title>{escape(title)}</title></line>"))
-    return "".join(made)
-
-
-def _platform(machine: Skeleton, at: Camera, shades: Mapping[str, str]) -> str:
-    x, y = at(machine.tcp[None])[0]
-    fill, outline = shades.get("platform", NONE), _outline(at(machine.joints))
-    look = f"fill:{fill};stroke:{fill};stroke-width:3;stroke-linejoin:round"
-    return (
-        f'<polygon points="{outline}" style="{look}" opacity="0.75"/>'
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" style="fill:var(--paper);stroke:var(--ink);stroke-width:1.5"/>'
+    shares = ", ".join(f"{_named(site)} {percent(share)}" for site, share in site_share.items() if share >= SHOWN)
+    name = f"The machine; shares of the gap: {shares}" if shares else "The machine"
+    return Markup(
+        f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{escape(name)}">'
+        + "".join(parts)
+        + "</svg>"
     )
 
 
-def _carts(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Collection[str]) -> str:
-    made = []
-    for site, middle in machine.carts.items():
-        (x, y), fill = at(middle[None])[0], shades.get(site, NONE)
-        for i in machine.rods_of[site]:
-            made.append(line(np.array([x, y]), at(machine.seats[[i]])[0], fill, 3.0))
-        made.append(f'<rect x="{x - 9:.1f}" y="{y - 7:.1f}" width="18" height="14" rx="3" style="fill:{fill}"/>')
+def color(part: float) -> str:
+    """Colour, as CSS, of a share over the largest share: from grey to red."""
+    return f"color-mix(in oklab, var(--zero), var(--high) {100.0 * min(max(part, 0.0), 1.0):.0f}%)"
+
+
+NONE = color(0.0)
+"""Colour of parts without a share."""
+
+
+def _lines(
+    machine: Skeleton, at: Camera, shades: Mapping[str, str], landed: Mapping[str, float], causes: Collection[str]
+) -> Iterator[str]:
+    for one in machine.of(*LOOKS):
+        ends, (width, extra) = at(one.ends), LOOKS[one.kind]
+        if one.kind in EDGES and (one.site in causes or "arm" in causes):
+            yield _line(ends, "var(--accent)", EDGES[one.kind], 'opacity="0.3"')
+        drawn = _line(ends, shades.get(one.site, NONE), width, extra)
+        if one.kind in EDGES:
+            lands = f": {percent(landed[one.site])} of the gap lands on it" if one.site in landed else ""
+            drawn = drawn.replace("/>", f"><title>{escape(one.site + lands)}</title></line>")
+        yield drawn
+    if len(machine.platform) > 2:
+        fill = shades.get("platform", NONE)
+        look = f"fill:{fill};stroke:{fill};stroke-width:3;stroke-linejoin:round"
+        yield _outline(at(machine.platform), look, 'opacity="0.75"')
+
+
+def _spots(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
+    """Each cart as a box with lines to its joints; each joint of a chain as a dot, with a line along its axis."""
+    for spot in machine.spots:
+        (x, y), fill = at(spot.at)[0], shades.get(spot.site, NONE)
+        if spot.axis is None:
+            for one in machine.of("bracket"):
+                if one.site == spot.site:
+                    yield _line(at(one.ends), fill, 3.0)
+            yield f'<rect x="{x - 9:.1f}" y="{y - 7:.1f}" width="18" height="14" rx="3" style="fill:{fill}"/>'
+        else:
+            reach = AXIS / at.scale * spot.axis
+            yield _line(at(np.stack([spot.at - reach, spot.at + reach])), "var(--ink)", 1.4)
+            look = f"fill:{fill};stroke:var(--ink);stroke-width:1.2"
+            title = f"<title>{escape(spot.site)}</title>"
+            yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="8" style="{look}">{title}</circle>'
+        if spot.site in causes:
+            yield _ring(x, y, 17.0 if spot.axis is None else 14.0)
+
+
+def _tcp(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Collection[str]) -> str:
+    (x, y), look = at(machine.tcp)[0], "stroke:var(--ink);stroke-width:1.5"
+    ring = _ring(x, y, 14.0) if "platform" in causes else ""
+    if len(machine.platform) > 2:
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" style="fill:var(--paper);{look}"/>{ring}'
+    fill = shades.get("platform", "var(--paper)")
+    return f'<rect x="{x - 4.5:.1f}" y="{y - 4.5:.1f}" width="9" height="9" style="fill:{fill};{look}"/>{ring}'
+
+
+def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
+    """Symbols at the lower corners: three lines for all links together, and a tripod for the instrument; empty without
+    shares."""
+    for site, x in CORNERS.items():
+        if site not in shades:
+            continue
+        y, shade, spread = HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
+        for k in (-1.0, 0.0, 1.0):
+            ends = np.array([[x + k * spread, y - 12.0], [x + k * 10.0, y + 12.0]])
+            yield _line(ends, shade, 2.6)
+        if site == "frame":
+            yield f'<circle cx="{x}" cy="{y - 12.0}" r="6.5" style="fill:{shade}"/>'
         if site in causes:
-            made.append(ring(x, y, 17.0))
-    return "".join(made)
+            yield _ring(x, y - 2.0, 23.0)
 
 
-def _labels(
-    machine: Skeleton, at: Camera, links: Sequence[str], share: Mapping[str, float], causes: Collection[str]
-) -> str:
-    """Names of carts, platform, corners and rods; with shares that are large enough."""
-    placed: list[tuple[float, float, str]] = []
-    for site, middle in machine.carts.items():
-        x, y = at(middle[None])[0]
-        placed.append((x, y - (24.0 if site in causes else 13.0), site))
-    tcp = at(machine.joints).max(axis=0)
-    placed.append((float(at(machine.tcp[None])[0, 0]), float(tcp[1]) + 20.0, "platform"))
-    placed += [(WIDTH if site == "frame" else 0.0, HEIGHT - 3.0, site) for site in CORNERS if site in share]
-    made = []
-    for x, y, site in placed:
+def _scale(top: float) -> str:
+    """The colour scale at the bottom, up to the largest share; empty without shares."""
+    if top <= 0.0:
+        return ""
+    x, y, steps = WIDTH / 2.0 - 95.0, HEIGHT - 14.0, 8
+    boxes = "".join(
+        f'<rect x="{x + 8.0 * k:.0f}" y="{y}" width="8.5" height="9" style="fill:{color(k / (steps - 1))}"/>'
+        for k in range(steps)
+    )
+    return (
+        f'{boxes}<text class="rod" x="{x - 5.0}" y="{y + 9.0}" text-anchor="end">0</text>'
+        f'<text class="rod" x="{x + 8.0 * steps + 5.0}" y="{y + 9.0}">{percent(top)} of the gap</text>'
+    )
+
+
+def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: Collection[str]) -> Iterator[str]:
+    """Names of all actuators, of the platform, of rods and corners, and of links that have a large enough share or a cause."""
+
+    def text(site: str, x: float, y: float, look: str) -> str:
+        part = share.get(site, 0.0)
+        words = f"{_named(site)} {percent(part)}" if part >= SHOWN else _named(site)
+        return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(words)}</text>'
+
+    beside = {spot.site: at(spot.at)[0] for spot in machine.spots if spot.axis is not None}
+    beside |= {
+        one.site: at(one.ends.mean(axis=0))[0]
+        for one in machine.of("link")
+        if one.site in causes or share.get(one.site, 0.0) >= SHOWN
+    }
+    above = {spot.site: at(spot.at)[0] for spot in machine.spots if spot.axis is None}
+    placed = [(site, x, y - (24.0 if site in causes else 13.0)) for site, (x, y) in above.items()]
+    if len(machine.platform) > 2:
+        placed.append(("platform", at(machine.tcp)[0, 0], at(machine.platform).max(axis=0)[1] + 20.0))
+    else:
+        beside["platform"] = at(machine.tcp)[0]
+    placed += [(site, WIDTH if site == "frame" else 0.0, HEIGHT - 3.0) for site in CORNERS if site in share]
+    for site, x, y in placed:
         anchor = "end" if x > WIDTH - 60.0 else "start" if x < 60.0 else "middle"
-        words = with_share(site, share)
-        made.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>')
-    made += _rod_labels(at(machine.seats), at(machine.joints), [with_share(link, share) for link in links])
-    return "".join(made)
-
-
-def _rod_labels(seats: Floats, joints: Floats, names: Sequence[str]) -> list[str]:
-    """The rods' names next to them, where other names are not too near."""
-    made: list[str] = []
+        yield text(site, x, y, f'text-anchor="{anchor}"')
+    for site, x, y, anchor in _apart(beside):
+        yield text(site, x, y, f'text-anchor="{anchor}"')
     taken: list[Floats] = []
-    for a, b, name in zip(seats, joints, names, strict=True):
+    for one in machine.of("rod"):
+        a, b = at(one.ends)
         spots = [a + s * (b - a) for s in (0.3, 0.4, 0.5, 0.6, 0.22)]
         spot = max(spots, key=lambda p: min([np.hypot(*(p - t)) for t in taken], default=1e9) > 26.0)
         taken.append(spot)
-        made.append(f'<text class="rod" x="{spot[0] + 5:.1f}" y="{spot[1] - 3:.1f}">{escape(name)}</text>')
-    return made
+        yield text(one.site, spot[0] + 5.0, spot[1] - 3.0, 'class="rod"')
+
+
+def _apart(spots: Mapping[str, Floats]) -> Iterator[tuple[str, float, float, str]]:
+    """Site, x, y and anchor of labels beside spots, each below those that would be too near."""
+    taken = list[tuple[float, float]]()
+    for site, spot in spots.items():
+        right = spot[0] < WIDTH / 2.0
+        x, y = spot[0] + (17.0 if right else -17.0), spot[1] + 4.0
+        while any(abs(y - v) < APART and abs(x - u) < WIDTH / 3.0 for u, v in taken):
+            y += APART
+        taken.append((x, y))
+        yield site, x, y, "start" if right else "end"
+
+
+def _named(site: str) -> str:
+    """A site as a label."""
+    return short(site_words(site))
+
+
+def _line(ends: Floats, shade: str, width: float, extra: str = "") -> str:
+    """A line between two pixels (2, 2)."""
+    (a, b), (c, d) = ends
+    look = f"stroke:{shade};stroke-width:{width:.1f};stroke-linecap:round"
+    return f'<line x1="{a:.1f}" y1="{b:.1f}" x2="{c:.1f}" y2="{d:.1f}" style="{look}" {extra}/>'
+
+
+def _ring(x: float, y: float, radius: float) -> str:
+    """The ring that marks a cause's site; centre and radius in pixels."""
+    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill:none;stroke:var(--accent);stroke-width:2.5"/>'
+
+
+def _outline(points: Floats, look: str, extra: str = "") -> str:
+    """A polygon through corners (m, 2), in their order around their middle."""
+    order = np.argsort(np.arctan2(*(points - points.mean(axis=0)).T[::-1]))
+    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points[order])
+    return f'<polygon points="{corners}" style="{look}" {extra}/>'

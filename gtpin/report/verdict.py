@@ -1,24 +1,25 @@
-"""The verdict of a diagnosis in sentences: the causes, and what to do."""
+"""The verdict of a diagnosis in sentences: the causes, the gap, what to do, and what could not be tested."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from gtpin.diagnosis.inference.findings import Cause, Question
+import numpy as np
+
+from gtpin.diagnosis.inference.findings import Cause, Considered, Question
+from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.doubts import doubt_words
-from gtpin.report.gap_words import beyond, beyond_noise, gap_words
-from gtpin.report.not_tested import could_be, may_hide, not_recorded
-from gtpin.report.phrases import clause, remedy, sentence
+from gtpin.report.phrases import clause, doubt_words, either, reason_words, remedy, sentence, sure_and_doubtful
 from gtpin.report.quality import scatters
-from gtpin.report.sure_causes import sure_and_doubtful
 from gtpin.report.words import (
     chance,
     coordinate_words,
     counted,
     joined,
+    length,
     number_word,
     percent,
     quantity,
@@ -31,6 +32,8 @@ BADGES = {
     "ambiguous": ("can't be told apart", "warn"),
     "unknown": ("unknown cause", "mystery"),
 }
+LISTED = 3
+"""Number of listed effects that could be the unknown cause."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def _explained(d: Diagnosis) -> tuple[str, list[str]]:
 
 def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
     sure, doubtful = sure_and_doubtful(d.causes)
-    headline = " ".join(sentence(_either(d, cause)) for cause in doubtful)
+    headline = " ".join(sentence(either(_members(d, cause), "these data")) for cause in doubtful)
     if sure:
         headline += f" Also certain: {joined(_clauses(d, sure))}."
     advice = [_explained_gap(d), *not_recorded(d)]
@@ -159,16 +162,6 @@ def _next(d: Diagnosis, separates: set[str]) -> list[str]:
     return [e.measure for e in steps][:1]
 
 
-def _either(d: Diagnosis, cause: Cause) -> str:
-    """The members of the class of an ambiguous cause."""
-    named = _members(d, cause)
-    if len(named) == 1:
-        return f"probably {named[0]}, but these data don't decide it"
-    others = f"one of {len(named) - 3} others" if len(named) > 4 else "another"
-    more = f", or {others}" if len(named) > 3 else ""
-    return f"{joined(named[:3], 'or')}{more}: these data can't tell"
-
-
 def _members(d: Diagnosis, cause: Cause) -> list[str]:
     """A clause for each member of a class; one for two members that only together could be in the place of the cause."""
     found: list[str] = []
@@ -190,15 +183,12 @@ def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:
     return [clause(d.effect(c.effect), c.site, d.model.robot) for c in causes]
 
 
-def _remedies(d: Diagnosis, causes: tuple[Cause, ...] | list[Cause]) -> list[str]:
-    if len(causes) == 1:
-        return [remedy(d.effect(causes[0].effect), d.model.robot)]
-    return [sentence(f"{site_words(c.site)}: {_lower(remedy(d.effect(c.effect), d.model.robot))}") for c in causes]
-
-
-def _lower(words: str) -> str:
-    """A remedy as the second part of a sentence."""
-    return words[:1].lower() + words[1:].rstrip(".")
+def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
+    """What to do about each cause; of several causes, each sentence begins with the site."""
+    found = [(c.site, remedy(d.effect(c.effect), d.model.robot)) for c in causes]
+    if len(found) == 1:
+        return [found[0][1]]
+    return [sentence(f"{site_words(site)}: {words[:1].lower()}{words[1:].rstrip('.')}") for site, words in found]
 
 
 def _explained_gap(d: Diagnosis) -> str:
@@ -212,7 +202,7 @@ def _explained_gap(d: Diagnosis) -> str:
             f"The gap, {before}, is below the assumed noise of these data, {noise}: its explained fraction can't be "
             f"estimated well. The corrected model leaves {after}."
         )
-    interval = f" (95\u00a0% interval {_range(gap.interval)})" if gap.interval else ""
+    interval = f" (95\u00a0% interval {percent(gap.interval[0])} to {percent(gap.interval[1])})" if gap.interval else ""
     where = "sessions" if gap.hold_out == "session" else "poses"
     small = beyond_noise(gap)
     return (
@@ -222,5 +212,111 @@ def _explained_gap(d: Diagnosis) -> str:
     )
 
 
-def _range(interval: tuple[float, float]) -> str:
-    return f"{percent(interval[0])} to {percent(interval[1])}"
+@dataclass(frozen=True)
+class GapWords:
+    """The quantity whose errors are given, and these errors on left-out data with units: before and after causes were added,
+    and of noise alone."""
+
+    what: str
+    before: str
+    after: str
+    floor: str
+
+
+def gap_words(gap: Gap) -> GapWords:
+    """The gap in words."""
+    if not gap.by_instrument:
+        return GapWords("position error", length(gap.before), length(gap.after), length(gap.floor))
+    what = f"error of the readings of {joined([one.name for one in gap.by_instrument])}"
+    return GapWords(what, *(_by_instrument(gap, key) for key in ("before", "after", "floor")))
+
+
+def _by_instrument(gap: Gap, key: str) -> str:
+    """An error of each instrument's readings, with the instrument's name if there are several."""
+    sizes = [(one.name, quantity(getattr(one, key), one.unit)) for one in gap.by_instrument]
+    return joined([f"{size} ({name})" if len(sizes) > 1 else size for name, size in sizes])
+
+
+def beyond(gap: Gap) -> str:
+    """What is left beyond the noise floor with the causes, sqrt(after^2 - floor^2), with units; for each instrument."""
+    if not gap.by_instrument:
+        return length(float(np.sqrt(max(gap.after**2 - gap.floor**2, 0.0))))
+    parts = [
+        (one.name, quantity(float(np.sqrt(max(one.after**2 - one.floor**2, 0.0))), one.unit))
+        for one in gap.by_instrument
+    ]
+    return joined([f"{size} ({name})" if len(parts) > 1 else size for name, size in parts])
+
+
+def beyond_noise(gap: Gap) -> str:
+    """What goes away with the causes, in lengths, where the gap beyond noise is smaller than noise; empty otherwise.
+
+    A fraction of such a gap says little. The gap beyond noise is g = sqrt(before^2 - floor^2); with a fraction f of its power
+    explained, g (1 - sqrt(1 - f)) of it goes away.
+    """
+    power = gap.before**2 - gap.floor**2
+    if gap.by_instrument or gap.interval is None or not 0.0 < power < gap.floor**2:
+        return ""
+    size = float(np.sqrt(power))
+    low, high = (length(size * float(1.0 - np.sqrt(1.0 - np.clip(share, 0.0, 1.0)))) for share in gap.interval)
+    return f"Beyond noise the gap is {length(size)}, of which {low} to {high} go away (95 %)."
+
+
+def may_hide(d: Diagnosis) -> list[str]:
+    """A hint on effects that vary between visits and could not be tested because a covariate is missing; empty unless the
+    verdict is ``none`` and visits scatter."""
+    if d.verdict != "none" or not scatters(d.baseline):
+        return []
+    lacking = [
+        c
+        for c in d.candidates
+        if d.effect(c.effect).between_visits and c.reason is not None and c.reason.kind in ("missing", "unusable")
+    ]
+    effects = list(dict.fromkeys(c.effect for c in lacking))
+    columns = list(
+        dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
+    )
+    if not effects:
+        return []
+    return [
+        f"{joined(effects)} could not be tested: record {joined(columns)}, or fill in what is known, and diagnose again."
+    ]
+
+
+def not_recorded(d: Diagnosis) -> list[str]:
+    """Hints on members of classes that can't be ruled out because a covariate is missing, and on how to test them."""
+    lacking = dict.fromkeys(
+        (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
+    )
+    return [
+        f"{joined(_names(rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+        f"{_at_rest(rows)}, and diagnose again."
+        for reason, rows in _by_reason(d, lacking).items()
+    ]
+
+
+def could_be(d: Diagnosis) -> list[str]:
+    """Effects that would explain the unknown cause but are untestable because a covariate is missing."""
+    return [
+        f"It could be {joined(_names(rows), 'or')}, which these data can't test: {reason}."
+        for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
+    ]
+
+
+def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:
+    """Effects at their sites, by the reason why they are untestable."""
+    rows = {(c.effect, c.site): c for c in d.candidates if c.reason}
+    found: dict[str, list[Considered]] = {}
+    for effect in effects:
+        if effect in rows:
+            found.setdefault(reason_words(rows[effect].reason, rows[effect].site), []).append(rows[effect])
+    return found
+
+
+def _names(rows: Iterable[Considered]) -> list[str]:
+    return [f"{c.effect} at {site_words(c.site)}" for c in rows]
+
+
+def _at_rest(rows: Iterable[Considered]) -> str:
+    speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
+    return " (0 if the machine stood still)" if speeds else ""

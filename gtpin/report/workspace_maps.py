@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtpin.accuracy.chain_workspace import ChainWorkspace
+from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.expected import mean_length, response
-from gtpin.accuracy.map_figures import Analysed
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
 from gtpin.report.embedded import Choice, Plot
@@ -26,7 +25,7 @@ SLICES = 3
 """Largest number of slices that are shown."""
 
 
-def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
+def slices(found: Accuracy) -> tuple[Choice, list[Plot]]:
     """The choice of the quantity that determines the colours, and the slices, orthogonal to an axis of the base frame."""
     values, space = _quantities(found), found.space
     options = tuple((name, _label(name, unit)) for name, (_, unit) in values.items())
@@ -42,7 +41,7 @@ def slices(found: Analysed) -> tuple[Choice, list[Plot]]:
     return choice, [plot(number, layer) for number, layer in enumerate(_layers(found))]
 
 
-def workspace_map(found: Analysed, quantity: str = "position error") -> Figure:
+def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
     """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
 
     Parameters
@@ -84,7 +83,7 @@ def _label(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
+def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
     """By name: (M,) values at the reachable points, and their unit; without quantities that are infinite everywhere."""
     space = found.space
     covariance = response(found.model, space.q, found.uncertainty).covariance
@@ -97,12 +96,12 @@ def _quantities(found: Analysed) -> dict[str, tuple[Floats, str]]:
             factor, prefixed = scale_of(error, unit)
             values[name] = (factor * error, prefixed)
     values["condition number"] = (space.dexterity.condition, "")
-    relative = "best posture: 1" if isinstance(space, ChainWorkspace) else "as at home: 1"
+    relative = {"home": "as at home: 1", "best": "best posture: 1"}[space.dexterity.one_at]
     values["distance from singularity"] = (space.dexterity.singularity, relative)
     return {name: (at, unit) for name, (at, unit) in values.items() if np.isfinite(at).any()}
 
 
-def _layers(found: Analysed) -> list[int]:
+def _layers(found: Accuracy) -> list[int]:
     """Indices of the slices: in the middle of equal parts of the reachable workspace."""
     space = found.space
     there = np.flatnonzero(space.reachable.any(axis=tuple(i for i in range(3) if i != space.across)))
@@ -110,7 +109,7 @@ def _layers(found: Analysed) -> list[int]:
     return [int(there[(2 * i + 1) * len(there) // (2 * count)]) for i in range(count)]
 
 
-def _slice(found: Analysed, at: Floats, layer: int) -> dict[str, Any]:
+def _slice(found: Accuracy, at: Floats, layer: int) -> dict[str, Any]:
     space = found.space
     x, y = (space.axes["xyz".index(name)] for name in _names(space))
     a, b = _names(space)
@@ -129,17 +128,17 @@ def _slice(found: Analysed, at: Floats, layer: int) -> dict[str, Any]:
     }
 
 
-def _names(space: Workspace | ChainWorkspace) -> tuple[str, str]:
+def _names(space: Workspace) -> tuple[str, str]:
     """The axes of a slice."""
     a, b = (name for i, name in enumerate("xyz") if i != space.across)
     return a, b
 
 
-def _place(space: Workspace | ChainWorkspace, layer: int) -> str:
+def _place(space: Workspace, layer: int) -> str:
     return f"{'xyz'[space.across]} = {space.axes[space.across][layer]:.2f} m"
 
 
-def _layout(space: Workspace | ChainWorkspace) -> dict[str, Any]:
+def _layout(space: Workspace) -> dict[str, Any]:
     a, b = _names(space)
     return {
         "xaxis": {"title": {"text": f"{a} (m)"}, "constrain": "domain"},

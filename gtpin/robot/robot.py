@@ -101,6 +101,15 @@ class Robot(Chain):
         """Names of the rods' sites (``link2a``), in the order of ``rods``."""
         return tuple(rod.site for rod in self.rods)
 
+    def rods_at(self, site: str) -> list[int]:
+        """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""
+        actuator = self.sites.index(site) if site in self.sites else -1
+        return [
+            i
+            for i, rod in enumerate(self.rods)
+            if site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension)
+        ]
+
     @property
     def motion_size(self) -> int:
         """Number of components of a motion: six of the TCP, then one of each measured joint."""

@@ -11,7 +11,7 @@ from defusedxml.ElementTree import fromstring
 
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
-from gtpin.view.meshes import with_its_meshes
+from gtpin.view.shapes import with_its_meshes
 
 LINE, POINT = (90, 105, 125), (200, 40, 30)
 """Colours of links and of joints, 0 to 255."""

@@ -1,40 +1,52 @@
-"""The gap of a model at the poses of a dataset, for drawings: errors in the base frame, and each rod's share."""
+"""The gap of a model at the rows of a dataset, for drawings: errors in the base frame, and each rod's share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import measured_poses
+from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model.model import Model
+from gtpin.instruments.instrument import Instrument
+from gtpin.instruments.readings import Readings, instruments_of, rows_of, single
+from gtpin.model.measured_robot import check_same_robot, measuring
+from gtpin.model.model import FittedInstrument, Model
+from gtpin.report.words import quantity
 from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Measured less predicted positions at N poses of a dataset, base frame.
+    """Measured less predicted at N rows of a dataset: poses, or readings of any instruments.
 
     Parameters
     ----------
     whose
         Text after "errors" that says of which model they are, such as "of the nominal model".
     pose, row
-        (N,) the poses' ids, and their lines in the dataset's table.
+        (N,) the poses' ids, and their lines in the instrument's table.
     q
         (N, n) commands, m or rad.
     T
-        (N, 3) predicted positions of the TCP, m.
+        (N, 3) predicted position of the TCP, or of the instrument's target, base frame, m.
     error
-        (N, 3) measured less predicted position, m.
+        (N, 3) the part of the position error that is measured, base frame, m: for a range along the line of sight, for a plane
+        along its normal, zero for a tilt.
     share
         By site, each rod's share, 0 to 1, of the mean squared error that exceeds the declared noise, with errors mapped to
-        lengths of the rods; empty for a robot without rods.
+        lengths of the rods; empty for a robot without rods, and for readings.
+    name
+        (N,) the instrument of each row; "" where poses were measured.
+    value, unit
+        (N,) size of the reading's residual, and its unit.
+    whitened
+        (N,) ``value`` over the declared standard deviation of the reading; if none is declared, over the root mean square of
+        all values of the instrument.
     """
 
     whose: str
@@ -44,6 +56,15 @@ class Gap:
     T: Floats
     error: Floats
     share: dict[str, float]
+    name: tuple[str, ...]
+    value: Floats
+    unit: tuple[str, ...]
+    whitened: Floats
+
+    @property
+    def of_poses(self) -> bool:
+        """Whether poses were measured, by one tracker."""
+        return not self.name[0]
 
     @property
     def length(self) -> Floats:
@@ -57,27 +78,37 @@ class Gap:
 
     @property
     def names(self) -> list[str]:
-        """Each pose's id, and its row in the table: no two are the same."""
-        return [f"{pose} (row {row})" for pose, row in zip(self.pose, self.row, strict=True)]
+        """Each pose's id, the instrument if there are several, and the row in its table: no two are the same."""
+        several = len(set(self.name)) > 1
+        rows = zip(self.pose, self.name, self.row, strict=True)
+        return [f"{pose} ({f'{name} ' if several else ''}row {row})" for pose, name, row in rows]
 
     @property
     def size(self) -> Floats:
-        """(N,) sizes of the errors, by which they are coloured and compared: their lengths, m."""
-        return self.length
+        """(N,) sizes by which errors are coloured and compared: lengths, m; ``whitened`` for readings."""
+        return self.length if self.of_poses else self.whitened
 
     @property
     def what(self) -> str:
         """Text: the kind of the errors, and the model that they are of."""
-        return f"position errors {self.whose}"
+        return f"{'position' if self.of_poses else 'reading'} errors {self.whose}"
 
     @property
     def summary(self) -> str:
-        """Text: root mean square of the errors, and number of poses."""
-        return f"{1e6 * self.rms:,.0f} µm RMS at {len(self.q)} poses"
+        """Text: root mean square of each instrument's errors, and number of poses or readings."""
+        if self.of_poses:
+            return f"{1e6 * self.rms:,.0f} µm RMS at {len(self.q)} poses"
+        names, sizes = np.array(self.name), []
+        for one in dict.fromkeys(self.name):
+            rows = np.flatnonzero(names == one)
+            sizes.append(f"{one} {quantity(float(np.sqrt((self.value[rows] ** 2).mean())), self.unit[rows[0]])}")
+        return f"{', '.join(sizes)} RMS at {len(self.q)} readings"
 
     def said(self, index: int) -> str:
-        """Text with the size of one error."""
-        return f"off by {1e6 * self.length[index]:,.1f} µm"
+        """Text with the instrument, where it has a name, and the size of one error."""
+        if self.of_poses:
+            return f"off by {1e6 * self.length[index]:,.1f} µm"
+        return f"{self.name[index]} off by {quantity(float(self.value[index]), self.unit[index])}"
 
     def magnification(self) -> float:
         """A round factor for drawings: with it, the median error is at most a tenth of the workspace. 1 if there is no
@@ -91,16 +122,33 @@ class Gap:
         return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def gap_of(model: Model, dataset: Dataset) -> Gap:
-    """Measured less predicted positions at the poses of a dataset, base frame.
+def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[FittedInstrument, ...]]:
+    """The gap of a model at a dataset, and the model's instruments.
+
+    For a model without instruments, such as a nominal one, they are those of the dataset, and their unknowns have the values
+    that fit the model best.
+
+    Raises
+    ------
+    DatasetError, ModelError
+        As for :func:`gap_of`; also if the model is of another robot.
+    """
+    check_same_robot(model.robot, dataset)
+    model = replace(model, geometry=replace(model.geometry, robot=measuring(model.robot, dataset)))
+    fitted = model.instruments or _fitted(model, dataset)
+    return gap_of(model, dataset, fitted), fitted
+
+
+def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> Gap:
+    """Measured less predicted at the rows of a dataset, base frame; ``fitted``: the instruments with their unknowns.
 
     Raises
     ------
     DatasetError
         If the commands do not fit the robot, or it can reach none of the poses.
     ModelError
-        If a covariate is missing that an active effect needs, or the instrument's frame is free and the model does not contain
-        it.
+        If a covariate is missing that an active effect needs, the instrument's frame is free and the model does not contain
+        it, or the model lacks one of the instruments.
 
     Warns
     -----
@@ -119,19 +167,53 @@ def gap_of(model: Model, dataset: Dataset) -> Gap:
     if not reached.all():
         names = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[~reached]))
         warn(f"left out, can't be reached: poses {names}")
-    kept = dataset.take(reached)
-    there, frame = predicted[reached], model.frame
-    left = measured_poses(kept).minus(there)
-    error = left @ np.kron(np.eye(left.shape[1] // 3), frame.R)
-    return Gap(
-        whose(model),
-        kept.pose,
-        kept.row,
-        kept.q,
-        (there.T - frame.T) @ frame.R,
-        error[:, :3],
-        _shares(model, kept, error),
-    )
+    kept, seen, frame = dataset.take(reached), predicted[reached], model.frame
+    based = seen.moved(-frame.T @ frame.R, frame.R.T)
+    rows, known = rows_of(kept), {name: value for one in fitted for name, value in one.unknowns.items()}
+    count = len(kept)
+    T, error, value, whitened = based.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
+    name, unit, share = np.empty(count, dtype=object), np.empty(count, dtype=object), {}
+    for i, one in enumerate(instruments_of(rows, robot)):
+        mine = rows.rows_of(i)
+        if not len(mine):
+            continue
+        u = _unknowns(one, known)
+        left = one.minus(seen[mine], u)
+        shown = np.array([c.shown for c in one.components])
+        T[mine] = one.looked_at(based[mine], u)
+        error[mine] = np.einsum("mci,mc->mi", one.by_pose(seen[mine], u)[:, shown, :3], left[:, shown]) @ frame.R
+        value[mine] = np.linalg.norm(left[:, shown], axis=1)
+        whitened[mine] = value[mine] / (one.declared[0] or max(float(np.sqrt((value[mine] ** 2).mean())), 1e-300))
+        name[mine], unit[mine] = one.name, next(c.unit for c in one.components if c.shown)
+        if not one.name:
+            share = _shares(model, kept, left @ np.kron(np.eye(left.shape[1] // 3), frame.R))
+    words = tuple(map(str, name)), tuple(map(str, unit))
+    return Gap(whose(model), kept.pose, rows.line, kept.q, T, error, share, words[0], value, words[1], whitened)
+
+
+def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
+    """The dataset's instruments with the values of their unknowns that fit a model best where it reaches the poses."""
+    whole = single(dataset, model.robot)
+    poses = model.predict(whole.q, whole.covariates)
+    if not poses.reached.any():
+        return ()
+    readings, poses = Readings.of(whole.take(poses.reached), model.robot), poses[poses.reached]
+    return with_unknowns(readings.at(readings.start(poses)), poses).fitted
+
+
+def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
+    """(k,) values of an instrument's unknowns; ``known``: those of the model, by name.
+
+    Raises
+    ------
+    ModelError
+        If one of the unknowns is not in ``known``.
+    """
+    missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
+    if missing:
+        hint = "give the model that gtpin calibrate makes of these data"
+        raise ModelError(f"the model does not know {missing[0]}", hint=hint)
+    return np.array([known[unknown.name] for unknown in one.unknowns])
 
 
 def whose(model: Model) -> str:
@@ -147,10 +229,10 @@ def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
     Orientations that are not measured count as free of errors.
     """
     kinematics, robot = model.kinematics, model.robot
-    if not isinstance(kinematics, RodKinematics):
+    if not robot.rod_sites:
         return {}
     at = Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates)
-    to_rods = np.linalg.inv(at.response)[:, :, : error.shape[1]]
+    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : error.shape[1]]
     declared = dataset.instrument
     sigma = np.repeat([declared.position_sigma or 0.0, declared.orientation_sigma or 0.0], 3)[: error.shape[1]]
     power = (np.einsum("nkc,nc->nk", to_rods, error) ** 2).mean(axis=0) - ((to_rods * sigma) ** 2).sum(axis=2).mean(

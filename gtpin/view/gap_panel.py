@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gtpin.typing import Floats
-from gtpin.view.colors import of_errors
 from gtpin.view.gap import Gap
+from gtpin.view.shapes import of_errors
 
 BLACK = np.array([0.1, 0.1, 0.1])
 BETWEEN = 12

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.kinematics.rotations import to_quaternions
-from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.patches import patch
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.typing import Floats
 
 STATION, SOCKET, TARGET, WIRE = (31, 95, 168), (154, 103, 0), (194, 65, 12), (120, 140, 165)

@@ -14,17 +14,15 @@ import pinocchio as pin
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model.model import FittedInstrument, Model
-from gtpin.report.camera import Camera, Drawable
-from gtpin.report.chain_skeleton import chain_skeleton
+from gtpin.report.camera import Camera
 from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.skeleton import skeleton
+from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.typing import Floats
 from gtpin.view.chain_display import ChainDisplay
 from gtpin.view.gap import Gap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.parts import Part, joint_places, parts
-from gtpin.view.shapes import robot_as_modelled, shapes
+from gtpin.view.shapes import Part, joint_places, parts, robot_as_modelled, shapes
 
 
 class Scene:
@@ -70,11 +68,11 @@ class Scene:
         self._visualizer = self._load()
         self.labels = self._name_parts()
         places = InstrumentPlaces.of(model.instruments if instruments is None else instruments)
-        machine = self._machine()
+        machine = skeleton(self.model)  # None if its loops can't be closed
         size = self.robot.size / 4.0 if machine is None else float(np.ptp(machine.points, axis=0).max())
         self.instruments = InstrumentDisplay(self.server, places, size) if places else None
         self._show_instruments()
-        self._look()
+        self._look(machine)
         self.panel = None if gap is None else GapPanel(self.server, self.robot.name, gap, self._go)
         if gap is None:
             self._sliders()
@@ -136,13 +134,8 @@ class Scene:
             for part in parts(self.robot)
         }
 
-    def _machine(self) -> Drawable | None:
-        """The machine as lines in space; None if its loops can't be closed in the posture to draw."""
-        return skeleton(self.model) or chain_skeleton(self.model)
-
-    def _look(self) -> None:
+    def _look(self, machine: Skeleton | None) -> None:
         """Set the camera: towards the middle of machine and poses, in the direction in which rods hide each other the least."""
-        machine = self._machine()
         if machine is None:
             return
         points = machine.points if self.gap is None else np.vstack([machine.points, self.gap.T])

@@ -1,23 +1,90 @@
-"""The shapes of a model for Pinocchio's visualizers: the URDF's own, rods coloured by their share of the gap."""
+"""The parts and shapes of a machine in 3-D: names and places of its parts, its meshes, and its shapes for Pinocchio's
+visualizers, rods coloured by their share of the gap."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import warn
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.examples import package_folder
 from gtpin.robot.robot import Robot
-from gtpin.view.colors import of_share
-from gtpin.view.meshes import with_its_meshes
-from gtpin.view.parts import rod_tip
+from gtpin.typing import Floats
 
 RADIUS = 0.012
 """Radius of rods without a shape in the URDF, over a quarter of the robot's size."""
+SCHEMES = ("package://", "model://")
+GREY, BLUE, RED = np.array([0.60, 0.64, 0.69]), np.array([0.48, 0.64, 0.82]), np.array([0.71, 0.14, 0.09])
+"""Colours of small, medium and large values."""
+
+
+def of_share(share: float) -> Floats:
+    """(3,) colour of a share of the gap, from grey at 0 to red at 0.5 and above."""
+    part = min(2.0 * max(share, 0.0), 1.0)
+    return np.asarray((1.0 - part) * GREY + part * RED)
+
+
+def of_errors(lengths: Floats) -> Floats:
+    """(N, 3) colours of error sizes (N,), from grey at 0 over blue to red at the 95 % quantile and above."""
+    part = np.clip(lengths / max(float(np.quantile(lengths, 0.95)), 1e-300), 0.0, 1.0)[:, None]
+    low = np.minimum(2.0 * part, 1.0)
+    high = np.maximum(2.0 * part - 1.0, 0.0)
+    return np.asarray((1.0 - high) * ((1.0 - low) * GREY + low * BLUE) + high * RED)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part: its name, the number of the Pinocchio joint that it moves with, and its place (3,) in that joint's frame, m."""
+
+    name: str
+    joint: int
+    at: Floats
+
+    def place(self, data: Any) -> Floats:
+        """(3,) place of the name in the base frame, m, with the joints' placements in a ``pinocchio.Data``."""
+        return np.asarray(data.oMi[self.joint].act(self.at))
+
+
+def parts(robot: Robot) -> tuple[Part, ...]:
+    """The parts of a robot. Their names are drawn at the TCP (the platform), at the actuators' joints, and at the rods'
+    middles."""
+    found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
+    found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
+    # A leg is an actuator and a rod: its name is drawn only once, at its middle.
+    found |= {rod.site: _middle(robot, rod.loop, rod.rod_end) for rod in robot.rods}
+    return tuple(Part(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
+
+
+def platform_name(robot: Robot) -> str:
+    """The name of the link that carries the TCP."""
+    bodies = (f for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == robot.tcp_joint)
+    return str(next((frame.name for frame in bodies), robot.tcp_frame))
+
+
+def rod_tip(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
+    """Number of the Pinocchio joint that moves a rod, and (3,) place of the rod's free end in that joint's frame, m."""
+    constraint = robot.constraints[loop]
+    joint = (constraint.joint1_id, constraint.joint2_id)[end]
+    return int(joint), np.array((constraint.joint1_placement, constraint.joint2_placement)[end].translation)
+
+
+def joint_places(robot: Robot, data: Any, names: Iterable[str]) -> dict[str, Floats]:
+    """(3,) where joints are in the base frame, m, by their names, from the placements in a ``pinocchio.Data``."""
+    return {name: np.array(data.oMi[robot.model.getJointId(name)].translation) for name in names}
+
+
+def _middle(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
+    joint, tip = rod_tip(robot, loop, end)
+    return joint, tip / 2.0
 
 
 def robot_as_modelled(model: Model) -> Robot:
@@ -60,3 +127,42 @@ def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, 
     shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))
     shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
     return shape
+
+
+def with_its_meshes(description: Description) -> str:
+    """The URDF's text with absolute paths of its visual meshes, and without the shapes whose mesh is missing.
+
+    ``package://`` paths are looked for in all folders that contain the URDF, and in that of example-robot-data.
+
+    Warns
+    -----
+    GtpinWarning
+        If meshes are missing: their number, and the first one.
+    """
+    root = parse_xml(description.xml, description.source)
+    folders = list(Path(description.source).absolute().parents)
+    folders += [shared] if (shared := package_folder()) is not None else []
+    missing = []
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            mesh = visual.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            file = _found(name, folders)
+            if file is None:
+                missing.append(name)
+                link.remove(visual)
+            else:
+                mesh.set("filename", str(file))
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        warn(f"{description.source}: shapes are left out, for their meshes are missing: {missing[0]}{more}")
+    return tostring(root, encoding="unicode")
+
+
+def _found(name: str, folders: list[Path]) -> Path | None:
+    scheme = next((scheme for scheme in SCHEMES if name.startswith(scheme)), None)
+    plain = name.removeprefix("file://") if scheme is None else name.removeprefix(scheme)
+    places = folders[:1] if scheme is None else folders  # a relative path starts at the URDF
+    return next((place / plain for place in places if plain and (place / plain).is_file()), None)

@@ -16,18 +16,14 @@ from gtpin.kinematics.posture import home
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
-from gtpin.report.camera import ELEVATION, Camera, Drawable
-from gtpin.report.chain_skeleton import ChainSkeleton, chain_skeleton
-from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.camera import ELEVATION, Camera
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.palette import ACCENT, FIT, GOOD, WARN, ZERO
-from gtpin.report.patches import patch
-from gtpin.report.skeleton import Skeleton, skeleton, standing
+from gtpin.report.skeleton import Kind, Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
-from gtpin.view.colors import GREY, of_errors, of_share
 from gtpin.view.gap import Gap
-from gtpin.view.parts import joint_places, platform_name
-from gtpin.view.shapes import robot_as_modelled
+from gtpin.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +33,15 @@ LINE = 90
 """Largest number of characters in a line of the title."""
 MOST = 400
 """Largest number of errors that are drawn. Of more, this number is taken evenly from the table."""
+LINES: dict[Kind, tuple[Any, float, float]] = {
+    "track": (GREY, 5.0, 0.4),
+    "arm": (GREY, 5.0, 0.6),
+    "bracket": ("0.35", 2.0, 1.0),
+    "rod": (GREY, 1.8, 1.0),
+    "link": ("0.35", 4.0, 1.0),
+    "fixed": (GREY, 3.0, 0.6),
+}
+"""Colour, width in points and opacity of the machine's lines, by kind; a rod's colour and width grow with its share."""
 PATCH, AXIS = 0.12, 0.08
 """Half the side of a plane's patch, and length of a sensor's axes, over the picture's size."""
 
@@ -57,15 +62,12 @@ def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInst
         If matplotlib is missing.
     """
     worst = None if gap is None else gap.q[int(np.argmax(gap.size))]
-    machine = skeleton(model, worst) or chain_skeleton(model, worst)
+    machine = skeleton(model, worst)
     if machine is None:
         raise ModelError(f"{model.robot.name} can't be drawn: it does not reach its home", hint="check its geometry")
     figure = new_figure(9.0, 7.0)
     axes: Any = figure.add_subplot(projection="3d")
-    if isinstance(machine, Skeleton):
-        _machine(axes, machine, model.robot, {} if gap is None else gap.share)
-    else:
-        _chain(axes, machine, model.robot)
+    _machine(axes, machine, model.robot, {} if gap is None else gap.share)
     title = model.robot.name
     if gap is not None:
         title = "\n".join([f"{title}: {gap.what}", *wrap(_errors(axes, gap), LINE)])
@@ -114,41 +116,27 @@ def _joints(model: Model, q: Floats, places: InstrumentPlaces) -> dict[str, Floa
     return joint_places(robot, data, places.encoders.values())
 
 
-def _machine(axes: Any, machine: Skeleton, robot: Robot, share: dict[str, float]) -> None:
+def _machine(axes: Any, machine: Skeleton, robot: Robot, share: Mapping[str, float]) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    links = robot.rod_sites
-    for ends in machine.tracks.values():
-        axes.plot(*ends.T, color=GREY, linewidth=5.0, alpha=0.4, solid_capstyle="round")
-    for site, middle in machine.carts.items():
-        axes.plot(*middle, "s", color="0.35", markersize=8)
-        _name(axes, middle, f"  {site}")
-        for i in machine.rods_of[site]:
-            axes.plot(*np.stack([middle, machine.seats[i]]).T, color="0.35", linewidth=2.0)
-        if site in machine.anchors:
-            axes.plot(*np.stack([machine.anchors[site], middle]).T, color=GREY, linewidth=5.0, alpha=0.6)
-    for i, (a, b) in enumerate(zip(machine.seats, machine.joints, strict=True)):
-        part = share.get(links[i], 0.0)
-        axes.plot(*np.stack([a, b]).T, color=of_share(part), linewidth=1.8 + 3.0 * part)
-        words = f"{links[i]} {100.0 * part:.0f} %" if part >= 0.05 else links[i]
-        _name(axes, a + 0.35 * (b - a), words, fontsize=8, color="0.3")
-    corners = machine.joints
-    hull = [
-        [corners[i], corners[j], corners.mean(axis=0)] for i, j in zip(*np.triu_indices(len(corners), 1), strict=True)
-    ]
-    axes.add_collection3d(Poly3DCollection(hull, facecolor=(0.15, 0.35, 0.65, 0.25)))
-    axes.plot(*machine.tcp, "o", color="white", markeredgecolor="black", markersize=5)
-    _name(axes, machine.tcp, f"  {platform_name(robot)}")
-
-
-def _chain(axes: Any, machine: ChainSkeleton, robot: Robot) -> None:
-    for ends in machine.fixed:
-        axes.plot(*ends.T, color=GREY, linewidth=3.0, alpha=0.6)
-    for ends in machine.links.values():
-        axes.plot(*ends.T, color="0.35", linewidth=4.0, solid_capstyle="round")
-    for site, origin in machine.joints.items():
-        axes.plot(*origin, "o", color="0.2", markersize=7)
-        _name(axes, origin, f"  {site}", fontsize=8)
+    for line in machine.lines:
+        part, (color, width, alpha) = share.get(line.site, 0.0), LINES[line.kind]
+        if line.kind == "rod":
+            color, width = of_share(part), 1.8 + 3.0 * part
+        axes.plot(*line.ends.T, color=color, linewidth=width, alpha=alpha, solid_capstyle="round")
+        if line.kind == "rod":
+            words = f"{line.site} {100.0 * part:.0f} %" if part >= 0.05 else line.site
+            a, b = line.ends
+            _name(axes, a + 0.35 * (b - a), words, fontsize=8, color="0.3")
+    for spot in machine.spots:
+        cart = spot.axis is None
+        axes.plot(*spot.at, "s" if cart else "o", color="0.35" if cart else "0.2", markersize=8 if cart else 7)
+        _name(axes, spot.at, f"  {spot.site}", fontsize=9 if cart else 8)
+    corners = machine.platform
+    if len(corners) > 2:
+        pairs = zip(*np.triu_indices(len(corners), 1), strict=True)
+        hull = [[corners[i], corners[j], corners.mean(axis=0)] for i, j in pairs]
+        axes.add_collection3d(Poly3DCollection(hull, facecolor=(0.15, 0.35, 0.65, 0.25)))
     axes.plot(*machine.tcp, "o", color="white", markeredgecolor="black", markersize=5)
     _name(axes, machine.tcp, f"  {platform_name(robot)}")
 
@@ -172,7 +160,7 @@ def _errors(axes: Any, gap: Gap) -> str:
     return f"{gap.summary}, drawn {factor:,.0f} times larger"
 
 
-def _frame(axes: Any, machine: Drawable, points: Floats) -> None:
+def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:
     """Set equal scales of the axes, and the direction of view in which rods hide each other the least; gravity points down if
     it is along an axis."""
     from matplotlib.ticker import MaxNLocator

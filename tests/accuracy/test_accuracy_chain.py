@@ -1,4 +1,4 @@
-"""Workspace and dexterity of robots without rods."""
+"""Accuracy of arms and of loops that are no rods."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import gtpin
-from gtpin.accuracy.chain_sensitivity import chain_sensitivity
-from gtpin.accuracy.chain_workspace import chain_commands, chain_dexterity, chain_workspace
+from gtpin.accuracy.analysis import analyse
+from gtpin.accuracy.dexterity import dexterity
+from gtpin.accuracy.figures import write_accuracy
+from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
-from gtpin.report.sensitivity_page import sensitivity_page
+from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.workspace_maps import slices
 from gtpin.robot.description import Description
 
@@ -44,7 +46,7 @@ SCARA = robot(("revolute", "0 0 1", "0 0 0.5", 3.0), ("revolute", "0 0 1", "0.4 
 
 
 def test_a_gantry_reaches_its_box_alike_everywhere() -> None:
-    space = chain_workspace(GANTRY)
+    space = filled_workspace(GANTRY)
     assert space.reachable.all()
     assert space.volume == pytest.approx(1.0 * 0.6 * 0.2, rel=0.01)
     assert space.across == 2
@@ -55,7 +57,7 @@ def test_a_gantry_reaches_its_box_alike_everywhere() -> None:
 
 
 def test_each_posture_is_in_its_cell_and_a_cell_has_the_median_of_its_postures() -> None:
-    space = chain_workspace(SCARA)
+    space = filled_workspace(SCARA)
     for i, axis in enumerate(space.axes):
         size = axis[1] - axis[0] if len(axis) > 1 else 1e-9
         assert (np.abs(space.poses.T[:, i] - axis[space.cell[:, i]]) <= 0.5 * size * (1.0 + 1e-9)).all()
@@ -68,7 +70,7 @@ def test_each_posture_is_in_its_cell_and_a_cell_has_the_median_of_its_postures()
 
 
 def test_a_flat_workspace_is_cut_along_its_plane_and_has_no_volume() -> None:
-    space = chain_workspace(SCARA)
+    space = filled_workspace(SCARA)
     assert space.across == 2
     assert len(space.axes[2]) == 1
     assert space.volume == 0.0
@@ -76,7 +78,7 @@ def test_a_flat_workspace_is_cut_along_its_plane_and_has_no_volume() -> None:
 
 def test_two_links_of_equal_length_are_singular_where_they_are_stretched_or_folded() -> None:
     q = np.array([[0.3, 0.0], [0.3, np.pi], [0.3, np.pi / 2.0]])
-    found = chain_dexterity(SCARA, q, SCARA.kinematics.forward(q))
+    found = dexterity(SCARA, q, SCARA.kinematics.forward(q))
     # Of the two singular values of the position the smaller is 0 there; in between their product is l1 l2 |sin(q2)|.
     assert_allclose(found.position_gain[:2, 1], 0.0, atol=1e-12)
     assert np.prod(found.position_gain[2, :2]) == pytest.approx(0.4 * 0.4)
@@ -84,7 +86,7 @@ def test_two_links_of_equal_length_are_singular_where_they_are_stretched_or_fold
 
 
 def test_commands_fill_the_ranges() -> None:
-    q = chain_commands(GANTRY, 500, 0)
+    q = default_commands(GANTRY, 500)
     limit = np.array([0.5, 0.3, 0.1])
     assert (np.abs(q) <= limit).all()
     assert (np.ptp(q, axis=0) > 1.9 * limit).all()
@@ -123,8 +125,8 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
     # The left drive alone moves the elbow, from which the left far link reaches on.
     text = FIVE_BAR.read_text(encoding="utf-8").replace('<platform link="tool0"/>', f'<platform link="{tcp}"/>')
     model = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "five_bar"))))
-    found = chain_sensitivity(model, chain_commands(model, 30, 0))
-    found.write(tmp_path)
+    found = analyse(model, default_commands(model, 30))
+    write_accuracy(found, tmp_path)
     assert (tmp_path / "map_condition.png").exists() == bounded
     assert {f"map_{name}.png" for name in ("position", "orientation", "singularity")} <= {
         f.name for f in tmp_path.iterdir()
@@ -133,6 +135,17 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
     assert "Expect a position error" in sensitivity_page(found)
 
 
+@pytest.mark.filterwarnings("ignore:changes of orientation are left out")
+@pytest.mark.parametrize("name", ["scara", "five_bar", "gantry_tau"])
+def test_a_finite_step_moves_any_robot_as_its_derivative_says(name: str) -> None:
+    """What is left is of second order: eight steps (four poses, both signs) of (5e-5)^2 m each, times some levers."""
+    model = SCARA if name == "scara" else gtpin.read_model(str(FIVE_BAR) if name == "five_bar" else name)
+    found = gtpin.analyse(model, default_commands(model, 4)).sensitivity
+    exact, linear = found.exact.position, found.linear.position
+    assert_allclose(exact, linear, rtol=2e-3, atol=8 * 5 * 5e-5**2)
+    assert np.nanmax(exact) > 8 * 4e-5
+
+
 def test_an_unreachable_pose_is_told() -> None:
     with pytest.raises(gtpin.GtpinError, match="no commands"):
-        chain_sensitivity(GANTRY, np.zeros((0, 3)))
+        analyse(GANTRY, np.zeros((0, 3)))

@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 from accuracy_machines import LINKS, MODEL, commands, other
 
-from gtpin.accuracy import analysis, files
+from gtpin.accuracy import figures, workspace
 from gtpin.accuracy.analysis import analyse
-from gtpin.accuracy.files import write_sensitivity
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 from gtpin.output.figure import new_figure
 
@@ -21,16 +20,16 @@ COSTS = dict(zip(LINKS, [2.5e-6, 1.7e-6, 1.5e-6, 4.5e-7, 3.1e-7, 5.7e-7], strict
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(analysis, "COUNTS", (3, 5, 5))
+    monkeypatch.setattr(workspace, "COUNTS", (3, 5, 5))
 
 
 @pytest.mark.slow
 def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    write_sensitivity(MODEL, commands(10), tmp_path / "out", costs=COSTS)
+    analyse(MODEL, commands(10), costs=COSTS).save(tmp_path / "out")
     names = {file.name for file in (tmp_path / "out").iterdir()}
     maps = {f"map_{name}.png" for name in ("position", "orientation", "condition", "singularity")}
-    assert names == {".gtpin.json", "sensitivity.csv", "accuracy.json", "sensitivity.png"} | maps
+    assert names == {".gtpin.json", "sensitivity.csv", "accuracy.json", "report.html", "sensitivity.png"} | maps
     table = pd.read_csv(tmp_path / "out" / "sensitivity.csv")
     assert list(table) == ["parameter", "link", "position_mm", "rotation_rad", "cost_m4"]
     assert len(table) == 60
@@ -44,9 +43,10 @@ def test_the_folder_holds_table_numbers_and_figures(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "map_figures", lambda *_: {})
+    monkeypatch.setattr(figures, "all_figures", lambda *_: {})
     for name in ("a", "b"):
-        write_sensitivity(MODEL, commands(5), tmp_path / name, costs=COSTS, seed=4)
+        (tmp_path / name).mkdir()
+        figures.write_accuracy(analyse(MODEL, commands(5), costs=COSTS, seed=4), tmp_path / name)
     for file in (tmp_path / "a").iterdir():
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
 
@@ -61,8 +61,8 @@ def test_without_matplotlib_there_is_a_warning_and_no_figure(tmp_path: Path, mon
 
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.warns(GtpinWarning, match="matplotlib"):
-        write_sensitivity(MODEL, commands(3), tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {".gtpin.json", "sensitivity.csv", "accuracy.json"}
+        figures.write_accuracy(analyse(MODEL, commands(3)), tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {"sensitivity.csv", "accuracy.json"}
     with pytest.raises(GtpinError, match="gtpin\\[plots\\]"):
         new_figure(1.0, 1.0)
 
@@ -106,7 +106,7 @@ def test_costs_of_other_links_are_refused() -> None:
 def test_every_axis_of_every_figure_is_labelled() -> None:
     pytest.importorskip("matplotlib")
     q = commands(12)
-    made = files.all_figures(analyse(MODEL, q, costs=COSTS))
+    made = figures.all_figures(analyse(MODEL, q, costs=COSTS))
     for figure in made.values():
         assert figure.get_suptitle()
         assert any(axis.get_xlabel() for axis in figure.axes)

@@ -18,8 +18,9 @@ from virtual_gantry import (
 )
 
 import gtpin
-from gtpin.calibration.problem import Problem, in_frame, measured_poses, rough_frame
-from gtpin.model.model import Frame, Model
+from gtpin.calibration.problem import Problem, measured_poses, rough_frame
+from gtpin.instruments.readings import Readings
+from gtpin.model.model import Frame, Model, in_frame
 from gtpin.noise.noise import Noise
 from gtpin.noise.sight import line_of_sight
 from gtpin.robot.geometry import Geometry
@@ -44,7 +45,8 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
     # Everything that the whitening can hold: range and angle, and the carts' repeatability.
     sight, reach = line_of_sight(dataset.position, np.array([1.5, -7.0, 0.3]))
     noise = Noise(POSITION_SIGMA, ORIENTATION_SIGMA, 2e-5, sight, reach, 0.4)
-    problem = Problem(start, seen, noise.whitening(J, seen.components), free)
+    readings = Readings.of(dataset, nominal.robot)
+    problem = Problem(start, readings, noise.whitening(J, seen.components), free)
     assert problem.size == len(start.geometry.names) + 6 * free
     # Away from the start by several tolerances, and by 3 cm and 0.3 rad of the instrument's pose.
     x = rng.standard_normal(problem.size) * ([2.0] * problem.n_geometry + [30.0] * 3 * free + [300.0] * 3 * free) * away
@@ -59,7 +61,10 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
         step = ends[0].minus(ends[1]) if orientation else ends[0].T - ends[1].T
         # h of a tolerance is about a micrometre: differences are good to 1e-6 of it, and to rounding in the closures.
         np.testing.assert_allclose(
-            found[:, :, k], problem.whiten(step) / (2.0 * h), rtol=1e-5, atol=1e-5 * np.abs(found).max(initial=1.0)
+            found[:, :, k],
+            (problem.whitening @ step[:, :, None])[:, :, 0] / (2.0 * h),
+            rtol=1e-5,
+            atol=1e-5 * np.abs(found).max(initial=1.0),
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.calibration.between_poses import unexplained
+from gtpin.calibration.between_poses import unexplained_by
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import of_poses
 from gtpin.certificate.response import root_of
@@ -64,14 +64,25 @@ def test_visits_that_agree_do_not_make_a_model_right(visits):
     rng = np.random.default_rng(visits)
     between = 4e-5 * rng.standard_normal(300)
     errors = np.repeat(between, visits) + 1e-6 * rng.standard_normal(300 * visits)
-    places, turns = np.repeat(np.arange(300), visits), np.zeros(300 * visits, dtype=bool)
-    variance = np.full(300 * visits, 1e-12)
-    found = unexplained(errors, errors / 1e-6, variance, places, turns, 10.0, known=True)
+    one = np.zeros((300 * visits, 1), dtype=int)
+    measured = SimpleNamespace(
+        q=np.repeat(np.arange(300), visits)[:, None],
+        read=one[:, 0],
+        counted=one + 1.0,
+        group=one,
+        group_turns=one[0] > 0,
+    )
+
+    def left(errors, taken, known):
+        fit = SimpleNamespace(problem=SimpleNamespace(measured=measured), residual=errors[:, None] / 1e-6, taken=taken)
+        return unexplained_by(fit, errors[:, None], one + 1e-12, known=known, dof=np.inf)
+
+    found = left(errors, 10.0, True)
     assert found.position == pytest.approx(4e-5, rel=0.2)
     assert found.orientation == 0.0
     clean = errors - np.repeat(between, visits)
-    assert unexplained(clean, clean / 1e-6, variance, places, turns, 0.0, known=True).none
-    assert not unexplained(clean, clean / 1e-6, variance, places, turns, 0.0, known=False).none
+    assert left(clean, 0.0, True).none
+    assert not left(clean, 0.0, False).none
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ import gtpin
 import gtpin.cli
 from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
-from gtpin.report.files import write_diagnosis
+from gtpin.output.shown import present
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed
 SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
@@ -147,7 +147,7 @@ def again(strong):
 @pytest.mark.slow
 def test_the_same_data_twice_give_the_same_bytes(diagnosed, again, strong, tmp_path, tree):
     folder, _ = diagnosed
-    write_diagnosis(again, tmp_path)
+    present(again).write(tmp_path)
     first, second = tree(folder), tree(tmp_path)
     names = [name for name in first if name.endswith((".json", ".urdf", ".csv")) and not name.endswith(".gtpin.json")]
     assert {"diagnosis.json", "model/model.json", "baseline/model.json"} <= set(names)

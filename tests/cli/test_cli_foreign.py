@@ -29,7 +29,7 @@ WORK = (
     "gtpin.commands.diagnose.run_diagnosis",
     "gtpin.commands.demo.simulate_scenario",
     "gtpin.commands.compare.run_comparison",
-    "gtpin.commands.sensitivity.write_sensitivity",
+    "gtpin.commands.sensitivity.analyse",
     "gtpin.commands.simulate.run_simulation",
     "gtpin.commands.simulate.simulate_scenario",
     "gtpin.commands.predict.run_prediction",

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import gtpin
-from gtpin.bench.simulator.instruments.plain import simulate_measured
+from gtpin.bench.simulator.instruments.build import simulate_measured
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
@@ -105,7 +105,7 @@ def test_sensitivity_is_the_geometry_s_and_asks_for_no_covariates(run, folder, m
     def stop(*_, **__):
         raise gtpin.GtpinError("the commands were taken")
 
-    monkeypatch.setattr("gtpin.commands.sensitivity.write_sensitivity", stop)
+    monkeypatch.setattr("gtpin.commands.sensitivity.analyse", stop)
     write(folder / "c.csv", session=None, payload=None)
     ran = run("sensitivity", folder / "model", "--poses", folder / "c.csv", "-o", folder / "accuracy")
     assert "the commands were taken" in ran.failed()

@@ -13,12 +13,11 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.instruments.readings import Readings
 
 Floats = np.ndarray
 
@@ -60,7 +59,8 @@ def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Des
     model: Any = SimpleNamespace(geometry=SimpleNamespace(parameters=range(n_geometry)))
     situation: Any = None
     rows = len(whitening)
-    nowhere = Measured(np.zeros((rows, 1)), np.zeros((rows, 3)), None)
+    robot: Any = None
+    nowhere = Readings.of_poses(np.zeros((rows, 1)), np.zeros((rows, 3)), None, robot)
     return Design(situation, whitening, model, y, B, n_geometry, 0, nowhere)
 
 
@@ -70,9 +70,9 @@ def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibrat
     case = make_case(seed, effects=[], poses=poses)
     baseline = gtpin.calibrate(case.dataset)
     observed = Observed(
-        measured_poses(case.dataset),
+        Readings.of(case.dataset, baseline.model.robot),
         case.dataset.covariates,
-        ReadingNoise.of_poses(replace(baseline.noise, repeatability=0.0), len(case.dataset), 6),
+        replace(baseline.noise, repeatability=0.0).rows(len(case.dataset), 6),
         np.ones(len(case.dataset)),
         20.0,
         False,

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
 from gtpin.diagnosis.hypotheses.lines import settled
@@ -29,6 +28,7 @@ from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.rack_periodic import RackPeriodic
 from gtpin.effects.situation import Situation
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.geometry import Geometry
 
@@ -142,7 +142,7 @@ def of_arm(q: np.ndarray) -> Design:
         np.zeros((3 * rows, 0)),
         0,
         0,
-        Measured(q, at.poses.T, None),
+        Readings.of_poses(q, at.poses.T, None, at.robot),
     )
 
 

@@ -14,13 +14,13 @@ from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference import predictive
-from gtpin.diagnosis.inference.named_causes import decide
+from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
-from gtpin.report.diagnosis_text import diagnosis_summary
+from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
 
 pytestmark = pytest.mark.slow
@@ -86,7 +86,7 @@ def test_a_question_reaches_summary_and_file():
     (question,) = found.to_json()["unexplained"]["questions"]
     assert (question["effect"], question["parameter"], question["believed"]) == ("servo_lag", "lag", True)
     assert question["expected"] == [0.0, None]
-    assert any("unusual" in str(part) for part in diagnosis_summary(found).renderables)
+    assert any("unusual" in str(part) for part in present(found).terminal().renderables)
 
 
 def test_an_instrument_beside_the_base_makes_no_cause():

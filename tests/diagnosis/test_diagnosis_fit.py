@@ -9,7 +9,6 @@ from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom, chi2
 
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
@@ -17,10 +16,10 @@ from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import fixed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 
 POSITION, ORIENTATION = 1.5e-5, 5e-5
@@ -53,8 +52,8 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     seen = true.predict(observed.measured.q, observed.covariates)
     T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
     R = exp(ORIENTATION * rng.standard_normal(seen.T.shape)) @ seen.R
-    noise = ReadingNoise.of_poses(Noise(POSITION, ORIENTATION), len(T), 6)
-    return true, replace(observed, measured=Measured(observed.measured.q, T, R), noise=noise)
+    noise = Noise(POSITION, ORIENTATION).rows(len(T), 6)
+    return true, replace(observed, measured=Readings.of_poses(observed.measured.q, T, R, true.robot), noise=noise)
 
 
 @pytest.mark.slow
@@ -128,14 +127,15 @@ def test_a_free_instrument_is_found_beside_the_causes(seed):
     true, observed = machine(seed)
     rng = np.random.default_rng(seed)
     turn, shift = exp(np.array([0.0, 0.0, 2e-3])), 1e-3 * rng.standard_normal(3)
-    seen = observed.measured
-    moved = replace(observed, measured=Measured(seen.q, seen.T @ turn.T + shift, turn @ seen.R), free_frame=True)
+    (T, R), q = observed.measured.poses, observed.measured.q
+    T = T @ turn.T + shift
+    moved = replace(observed, measured=Readings.of_poses(q, T, turn @ R, true.robot), free_frame=True)
     found = fit_together(moved, nominal(), CAUSES, SCALES, true.effects[0].references)
     for a, b in zip(found.effects, true.effects, strict=True):
         error = a.coefficients - b.coefficients
         assert error @ np.linalg.solve(a.covariance, error) < chi2.isf(1e-4, len(error))
     predicted = found.predict(moved.measured.q, moved.covariates)
-    assert np.sqrt(((moved.measured.T - predicted.T) ** 2).mean()) < 1.5 * POSITION
+    assert np.sqrt(((T - predicted.T) ** 2).mean()) < 1.5 * POSITION
 
 
 def test_derivatives_by_a_calibration_s_unknowns_are_those_at_the_displaced_poses():

@@ -9,12 +9,12 @@ from linear_problems import calibrated
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed
 from gtpin.effects.basis import Basis
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp
 
 Floats = np.ndarray
@@ -37,7 +37,7 @@ def measured(
     T = seen.T + factor * POSITION * z[:, :3]
     R = exp(factor * ORIENTATION * z[:, 3:]) @ seen.R
     noise = replace(observed.noise, sigma=np.array([POSITION, ORIENTATION]), repeatability=0.0)
-    return replace(observed, measured=Measured(q, T, R), noise=noise, weight=np.ones(len(q)))
+    return replace(observed, measured=Readings.of_poses(q, T, R, model.robot), noise=noise, weight=np.ones(len(q)))
 
 
 def hypotheses_of(observed: Observed) -> HypothesisSet:

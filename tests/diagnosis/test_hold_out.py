@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.unseen_sessions import as_unseen
+from gtpin.diagnosis.inference.predictive import as_unseen
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.hold_out import STRETCHES, blocks_of
 from gtpin.diagnosis.linear.observed import Observed

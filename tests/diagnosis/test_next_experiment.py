@@ -11,22 +11,20 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.calibration.problem import measured_poses
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
-from gtpin.diagnosis.planning.map_unknown import map_unknown
 from gtpin.diagnosis.planning.measurement_conditions import with_nights
-from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, plan
+from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
 from gtpin.effects.untestable import Untestable
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.instruments.readings import Readings
 
 PAIRS = [
     ("linearity@cart2", "straightness@cart2"),
@@ -52,9 +50,9 @@ def known_of(name: str, seed: int, without: tuple[str, ...] = ()) -> tuple[Case,
 
 def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
-        measured_poses(dataset),
+        Readings.of(dataset, baseline.model.robot),
         dataset.covariates,
-        ReadingNoise.of_poses(baseline.noise, len(dataset), 6),
+        baseline.noise.rows(len(dataset), 6),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",
@@ -105,7 +103,9 @@ def together(case: Case, later: Dataset, absent: Mapping[str, float] | None = No
 def log_evidence(known: Known, dataset: Dataset, name: str, unseen: int = 0) -> float:
     """Of an effect over none, by its best scale; the first rows may be ones whose covariate was not recorded."""
     noise = known.observed.noise.take(np.zeros(len(dataset), dtype=int))  # equal for all poses
-    observed = replace(known.observed, measured=measured_poses(dataset), covariates=dataset.covariates, noise=noise)
+    observed = replace(
+        known.observed, measured=Readings.of(dataset, known.model.robot), covariates=dataset.covariates, noise=noise
+    )
     design = replace(observed, weight=np.ones(len(dataset))).design(known.model)
     which = candidate(name)
     X = design.columns(which.effect.basis(design.situation, which.site))
@@ -187,7 +187,7 @@ def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     later = measured(case, pushed.poses, pushed.covariates, 0)
     force = {name: 0.0 for name in ("fx", "fy", "fz") if name not in case.dataset.covariates}
     data = together(case, later, force)
-    observed = replace(known.observed, measured=measured_poses(data), covariates=data.covariates)
+    observed = replace(known.observed, measured=Readings.of(data, known.model.robot), covariates=data.covariates)
     at = observed.situation(known.model)
     assert len(pushed.separates) >= 3
     assert not any(candidate(n).effect.untestable(at, candidate(n).site) for n in pushed.separates)

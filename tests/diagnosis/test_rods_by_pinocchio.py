@@ -39,7 +39,7 @@ class ByPinocchio(RodKinematics):
         ByPinocchio.calls += 1
         return Poses(found.T, found.R, expected.joints)
 
-    def command_jacobian(self, q, poses):
+    def command_jacobian(self, q, poses, at=None):
         return self._pinocchio.command_jacobian(q, poses)
 
     def geometry_jacobian(self, q, poses):

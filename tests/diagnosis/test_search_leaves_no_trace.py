@@ -14,7 +14,7 @@ import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.named_causes import decide
+from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design

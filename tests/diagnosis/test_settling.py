@@ -17,10 +17,16 @@ from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.planning.discrimination import discriminate
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction
+from gtpin.diagnosis.planning.expected_bayes_factor import (
+    DRAWN,
+    PROMISED,
+    Prediction,
+    Rivals,
+    rounds_needed,
+    settling_probability,
+)
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS, next_sessions
 from gtpin.diagnosis.planning.next_experiment import classes
-from gtpin.diagnosis.planning.settling import DRAWN, PROMISED, Rivals, rounds_needed, settling_probability
 from gtpin.diagnosis.planning.trials import Known
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id

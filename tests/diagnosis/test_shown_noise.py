@@ -6,12 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from diagnosed import machine
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.diagnosis.diagnose import FALSE_ALARM
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference import shown_noise as check
+from gtpin.diagnosis.preparation.prepare import prepare
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.model.measured_robot import robot_of
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 SIGMA, TURN = 3e-5, 1e-4
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 
 def measured(seed, *, scatter=0.0, visits=1, sigmas=(SIGMA, TURN), poses=90):
@@ -80,3 +88,26 @@ def test_noise_declared_a_hundred_times_too_small_is_never_nothing_beyond_noise(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert gtpin.diagnose(small).verdict == "unknown"
+
+
+class SearchedError(Exception):
+    """There was a search."""
+
+
+def searched(*_: object) -> None:
+    raise SearchedError
+
+
+def test_repeated_visits_without_more_noise_end_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = machine(1, "linearity", "cart2").dataset
+    robot = robot_of(dataset)
+    prepared = prepare(dataset, robot)
+    assert prepared.baseline.chi2_per_dof > PRIORS.misfit
+    scope = Scope.of(gtpin.catalogue(), (), FALSE_ALARM, robot, PRIORS)
+    without = dataset.take(
+        [int(row) for row in dict(zip(dataset.visits.tolist(), range(len(dataset)), strict=True)).values()]
+    )
+    monkeypatch.setattr(check, "rough_guess", searched)
+    assert check.understated_noise(prepared, scope) == {}
+    with pytest.raises(SearchedError):  # one visit of each pose says nothing of the noise
+        check.understated_noise(prepare(without, robot), scope)

@@ -13,8 +13,8 @@ from gtpin.diagnosis import priors
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
+from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
-from gtpin.diagnosis.planning.settling import DRAWN, PROMISED
 from gtpin.effects.drives import SLOWEST_LINE
 from gtpin.effects.rack_periodic import LEAST_TURNS
 

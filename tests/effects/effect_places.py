@@ -104,7 +104,7 @@ def displaced(at: Situation, name: str, site: str, coefficients: Floats) -> Disp
         command[:, found.command[0]] = found.command[1] @ coefficients
     return Displaced(
         command,
-        np.zeros((n, k, 3)) if found.carrier_joints is None else found.carrier_joints @ coefficients,
+        found.shifts(range(k)) @ coefficients if found.placements else np.zeros((n, k, 3)),
         np.zeros((n, k)) if found.length is None else found.length @ coefficients,
         np.zeros((n, 6)) if found.twist is None else found.twist @ coefficients,
     )

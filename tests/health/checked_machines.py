@@ -22,6 +22,21 @@ def machine(seed: int, *, free: bool = False, robot: str = "gantry_tau") -> tupl
     return case, gtpin.calibrate(case.dataset).model
 
 
+def commanded(
+    case: Case, rng: np.random.Generator, poses: int, shift: dict[int, float] | None, reversal: dict[int, float] | None
+) -> tuple[np.ndarray, np.ndarray, gtpin.Commands]:
+    """Commands of a check, directions of approach, and where the drives go: off by a shift of the zero and a reversal error."""
+    q = case.dataset.q[rng.choice(len(case.dataset), poses, replace=False)]
+    ways = np.column_stack([rng.permutation(np.resize([-1.0, 1.0], poses)) for _ in range(q.shape[1])])
+    off = np.zeros_like(q)
+    for actuator, size in (shift or {}).items():
+        off[:, actuator] += size
+    for actuator, size in (reversal or {}).items():
+        off[:, actuator] -= size / 2.0 * ways[:, actuator]
+    ids = np.array([f"check{i}" for i in range(poses)], dtype=object)
+    return q, ways, gtpin.Commands(ids, q + off, {f"approach{i + 1}": way for i, way in enumerate(ways.T)})
+
+
 def later(
     case: Case,
     seed: int,
@@ -34,17 +49,8 @@ def later(
 
     The drives are off by what the controller does not know: a shift of the zero, m, or a reversal error, m, by actuator.
     """
-    rng = np.random.default_rng([seed, 11])
-    q = case.dataset.q[rng.choice(len(case.dataset), poses, replace=False)]
-    ways = np.column_stack([rng.permutation(np.resize([-1.0, 1.0], poses)) for _ in range(q.shape[1])])
-    off = np.zeros_like(q)
-    for actuator, size in (shift or {}).items():
-        off[:, actuator] += size
-    for actuator, size in (reversal or {}).items():
-        off[:, actuator] -= size / 2.0 * ways[:, actuator]
-    ids = np.array([f"check{i}" for i in range(poses)], dtype=object)
-    approaches = {f"approach{i + 1}": ways[:, i] for i in range(q.shape[1])}
-    return replace(measure_at(case, gtpin.Commands(ids, q + off, approaches), seed), q=q)
+    q, _, commands = commanded(case, np.random.default_rng([seed, 11]), poses, shift, reversal)
+    return replace(measure_at(case, commands, seed), q=q)
 
 
 def classes(found: gtpin.HealthCheck) -> list[set[tuple[str, str]]]:

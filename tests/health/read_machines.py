@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from checked_machines import commanded
 
 import gtpin
 from gtpin.bench.simulator import Case, measure_at
@@ -34,17 +35,9 @@ def later_read(
 ) -> gtpin.Dataset:
     """The machine read again by ``range`` or ``plane``, three readings a pose; ``shift`` and ``reversal`` are by drive, m."""
     rng = np.random.default_rng([seed, 12])
-    q = case.dataset.q[rng.choice(len(case.dataset), poses, replace=False)]
-    ways = np.column_stack([rng.permutation(np.resize([-1.0, 1.0], poses)) for _ in range(3)])
-    off = np.zeros_like(q)
-    for drive, size in (shift or {}).items():
-        off[:, drive] += size
-    for drive, size in (reversal or {}).items():
-        off[:, drive] -= size / 2.0 * ways[:, drive]
-    ids = np.array([f"check{i}" for i in range(poses)], dtype=object)
+    q, ways, commands = commanded(case, rng, poses, shift, reversal)
     silent = case.recipe.noise.model_copy(update={"position_sigma": 1e-9, "orientation_sigma": 1e-9})
     exact = replace(case, recipe=replace(case.recipe, noise=silent))
-    commands = gtpin.Commands(ids, q + off, {f"approach{i + 1}": ways[:, i] for i in range(3)})
     T = measure_at(exact, commands, seed).position
     folder.mkdir(exist_ok=True)
     if kind == "range":

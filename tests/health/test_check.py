@@ -13,14 +13,12 @@ from scipy.stats import binom
 
 import gtpin
 from gtpin.bench.simulator import make_case
+from gtpin.diagnosis.against.alarm import threshold
+from gtpin.diagnosis.against.check import Changes
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.measured import usable
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
-from gtpin.health.alarm import Bench, threshold
-from gtpin.health.changes import Since, changes
-from gtpin.health.earlier import Earlier
-from gtpin.health.expectation import expectation
-from gtpin.health.measured import usable
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
@@ -69,36 +67,34 @@ def test_machines_without_a_change_raise_no_more_alarms_than_chance_allows():
 def test_draws_of_an_unchanged_machine_exceed_the_threshold_as_often_as_asked():
     """Fresh draws, with the earlier model's error drawn from its covariance by other code."""
     case, model = machine(21)
-    bench, design, earlier = problem(model, later(case, 3))
+    sampler, design, earlier = problem(model, later(case, 3))
     rng = np.random.default_rng(5)
-    level = threshold(bench, 0.05, 4000, rng)
+    level = threshold(sampler, 0.05, 4000, rng)
     errors = rng.multivariate_normal(np.zeros(len(model.covariance)), model.covariance, 3000, method="eigh")
     J = earlier.jacobian(design.situation.q, design.situation.covariates, design.situation.poses)
     moved = (design.whitening @ J).reshape(len(design.y), -1)
     y = rng.standard_normal((len(design.y), 3000)) + moved @ errors.T
-    share = float((bench.largest(y) > level).mean())
+    share = float((sampler.largest(y) > level).mean())
     assert 0.035 < share < 0.066  # four sigma of both counts
 
 
 @pytest.mark.slow
 def test_gains_of_draws_are_those_of_single_residuals():
     case, model = machine(21)
-    bench, design, _ = problem(model, later(case, 4))
-    groups = bench.hypotheses.groups
-    for axes in bench.axes:
-        own = bench.gains(axes, bench.moments(axes, design.y[:, None]))[0]
-        alone = bench.hypotheses.alone(axes.hypothesis)
+    sampler, design, _ = problem(model, later(case, 4))
+    groups = sampler.hypotheses.groups
+    for axes in sampler.axes:
+        own = sampler.gains(axes, design.y[:, None].T @ axes.weights)[0]
+        alone = sampler.hypotheses.alone(axes.hypothesis)
         assert own == pytest.approx(alone, rel=1e-9, abs=1e-9), groups
 
 
 def problem(model, dataset):
-    """The bench of a check, its linear problem, and the earlier model."""
+    """The sampler of a check's gains, its linear problem, and the earlier model."""
     earlier, data = Earlier(model), usable(dataset, model)
     scope = Scope.of(catalogue(), (), 0.01, model.robot)
-    known = data.dataset.covariates
-    since = Since.of(known, earlier, 20.0, len(data.dataset), PRIORS.warmer)
-    design = expectation(earlier, data.measured, known, data.how, since.covariates)
-    return Bench(changes(design, scope, since.assumed).hypotheses), design, earlier
+    sampler = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope).sampler
+    return sampler, sampler.hypotheses.design, earlier
 
 
 @pytest.mark.slow

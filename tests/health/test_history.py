@@ -8,7 +8,7 @@ import pytest
 from checked_machines import later, machine
 
 import gtpin
-from gtpin.report.history_page import history
+from gtpin.report.history import history
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 

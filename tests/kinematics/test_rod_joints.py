@@ -53,7 +53,7 @@ def turned(one: Floats, other: Floats) -> Floats:
 def postures(geometry: gtpin.Geometry, q: Floats) -> list[ClosedPosture]:
     """As Pinocchio closes the URDF of a geometry, pose by pose."""
     plain = gtpin.Geometry(geometry.robot.measuring([]), geometry.parameters, geometry.values)
-    start = PinocchioRods(plain)._home
+    start = PinocchioRods(plain)._posture
     return [start.moved_to(row) for row in q]
 
 

@@ -8,7 +8,7 @@ from paper_figures import cost_and_position, orientation_along_grid, orientation
 from paper_steps import drawn_measurements, step_change
 
 import gtpin
-from gtpin.accuracy.steps import STEP
+from gtpin.accuracy.sensitivity import STEP
 from gtpin.errors import ModelError
 
 MODEL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))

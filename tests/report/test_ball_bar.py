@@ -9,9 +9,8 @@ import pytest
 from readings_of_circles import RADIUS, read_ranges
 
 from gtpin.errors import DatasetError
-from gtpin.report.ball_bar import circles
+from gtpin.report.ball_bar import circles, runs
 from gtpin.report.ball_bar_plot import ball_bar_figure, circular_tests
-from gtpin.report.circles import runs
 
 Floats = np.ndarray
 UP = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)

@@ -13,17 +13,17 @@ import pinocchio as pin
 import pytest
 
 import gtpin
-from gtpin.accuracy.chain_sensitivity import chain_sensitivity
+from gtpin.accuracy.sensitivity import sensitivity
 from gtpin.comparison.compare import compare
 from gtpin.compensation.compensate import compensate
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
-from gtpin.report.chain_skeleton import chain_skeleton
 from gtpin.report.diagnosis_page import diagnosis_page
 from gtpin.report.effect_curves import curves
 from gtpin.report.residuals import Residuals
+from gtpin.report.skeleton import skeleton
 
 ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
 ARM = gtpin.load_robot(ARM_FILE)
@@ -130,11 +130,11 @@ def test_a_notebook_shows_it(found: Diagnosis) -> None:
 
 
 def test_the_skeleton_goes_through_the_joints_to_the_tcp() -> None:
-    machine = chain_skeleton(gtpin.Model(gtpin.Geometry.nominal(ARM)), np.zeros(6))
+    machine = skeleton(gtpin.Model(gtpin.Geometry.nominal(ARM)), np.zeros(6))
     assert machine is not None
-    np.testing.assert_allclose(machine.joints["elbow"], [0.0, 0.02, 0.52], atol=1e-12)
+    np.testing.assert_allclose({spot.site: spot.at for spot in machine.spots}["elbow"], [0.0, 0.02, 0.52], atol=1e-12)
     np.testing.assert_allclose(machine.tcp, [0.0, 0.2, 1.0], atol=1e-12)
-    ends = list(machine.links.values())
+    ends = [line.ends for line in machine.of("link")]
     for one, other in itertools.pairwise(ends):
         np.testing.assert_array_equal(one[1], other[0])
     np.testing.assert_array_equal(ends[-1][1], machine.tcp)
@@ -185,7 +185,9 @@ def test_what_does_not_move_along_a_joint_is_no_table(found: Diagnosis) -> None:
 def test_sensitivity_of_an_arm_is_that_of_its_levers() -> None:
     model = gtpin.Model(gtpin.Geometry.nominal(ARM))
     q = np.zeros((2, 6))
-    table = chain_sensitivity(model, q).to_table().set_index(["parameter", "link"])
+    with pytest.warns(gtpin.GtpinWarning, match="ZYZ angles jump"):
+        found = sensitivity(model, q)
+    table = found.to_table().set_index(["parameter", "link"])
     step = 5e-2  # mm
     assert table.loc[("x", "elbow"), "position_mm"] == pytest.approx(2 * 2 * step, rel=1e-9)
     # The shoulder's axis y turns the TCP, 0.9 m above it, by 2 sin(step / 2) times 0.9 m.

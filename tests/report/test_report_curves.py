@@ -12,8 +12,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.rack_periodic import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
-from gtpin.report.fit_along import fit_along
-from gtpin.report.residual_columns import column, columns
+from gtpin.report.residual_columns import column, columns, fit_along
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, residual_figure
 from gtpin.report.residuals import Residuals
 

@@ -12,7 +12,7 @@ import gtpin
 from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, RangeTable, SocketTable, TiltTable
 from gtpin.model.model import FittedInstrument
 from gtpin.report.camera import HEIGHT, WIDTH
-from gtpin.report.drawing import drawing
+from gtpin.report.sketch import drawing
 
 MODELS = {name: gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(name))) for name in ("gantry_tau", "ur5")}
 

@@ -4,7 +4,7 @@ import pytest
 
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.linearity import Linearity
-from gtpin.report.evidence import meaning
+from gtpin.report.diagnosis_page import meaning
 
 
 @pytest.mark.parametrize("effect", sorted(effects_by_id()))

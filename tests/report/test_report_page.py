@@ -22,7 +22,7 @@ from gtpin.report.embedded import Choice, Plot, Shared, key_of
 from gtpin.report.figure import Drawing
 from gtpin.report.page import render
 from gtpin.report.palette import DARK, DATA, FIT, LIGHT
-from gtpin.report.reasons import reason_words
+from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
 
@@ -211,7 +211,7 @@ def test_a_page_finds_every_colour_of_its_figures_by_its_value():
 
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
     with pytest.raises(Exception, match="undefined"):
-        render("diagnosis.html", title="nothing")
+        render("report.html", title="nothing")
 
 
 @pytest.mark.slow

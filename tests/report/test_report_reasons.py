@@ -11,18 +11,18 @@ import pytest
 
 import gtpin
 from gtpin.effects.untestable import Kind, Untestable, as_untestable
-from gtpin.report.reasons import WORDS, reason_words
+from gtpin.report.phrases import REASONS, reason_words
 
 
 def test_every_kind_of_reason_has_words() -> None:
-    assert set(WORDS) == set(get_args(Kind))
+    assert set(REASONS) == set(get_args(Kind))
 
 
 def test_the_page_of_the_statistics_lists_every_kind_with_its_words() -> None:
     page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE))
     names = {"missing": "speed2", "unusable": "session", "constant": "session"}
-    for kind in set(WORDS) - {"other"}:
+    for kind in set(REASONS) - {"other"}:
         assert rows[kind] == reason_words(Untestable(kind, names.get(kind, "")), "cart1")
 
 

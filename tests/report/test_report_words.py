@@ -13,9 +13,9 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.effects.linearity import Linearity
-from gtpin.report.gap_words import beyond_noise
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.provenance import provenance, versions
+from gtpin.report.verdict import beyond_noise
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
 
 

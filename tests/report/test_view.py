@@ -23,10 +23,8 @@ from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import Description
 from gtpin.robot.robot import Robot
-from gtpin.view.colors import of_errors, of_share
 from gtpin.view.gap import gap_of, whose
-from gtpin.view.parts import parts
-from gtpin.view.shapes import robot_as_modelled, shapes
+from gtpin.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
 from gtpin.view.still import still, write_still
 
 if TYPE_CHECKING:
@@ -296,7 +294,9 @@ def test_names_move_with_the_parts_and_can_be_hidden(scene):
 def test_a_single_pose_has_a_page_too(scene):
     from gtpin.view.gap_panel import GapPanel
 
-    one = replace(scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error")})
+    one = replace(
+        scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error", "name", "value", "unit")}
+    )
     panel = GapPanel(scene.server, "one", one, lambda _: "")
     assert "Pose 19 (row 2)" in panel.message.content
     assert panel.place.disabled

@@ -69,5 +69,5 @@ def test_an_encoder_at_a_rod_is_where_the_rod_hangs_on_the_platform() -> None:
     assert machine is not None
     (axes,) = still(model).axes
     (mark,) = [line for line in axes.lines if line.get_marker() == "D"]
-    seat = machine.joints[robot.rod_sites.index("link2b")]
+    seat = machine.platform[robot.rod_sites.index("link2b")]
     np.testing.assert_allclose(np.ravel(mark.get_data_3d()), seat, atol=1e-9)

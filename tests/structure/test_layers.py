@@ -92,7 +92,7 @@ def test_no_files_import_each_other_in_a_circle() -> None:
 
 def test_every_result_that_is_shown_has_a_presentation() -> None:
     for file in PRESENTATIONS.values():
-        assert "\npresent = " in MODULES[f"gtpin.report.show.{file}"].read_text(encoding="utf-8")
+        assert "\npresent = " in MODULES[f"gtpin.report.{file}"].read_text(encoding="utf-8")
     shown = {
         node.name
         for file in MODULES.values()

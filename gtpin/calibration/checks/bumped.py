@@ -18,7 +18,6 @@ from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -34,7 +33,7 @@ motions in proportion to time (to its third power), temperatures, payload or ano
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
-def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise | ReadingNoise) -> None:
+def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
     """Suspect data during which the instrument moved by much more than its noise.
 
     Parameters
@@ -85,11 +84,10 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Noise 
         return suspect(error, dataset, before, after)
 
 
-def _size(scan: Scan, noise: Noise | ReadingNoise, steps: list[int]) -> Size:
+def _size(scan: Scan, noise: ReadingNoise, steps: list[int]) -> Size:
     """Standard deviations of the residuals with some steps, m and rad."""
     times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
-    poses = noise if isinstance(noise, Noise) else noise.as_poses()
-    return times * poses.position_sigma, times * poses.orientation_sigma if scan.y.shape[1] == 6 else 0.0
+    return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
 
 
 def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -38,7 +37,7 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     absorbs a part of it. Therefore the residuals of a convention are those after a linearised fit to the orientations read by
     it: r - J dx, with dx from the normal equations with the tolerances as priors.
     """
-    measured = fit.problem.measured
+    measured = fit.problem.poses
     if measured.R is None or len(measured.T) < LEAST:
         return [], NONE, NONE
     if measured.q.shape[1] == 1:  # about one axis conventions differ only in how they scale noise about other axes
@@ -48,7 +47,7 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     assert some.R is not None
     point = fit.point
     predicted = point.model.seen(point.poses[rows])
-    problem = replace(fit.problem, measured=some, whitening=fit.problem.whitening[rows])
+    problem = fit.problem.take(rows, fit.problem.whitening[rows])
     J = problem.jacobian(Point(point.x, point.model, point.poses[rows]), slice(None))
     weight = np.repeat(np.sqrt(fit.weight[rows]), 6)
     A = J.reshape(-1, J.shape[2]) * weight[:, None]

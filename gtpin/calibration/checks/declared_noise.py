@@ -1,24 +1,26 @@
-"""Whether declared noise can be true: it is compared with the noise that is estimated from the residuals of a fit."""
+"""Whether the noise that instruments declare can be true: it is compared with the noise that a fit estimates."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from gtpin.calibration.noise_estimator import ENOUGH
-from gtpin.calibration.problem import Problem, in_frame
+from gtpin.calibration.robust_fit import RobustFit
 from gtpin.calibration.settled import Settled
-from gtpin.data import Dataset, Instrument
+from gtpin.data.read_instruments import SIGMAS as COLUMNS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.readings import Readings
+from gtpin.typing import Floats
 
 Sigma = Literal["position_sigma", "orientation_sigma"]
-Settle = Callable[[Instrument], Settled[Problem]]
-
 SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
-"""Keys of the noise, and the components of a pose that each is of."""
+"""Keys of a tracker's noise, and the components of a pose that each is of."""
 SUSPECT = 0.7
 """Root mean square of the residuals over the declared sigma below which the noise is estimated for comparison. Assumed: it
 only saves a second fit in clear cases."""
@@ -33,54 +35,38 @@ NO_NOISE = 0.01
 CHANCE = 1e-3
 """Probability, by chi-square, of residuals as small as these under the declared noise, below which the declared value is not
 used. Assumed."""
-UNITS: dict[Sigma, tuple[tuple[float, float, str], ...]] = {
-    "position_sigma": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
-    "orientation_sigma": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
+UNITS = {
+    "m": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
+    "rad": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
 }
 """Ratios (a factor of four to either side of a unit's own, less for degrees) and the unit that they look like."""
 
 
-def used_noise(dataset: Dataset, settled: Settled[Problem], settle: Settle) -> tuple[Settled[Problem], Instrument]:
-    """The calibration with credible noise: a declared sigma that is too large is estimated instead, with a warning.
+@dataclass(frozen=True)
+class Declared:
+    """A declared noise sigma.
 
     Parameters
     ----------
-    settled
-        The calibration with the noise as declared.
-    settle
-        Function that calibrates with another description of the instrument.
-
-    Raises
-    ------
-    DatasetError
-        If a declared sigma is more than ten times the estimated one.
+    group, instrument
+        Index of its group over all instruments' sigmas, and index of the instrument.
+    key
+        Its key in dataset.toml; for sigmas that a table declares row by row, the columns.
+    value
+        Its value, m or rad; for sigmas by row, their median.
+    by_row
+        Whether the table declares it row by row.
     """
-    instrument = dataset.instrument
-    suspects = [key for key, _ in SIGMAS if _residual_ratio(settled, instrument, key) < SUSPECT]
-    if not suspects:
-        return settled, instrument
-    undeclared = instrument.model_copy(update=dict.fromkeys(suspects))
-    again = settle(undeclared)
-    wrong = [key for key in suspects if _overstated(settled, again, instrument, key)]
-    if not wrong:
-        return settled, instrument
-    ratios = {key: getattr(instrument, key) / shown(again, key) for key in wrong}
-    for key in sorted(wrong, key=lambda k: -ratios[k]):
-        declared, seen = getattr(instrument, key), shown(again, key)
-        text = f"{key} is {declared:.2g}, but these data show a noise of {seen:.2g}, {declared / seen:.2g} times less"
-        if declared > OVERSTATED * seen:
-            like = unit_like(key, declared / seen)
-            hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the line out"
-            raise DatasetError(text, file=_toml(dataset), column=f"instrument.{key}", hint=hint)
-        warn(f"{text}: the data's own is used")
-    if wrong == suspects:
-        return again, undeclared
-    kept = instrument.model_copy(update=dict.fromkeys(wrong))
-    return settle(kept), kept
+
+    group: int
+    instrument: int
+    key: str
+    value: float
+    by_row: bool = False
 
 
-def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled[Problem]:
-    """Calibrate; if the fit does not converge, find out whether the reason is a declared noise that is far too small.
+def settled_or_explained(fit: RobustFit) -> Settled:
+    """Run the robust fit; if it does not converge, find out whether the reason is a declared sigma that is far too small.
 
     Raises
     ------
@@ -89,74 +75,145 @@ def settled_or_explained(dataset: Dataset, settle: Settle) -> Settled[Problem]:
     ConvergenceError
         If the fit does not converge for another reason.
     """
-    instrument = dataset.instrument
+    readings = fit.whole.measured
+    declared = _declared(readings)
     try:
-        return settle(instrument)
+        return fit.run()
     except ConvergenceError as error:
-        declared = [key for key, _ in SIGMAS if getattr(instrument, key) is not None]
         if not declared:
             raise
         try:
-            again = settle(instrument.model_copy(update=dict.fromkeys(declared)))
+            again = _undeclared(fit, declared).run()
         except ConvergenceError:
             raise error from None
-        small = [key for key in declared if getattr(instrument, key) * OVERSTATED < shown(again, key)]
-        if not small:
-            raise
-        key = small[0]
-        value, seen = getattr(instrument, key), shown(again, key)
-        if seen > NO_NOISE:
-            raise error from None
-        raise DatasetError(
-            f"{key} is {value:.2g}, but these data show a noise of {seen:.2g}, {seen / value:.2g} times more",
-            file=_toml(dataset),
-            column=f"instrument.{key}",
-            hint="give metres and radians, or leave the line out",
-        ) from None
+        for one in declared:
+            seen = _shown(again, one)
+            if one.value * OVERSTATED < seen:
+                if seen > NO_NOISE:
+                    raise error from None
+                raise _error(readings, one, seen) from None
+        raise
 
 
-def shown(settled: Settled[Problem], key: Sigma) -> float:
-    """Noise per axis, m or rad, of a calibration: that of the instrument and the scatter of the machine together."""
-    problem: Problem = settled.fit.problem
-    point, components = settled.fit.point, problem.measured.components
-    some = np.arange(len(point.poses))[:: 1 + len(point.poses) // ENOUGH]
-    J = point.model.kinematics.command_jacobian(problem.measured.q[some], point.poses[some])
-    noise = settled.noise.take(settled.used).take(some)
-    covariance = noise.covariance(in_frame(J, point.model.frame), components)
-    kind = dict(SIGMAS)[key]
-    return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, kind].mean()))
+def with_credible_noise(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
+    """The fit and its result with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
-
-def unit_like(key: Sigma, ratio: float) -> str:
-    """The unit in which a sigma was probably written that is too large by ``ratio``; empty where no unit fits."""
-    return next((unit for low, high, unit in UNITS[key] if low <= ratio <= high), "")
-
-
-def _residual_ratio(settled: Settled[Problem], instrument: Instrument, key: Sigma) -> float:
-    """Root mean square of the residuals per axis over a declared sigma; infinite where none is declared or measured."""
-    declared = getattr(instrument, key)
-    problem, point = settled.fit.problem, settled.fit.point
-    kind = dict(SIGMAS)[key]
-    if declared is None or problem.measured.components <= kind.start:
-        return float(np.inf)
-    left = problem.measured.minus(point.model.seen(point.poses))[:, kind]
-    return float(np.sqrt((left**2).mean())) / float(declared)
-
-
-def _overstated(settled: Settled[Problem], again: Settled[Problem], instrument: Instrument, key: Sigma) -> bool:
-    """Whether a declared sigma is larger than the estimate by more than `TWICE`, and its residuals smaller than by chance.
-
-    Parameters
-    ----------
-    settled, again
-        The calibrations with the noise as declared, and with this sigma estimated.
+    Raises
+    ------
+    DatasetError
+        If a sigma is more than ten times what the data show.
     """
-    if getattr(instrument, key) <= TWICE * shown(again, key):
-        return False
-    dof = settled.dof * 3.0 / settled.fit.problem.measured.components
-    count = 3.0 * settled.used.sum()
-    return dof >= 1.0 and bool(chi2.cdf(count * _residual_ratio(settled, instrument, key) ** 2, dof) < CHANCE)
+    readings = fit.whole.measured
+    suspects = [one for one in _declared(readings) if _ratio(settled, one) < SUSPECT and _chance(settled, one) < CHANCE]
+    if not suspects:
+        return fit, settled
+    undeclared = _undeclared(fit, suspects)
+    again = undeclared.run()
+    seen = {one.group: _shown(again, one) for one in suspects}
+    wrong = [one for one in suspects if one.value > TWICE * seen[one.group]]
+    for one in sorted(wrong, key=lambda one: seen[one.group] / one.value):
+        if one.value > OVERSTATED * seen[one.group]:
+            raise _error(readings, one, seen[one.group])
+        warn(f"{_text(readings, one, seen[one.group])}: the data's own is used")
+    if not wrong:
+        return fit, settled
+    if wrong != suspects:
+        undeclared = _undeclared(fit, wrong)
+        again = undeclared.run()
+    return undeclared, again
 
 
-def _toml(dataset: Dataset) -> str | None:
-    return None if dataset.path is None else str(dataset.path / "dataset.toml")
+def _undeclared(fit: RobustFit, declared: Collection[Declared]) -> RobustFit:
+    """The fit without some of the declared sigmas."""
+    readings = fit.whole.measured
+    rows = readings.rows
+    tables, columns = list(rows.tables), dict(rows.columns)
+    for one in declared:
+        if one.by_row:
+            mine = rows.of == one.instrument
+            columns |= {name: np.where(mine, np.nan, columns[name]) for name in COLUMNS if name in columns}
+            continue
+        blank = {"position_sigma": None, "sigma": None} if one.key == "position_sigma" else {one.key: None}
+        tables[one.instrument] = tables[one.instrument].model_copy(update=blank)
+    readings = replace(readings, rows=replace(rows, tables=tuple(tables), columns=columns))
+    return replace(fit, whole=replace(fit.whole, measured=readings))
+
+
+def _declared(readings: Readings) -> list[Declared]:
+    """The declared sigmas, of groups whose rows all declare their own, or none does."""
+    found, group = [], 0
+    own = set(np.unique(readings.group[~np.isfinite(readings.row_sigma)]).tolist())
+    for i, one in enumerate(readings.instruments):
+        for k, value in enumerate(one.declared):
+            keys = ("position_sigma", "sigma") if k == 0 else ("orientation_sigma",)
+            key = next((key for key in keys if getattr(one.table, key, None) is not None), None)
+            columns = COLUMNS[3 * k : 3 * k + 3]
+            if group not in own and set(columns) <= set(one.read.numbers):
+                middle = float(np.median(readings.row_sigma[readings.group == group]))
+                found.append(Declared(group, i, " ".join(columns), middle, by_row=True))
+            elif value is not None and key is not None and group in own:
+                found.append(Declared(group, i, key, value))
+            group += 1
+    return found
+
+
+def _shown(settled: Settled, one: Declared) -> float:
+    """Noise of the numbers of a group, m or rad, of a fit: that of the instrument and the scatter of the machine together."""
+    problem, point = settled.fit.problem, settled.fit.point
+    some = np.flatnonzero((problem.measured.group == one.group).any(axis=1))
+    some = some[:: 1 + len(some) // ENOUGH]
+    J = point.model.kinematics.command_jacobian(problem.measured.q[some], point.poses[some])
+    measured, noise = problem.readings(point.x).take(some), settled.noise.take(settled.used).take(some)
+    covariance = noise.covariance(measured.seen(J, point.model, point.poses[some]), measured.components)
+    return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[measured.group == one.group].mean()))
+
+
+def _own(settled: Settled, one: Declared) -> Floats:
+    """Residuals of the numbers with this declared sigma, in units of it."""
+    problem, point = settled.fit.problem, settled.fit.point
+    readings = problem.measured
+    sigma = np.where(
+        np.isfinite(readings.row_sigma) == one.by_row, readings.row_sigma if one.by_row else one.value, np.nan
+    )
+    own = (readings.group == one.group) & np.isfinite(sigma)
+    return np.asarray(problem.left(point, point.poses)[own] / sigma[own])
+
+
+def _ratio(settled: Settled, one: Declared) -> float:
+    """Root mean square of the residuals over a declared sigma."""
+    left = _own(settled, one)
+    return float(np.sqrt((left**2).mean())) if left.size else np.inf
+
+
+def _chance(settled: Settled, one: Declared) -> float:
+    """Probability, by chi-square, of residuals as small as these if the declared sigma is true."""
+    fit, left = settled.fit, _own(settled, one)
+    taken = 0.0
+    for rows in fit.problem.chunks():
+        J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
+        own = fit.problem.measured.group[rows] == one.group
+        taken += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
+    free = left.size - taken
+    return float(chi2.cdf(float((left**2).sum()), free)) if free >= 1.0 else 1.0  # too few say nothing of noise
+
+
+def _text(readings: Readings, one: Declared, seen: float) -> str:
+    ratio = one.value / seen
+    times = f"{ratio:.2g} times less" if ratio > 1.0 else f"{1.0 / ratio:.2g} times more"
+    name = readings.instruments[one.instrument].name
+    verb = "are" if one.by_row else "is"
+    of = f"{one.key} of {name}" if name else one.key
+    return f"{of} {verb} {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
+
+
+def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
+    """The error of a sigma that is more than ten times too large or too small; a unit that it looks like is named."""
+    file = readings.rows.files[one.instrument]
+    what, lines = "columns" if one.by_row else "line", UNITS["rad" if readings.group_turns[one.group] else "m"]
+    like = next((unit for low, high, unit in lines if low <= one.value / seen <= high), "")
+    hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the {what} out"
+    column = one.key
+    if not one.by_row:
+        file = None if file is None else Path(file).parent / "dataset.toml"
+        column = f"instrument.{one.key}" if readings.tracked else f"instrument.{one.instrument}.{one.key}"
+    return DatasetError(_text(readings, one, seen), file=file, column=column, hint=hint)

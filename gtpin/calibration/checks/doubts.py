@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,13 +16,13 @@ from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
 from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import reach_of
-from gtpin.calibration.problem import Measured, Problem
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.robust_fit import RobustFit
 from gtpin.calibration.settled import Settled
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
 from gtpin.noise import weights
 from gtpin.noise.noise import SMALLEST
 
@@ -39,19 +39,10 @@ STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of its tolerance, from which there is a warning. Assumed."""
 
 
-def settled_in_doubt(
-    dataset: Dataset, start: Model, measured: Measured, near: Poses, settle: Callable[[Instrument], Settled[Problem]]
-) -> Settled[Problem]:
+def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> Settled:
     """Calibrate, and raise an error if the instrument moved, or if a declared sigma keeps the fit from converging.
 
-    Parameters
-    ----------
-    dataset, measured
-        The rows that are used.
-    start, near
-        The nominal model, and its poses at these rows in the base frame.
-    settle
-        Calibrates with a description of the instrument.
+    ``dataset``: the rows of the fit.
 
     Raises
     ------
@@ -61,17 +52,17 @@ def settled_in_doubt(
         If the fit does not converge for another reason.
     """
     try:
-        settled = settled_or_explained(dataset, settle)
+        settled = settled_or_explained(fit)
     except ConvergenceError:
-        problem, noise = nominal_problem(start, measured, near, dataset.instrument)
-        check_bumped(dataset, problem, problem.point(np.zeros(problem.size), near), noise)
+        problem, noise = nominal_problem(fit.whole)
+        check_bumped(dataset, problem, problem.point(problem.first, fit.near), noise)
         raise
     check_convention(dataset, settled)
     check_bumped(dataset.take(settled.used), settled.fit.problem, settled.fit.point, settled.noise.take(settled.used))
     return settled
 
 
-def check_used(kept: Dataset, measured: Measured, settled: Settled[Problem]) -> None:
+def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
     """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them, that no effect can explain.
 
     The fit then does not describe the whole machine. Where an effect can explain these rows, this is a warning.
@@ -102,10 +93,8 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled[Problem]) -> 
         warn(str(error))
 
 
-def unstrained(
-    settled: Settled[Problem], instrument: Instrument, settle: Callable[..., Settled[Problem]]
-) -> tuple[Settled[Problem], Instrument]:
-    """The calibration; if the priors contradict the data, repeated with a wider tolerance or a free frame.
+def unstrained(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
+    """The fit and its result; if the priors contradict the data, repeated with a wider tolerance or a free frame.
 
     A warning names what was assumed wrongly.
     """
@@ -113,21 +102,22 @@ def unstrained(
     strayed = np.abs(settled.deviation).max(initial=0.0) > STRAYED
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
     if settled.widened == 1.0 and (found is None or (found.what != "frame" and not strayed)):
-        return settled, instrument
+        return fit, settled
     if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
         warn(
             f"the nominal model is not this machine: its parameters are off by {settled.widened:.2g} times their "
             "tolerances; tolerances are widened to admit it"
         )
-        return settled, instrument
+        return fit, settled
     assert found is not None
     if found.what == "frame":
-        instrument = instrument.model_copy(update={"frame": "free"})
+        start = replace(fit.whole.start, frame=rough_frame(fit.near, fit.whole.poses))
+        freed = replace(fit, whole=replace(fit.whole, start=start, free_frame=True))
         warn(
             f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
             'fitted as free; write frame = "free"'
         )
-        return settle(instrument), instrument
+        return freed, freed.run()
     if found.what == "zero":
         deviation = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
     elif found.what == "part":
@@ -135,10 +125,11 @@ def unstrained(
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
-    return settle(instrument, relieved(settled, found)), instrument
+    wider = fit.with_geometry(relieved(settled, found))
+    return wider, wider.run()
 
 
-def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
+def check_convention(dataset: Dataset, settled: Settled) -> None:
     """Suspect orientations that fit far better when they are read by another convention."""
     found, before, after = other_convention(settled.fit, settled.noise.sigma)
     if found:
@@ -147,10 +138,10 @@ def check_convention(dataset: Dataset, settled: Settled[Problem]) -> None:
         suspect(error, dataset, before, after, exact=True)
 
 
-def check_fit(kept: Dataset, settled: Settled[Problem], nominal: Poses) -> None:
+def check_fit(kept: Dataset, settled: Settled, nominal: Poses) -> None:
     """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
-    problem, point = settled.fit.problem, settled.fit.point
-    model, measured = point.model, problem.measured
+    point, measured = settled.fit.point, settled.fit.problem.poses
+    model = point.model
     errors, errors_before = (
         np.linalg.norm(measured.T - predicted.T, axis=1)
         for predicted in (model.seen(point.poses), nominal[settled.used])

@@ -6,14 +6,12 @@ import contextlib
 from collections.abc import Iterator
 
 from gtpin.calibration.checks.coarse_commands import coarse_commands
-from gtpin.calibration.checks.frame_scan import nominal_problem
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.shifted_rows import check_stretch
 from gtpin.calibration.problem import Measured
+from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
-from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
 from gtpin.typing import Mask
 
 POOR = 1e-3
@@ -21,7 +19,7 @@ POOR = 1e-3
 
 
 @contextlib.contextmanager
-def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses, far: Mask) -> Iterator[None]:
+def explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) -> Iterator[None]:
     """Context of a fit: if it fails because of sessions with different frames, or of coarse commands, the error says so.
 
     So does a stretch of rows that is shifted, among those ``far`` (N,) from the nominal machine. Errors that name rows are left
@@ -32,9 +30,9 @@ def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses, 
     except (ConvergenceError, DatasetError) as error:
         if error.row is not None:
             raise
-        check_stretch(dataset, measured, start.seen(poses), far)
-        check_sessions_linear(dataset, *nominal_problem(start, measured, poses, dataset.instrument), poses)
-        coarse = coarse_commands(start, measured, poses)
+        check_stretch(dataset, measured, fit.whole.start.seen(fit.near), far)
+        check_sessions_linear(dataset, fit.whole, fit.near)
+        coarse = coarse_commands(fit.whole.start, measured, fit.near)
         if coarse is None:
             raise
         hint = f"give commands with more digits; if they are exact: {error.what}"
@@ -42,13 +40,13 @@ def explained(dataset: Dataset, start: Model, measured: Measured, poses: Poses, 
         raise DatasetError(coarse, file=dataset.file, column=columns, hint=hint) from None
 
 
-def check_poor(dataset: Dataset, start: Model, measured: Measured, poses: Poses, left: float) -> None:
+def check_poor(dataset: Dataset, fit: RobustFit, measured: Measured, left: float) -> None:
     """As :func:`explained`, for a fit that leaves more than any effect: sessions are refused, coarse commands are warned of.
 
     ``left``: root mean square position error, m.
     """
     if left <= POOR:
         return
-    check_sessions_linear(dataset, *nominal_problem(start, measured, poses, dataset.instrument), poses)
-    if coarse := coarse_commands(start, measured, poses):
+    check_sessions_linear(dataset, fit.whole, fit.near)
+    if coarse := coarse_commands(fit.whole.start, measured, fit.near):
         warn(f"{coarse}; give commands with more digits")

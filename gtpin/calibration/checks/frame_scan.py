@@ -12,11 +12,7 @@ from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks.shifted_rows import FEWEST
 from gtpin.calibration.checks.strain import motions
-from gtpin.calibration.problem import Measured, Point, Problem
-from gtpin.data import Instrument
-from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.calibration.problem import Point, Problem
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -55,7 +51,7 @@ class Scan:
     lengths: Floats
 
     @staticmethod
-    def of(problem: Problem, point: Point, noise: Noise | ReadingNoise) -> Scan:
+    def of(problem: Problem, point: Point, noise: ReadingNoise) -> Scan:
         """Linearise a problem about a point, for all rows."""
         parts = problem.chunks()
         J = np.concatenate([problem.jacobian(point, part) for part in parts])
@@ -160,8 +156,8 @@ class Scan:
         return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
-def nominal_problem(start: Model, measured: Measured, near: Poses, instrument: Instrument) -> tuple[Problem, Noise]:
-    """The problem about the nominal machine, and its noise: that declared, or 20 um and 50 urad where none is declared."""
-    noise = Noise(instrument.position_sigma or 2e-5, instrument.orientation_sigma or 5e-5)
-    J = np.zeros((len(near), 6, measured.q.shape[1]))
-    return Problem(start, measured, noise.whitening(J, measured.components), instrument.frame == "free"), noise
+def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
+    """A problem with the declared noise, or the instruments' usual one where none is declared; and this noise."""
+    measured, c = problem.measured, problem.measured.components
+    noise = ReadingNoise(measured.usual, measured.group, measured.row_sigma, np.zeros(len(measured.usual), dtype=bool))
+    return replace(problem, whitening=noise.whitening(np.zeros((len(measured.q), c, 1)), c)), noise

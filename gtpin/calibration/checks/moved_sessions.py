@@ -13,9 +13,9 @@ from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
-from gtpin.noise.noise import Noise
 
 FEWEST = 6
 """Fewest rows from which the frame of a session is determined. Assumed."""
@@ -60,34 +60,36 @@ def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: 
     moved = _moved(part, nominal, measured, poses)
     if FAR <= max(moved.values(), default=0.0) < BEYOND:
         frame = rough_frame(poses, measured) if dataset.instrument.frame == "free" else Frame()
-        start = replace(nominal, frame=frame)
-        moved = _moved_linear(part, *nominal_problem(start, measured, poses, dataset.instrument), poses)
+        own = Readings.of(part, nominal.robot)
+        c, free = own.components, dataset.instrument.frame == "free"
+        unit = np.broadcast_to(np.eye(c), (len(part), c, c))
+        moved = _moved_linear(part, Problem(replace(nominal, frame=frame), own, unit, free), poses)
     _suspect(dataset, moved, FAR)
 
 
-def check_sessions_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> None:
+def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
     """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
 
     Parameters
     ----------
-    problem, noise, near
-        The problem about the nominal machine, its noise, and the machine's poses, base frame.
+    problem, near
+        The problem about the nominal machine, and the machine's poses, base frame.
 
     Raises
     ------
     DatasetError
         If motions of the frame between sessions explain most of the power of the residuals.
     """
-    _suspect(dataset, _moved_linear(dataset, problem, noise, near), FAILED)
+    _suspect(dataset, _moved_linear(dataset, problem, near), FAILED)
 
 
-def _moved_linear(dataset: Dataset, problem: Problem, noise: Noise, near: Poses) -> dict[str, float]:
+def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, float]:
     """As `_moved`, by a linear fit of one geometry and of each session's frame."""
     sessions, names = _sessions(dataset)
     if len(names) < 2:
         return {}
     rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
-    thin = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])
+    thin, noise = nominal_problem(problem.take(rows, problem.whitening[rows]))
     scan = Scan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
     if scan.left(()) < RATIO * scan.left_by(columns):

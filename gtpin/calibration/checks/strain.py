@@ -14,9 +14,10 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, in_frame
+from gtpin.calibration.problem import FRAME_UNIT, Point, Problem
 from gtpin.calibration.settled import Settled
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import in_frame
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
@@ -60,14 +61,14 @@ class Strain:
     turn: float = 0.0
 
 
-def strain(settled: Settled[Problem]) -> Strain | None:
+def strain(settled: Settled) -> Strain | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
-def relieved(settled: Settled[Problem], found: Strain) -> Geometry:
+def relieved(settled: Settled, found: Strain) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
@@ -78,12 +79,12 @@ def relieved(settled: Settled[Problem], found: Strain) -> Geometry:
 class _Linear:
     """The normal equations about a fit: A = J'J and b = J'y over the geometry, the frame (6) and the actuators' zeros."""
 
-    settled: Settled[Problem]
+    settled: Settled
     A: Floats
     b: Floats
 
     @staticmethod
-    def of(settled: Settled[Problem]) -> _Linear:
+    def of(settled: Settled) -> _Linear:
         fit, problem = settled.fit, settled.fit.problem
         p = problem.n_geometry
         wider = problem.start.geometry.tolerance / settled.geometry.tolerance
@@ -181,7 +182,7 @@ def motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
     model, poses = point.model, point.poses[rows]
     T = model.seen(poses).T
-    frame = frame_motions(T - np.median(problem.measured.T, axis=0))
+    frame = frame_motions(T - problem.pivot)
     zeros = in_frame(model.kinematics.command_jacobian(problem.measured.q[rows], poses), model.frame)
     motion = FRAME_UNIT * np.concatenate([frame, zeros], axis=2)
     return np.asarray(problem.whitening[rows] @ motion[:, : problem.measured.components])

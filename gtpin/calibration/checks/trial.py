@@ -12,10 +12,10 @@ from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import ConvergenceError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.frame_and_target import MEDIAN
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
-from gtpin.noise.noise import Noise
 from gtpin.typing import Floats
 
 ROWS = 150
@@ -55,12 +55,13 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: Instrument) -
         return NO_FIT
     measured, poses = measured.take(there), poses[there]
     start = replace(nominal, frame=rough_frame(poses, measured) if free else Frame())
-    last = Noise(instrument.position_sigma or PLAUSIBLE[0], instrument.orientation_sigma or PLAUSIBLE[1])
-    J = np.zeros((len(poses), 6, measured.q.shape[1]))
+    last = (instrument.position_sigma or PLAUSIBLE[0], instrument.orientation_sigma or PLAUSIBLE[1])
+    readings, c = Readings.of_poses(measured.q, measured.T, measured.R, nominal.robot), measured.components
     x = None
     try:
-        for noise in (Noise(COARSE, COARSE), last):
-            problem = Problem(start, measured, noise.whitening(J, measured.components), free)
+        for sigmas in ((COARSE, COARSE), last):
+            whitening = np.diag(1.0 / np.repeat(sigmas, 3)[:c])
+            problem = Problem(start, readings, np.broadcast_to(whitening, (len(poses), c, c)), free)
             found = fit(problem, weights.huber, x, near=poses, enough=STEPS)
             x, poses = found.point.x, found.point.poses
     except (ConvergenceError, np.linalg.LinAlgError):

@@ -20,17 +20,10 @@ LOAD = ("load", "payload", "fx", "fy", "fz")
 class Hypothesis:
     """An effect at a site, with the value of its nonlinear parameter.
 
-    Parameters
-    ----------
-    effect, site
-        The effect, and the site at which it acts.
-    nonlinear
-        Value of the nonlinear parameter (a period, a place); None where the effect has none, or where it is not yet estimated.
-    sigma
-        Standard deviation of ``nonlinear``; hypotheses that differ only in it are equal.
-    further, further_sigma
-        More values of the nonlinear parameter, each with separate coefficients, and their standard deviations: all periods
-        (lines) of one gear are one hypothesis.
+    ``effect``, ``site``: the effect, and the site at which it acts. ``nonlinear``: value of the nonlinear parameter (a period,
+    a place); None where the effect has none, or where it is not yet estimated. ``sigma``: standard deviation of ``nonlinear``;
+    hypotheses that differ only in it are equal. ``further``, ``further_sigma``: more values of the nonlinear parameter, each
+    with separate coefficients, and their standard deviations: all periods (lines) of one gear are one hypothesis.
     """
 
     effect: Effect
@@ -93,13 +86,9 @@ class Hypothesis:
 class SmoothTerm:
     """A smooth nonparametric motion at a site, a function of some coordinates, that belongs to no effect.
 
-    Parameters
-    ----------
-    site, over
-        The site at which it acts, and the names of its coordinates.
-    motion
-        Name of the kind of motion: ``along`` or across (``aside``) a track or a joint's axis, the ``length`` of a rod, the
-        ``tip`` of a link, the pose (``twist``), ... Two terms at one site over the same coordinates have different motions.
+    ``site``, ``over``: the site at which it acts, and the names of its coordinates. ``motion``: name of the kind of motion:
+    ``along`` or across (``aside``) a track or a joint's axis, the ``length`` of a rod, the ``tip`` of a link, the pose
+    (``twist``), ... Two terms at one site over the same coordinates have different motions.
     """
 
     site: str
@@ -152,7 +141,7 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
     basis = hypothesis.basis(at)
     ways = {
         "along": basis.command,
-        "aside": basis.carrier_joints if at.robot.rods else basis.placements or None,
+        "aside": basis.placements or None,
         "length": basis.length,
         "tip": basis.placements or None,
         "twist": basis.twist,

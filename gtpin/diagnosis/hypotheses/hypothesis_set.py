@@ -28,16 +28,9 @@ T = TypeVar("T", bound=Term)
 class Gain(NamedTuple):
     """Gain by one more explanation.
 
-    Parameters
-    ----------
-    value
-        Gain in log evidence, nats.
-    term
-        The explanation, with its nonlinear parameter estimated.
-    further
-        For a periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first.
-    more
-        Additional gain by these lines less the prior odds against them, nats.
+    ``value``: gain in log evidence, nats. ``term``: the explanation, with its nonlinear parameter estimated. ``further``: for a
+    periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first. ``more``:
+    additional gain by these lines less the prior odds against them, nats.
     """
 
     value: float
@@ -57,24 +50,13 @@ class HypothesisSet:
     A hypothesis with another value of its nonlinear parameter is another hypothesis. So a model that a search rejects does
     not change the models that it keeps.
 
-    Parameters
-    ----------
-    design
-        The linear problem.
-    linear
-        Hypotheses without a nonlinear parameter.
-    scanned
-        Hypotheses whose nonlinear parameter is scanned, without a value of it.
-    smooth
-        Smooth terms with their displacements.
-    scope
-        Gives the probability of a false alarm, and the priors.
-    untestable
-        Effects that can't be tested: those that lack a covariate may have a proxy.
-    threshold
-        Log prior odds against a first named cause, nats; by default ln(number of hypotheses / ``scope.false_alarm``).
-    of_sessions
-        Additional log prior odds against explanations that depend on the session, nats.
+    ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
+    nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
+    the probability of a false alarm, and the priors. ``untestable``: effects that can't be tested: those that lack a covariate
+    may have a proxy. ``of_sessions``: additional log prior odds against explanations that depend on the session, nats.
+    ``proxied``: whether effects that lack a covariate have proxies.
+
+    ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
     """
 
     def __init__(
@@ -85,8 +67,9 @@ class HypothesisSet:
         smooth: Iterable[tuple[SmoothTerm, Basis]],
         scope: Scope,
         untestable: Sequence[Hypothesis] = (),
-        threshold: float | None = None,
+        *,
         of_sessions: float = 0.0,
+        proxied: bool = True,
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
         self.untestable, self.priors = tuple(untestable), scope.priors
@@ -98,9 +81,8 @@ class HypothesisSet:
             found.append(term)
             self.groups.add(term, design.columns(basis))
         self.smooth = tuple(found)
-        usual = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
-        self.threshold = usual if threshold is None else threshold
-        self.of_sessions = of_sessions
+        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        self.of_sessions, self.proxied = of_sessions, proxied
         self._scans: dict[Hypothesis, Scan] = {}
         self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
@@ -108,6 +90,11 @@ class HypothesisSet:
         """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
+
+    @property
+    def long(self) -> bool:
+        """Whether models can be long, as for robots without rods: joints have many lines, and all links many coefficients."""
+        return not self.design.situation.robot.rods
 
     @property
     def named(self) -> tuple[Hypothesis, ...]:
@@ -122,10 +109,18 @@ class HypothesisSet:
     @cached_property
     def proxies(self) -> tuple[Proxy, ...]:
         """Effects with a proxy of a covariate that was not recorded; never in a model, only alternatives to its causes."""
+        if not self.proxied:
+            return ()
         found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
         return found
+
+    def at_threshold(self, threshold: float) -> HypothesisSet:
+        """The same explanations, with other log prior odds, nats, against a first named cause."""
+        other = copy(self)
+        other.threshold, other.lined, other.grown, other._costs = threshold, {}, {}, {}
+        return other
 
     def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
         """The same explanations without the hypotheses at some places (effect, site)."""
@@ -164,22 +159,17 @@ class HypothesisSet:
         """Log prior odds against each explanation of a model, nats."""
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
-            self._costs[templates] = self._costs_of(templates)
+            alone, found = {term: self.alone(term) for term in templates}, []
+            for term in templates:
+                stronger = [self.share(term, t) * alone[t] for t in templates if alone[t] > alone[term]]
+                third = self.priors.third if len(stronger) > 1 else 0.0
+                found.append(self.cost(term) + max(stronger, default=0.0) + third)
+            self._costs[templates] = tuple(found)
         lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
         return {
             term: cost + self.priors.line * more
             for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
         }
-
-    def _costs_of(self, terms: Sequence[Term]) -> tuple[float, ...]:
-        """As :meth:`costs`, for explanations with one line each."""
-        alone = {term: self.alone(term) for term in terms}
-        found = []
-        for term in terms:
-            stronger = [self.share(term, t) * alone[t] for t in terms if alone[t] > alone[term]]
-            third = self.priors.third if len(stronger) > 1 else 0.0
-            found.append(self.cost(term) + max(stronger, default=0.0) + third)
-        return tuple(found)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of an explanation as the only one, with the best value of its nonlinear parameter."""
@@ -229,7 +219,7 @@ class HypothesisSet:
         best = self.scan(hypothesis).best(model, others)
         term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
         room = hypothesis.effect.most_values - 1 - len(others)
-        if self.design.situation.robot.rods or room < 1:
+        if not self.long or room < 1:
             return Gain(best.gain, term)
         worth = [line for line in best.others if line[2] > self.priors.line][:room]
         more = sum(gain - self.priors.line for _, _, gain in worth)

@@ -34,15 +34,11 @@ def further_lines(
 
     The gain is in worth, nats, to first order. None where no line gains.
 
-    Parameters
-    ----------
-    terms
-        Only these of its periodic errors.
-    last
-        Gains of each periodic error in an earlier, smaller model, by place; they are updated here. A line seldom gains more
-        in a larger model, so those that gained less than the best one now are not computed again.
+    ``terms``: only these of its periodic errors. ``last``: gains of each periodic error in an earlier, smaller model, by place;
+    they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
+    computed again.
     """
-    if hypotheses.design.situation.robot.rods:
+    if not hypotheses.long:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
     last = {} if last is None else last
@@ -128,3 +124,16 @@ def _estimated(
     few = len(others.values) < FEW_LINES
     found = scan.best(model, others.values) if few else scan.near(model, old[0], others.values)
     return old if found.gain <= LEAST else (found.value, found.sigma)
+
+
+def strongest_first(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Hypothesis:
+    """A cause of a model with its lines by the size of their cores, the largest first; other causes as they are."""
+    if not cause.further:
+        return cause
+    widths = [hypotheses.groups.width(term) for term in model.terms]
+    place = model.terms.index(cause)
+    start = sum(widths[:place])
+    one = cause.basis(hypotheses.design.situation).sigma
+    lines = (model.mean[start : start + widths[place]] * one).reshape(len(cause.values), -1)
+    size = np.linalg.norm(lines[:, list(cause.effect.core)], axis=1)
+    return cause.with_lines([cause.lines[i] for i in np.argsort(-size, kind="stable")])

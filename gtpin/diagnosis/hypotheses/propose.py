@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.diagnosis.hypotheses.common_motions import common_motions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.scope import Scope
@@ -20,7 +19,9 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed, gain
 from gtpin.diagnosis.priors import Priors
+from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable, as_untestable
+from gtpin.model.fit_conditions import TEMPERATURES
 from gtpin.typing import Floats
 
 FEWEST = 2
@@ -42,41 +43,50 @@ class Proposal:
     hypotheses: HypothesisSet
     untested: tuple[Untested, ...]
 
-    @property
-    def design(self) -> Design:
-        """The linear problem."""
-        return self.hypotheses.design
 
+def propose(design: Design, scope: Scope, *, changes: bool = False) -> Proposal:
+    """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't.
 
-def propose(design: Design, scope: Scope) -> Proposal:
-    """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't."""
-    at = design.situation
-    marginal = Marginal(design.B)
+    ``changes``: of effects since an earlier model, whose uncertainty B has; without smooth terms, proxies and scans.
+    """
+    at, marginal = design.situation, Marginal(design.B)
     linear: list[Hypothesis] = []
     scanned: list[Hypothesis] = []
     untested: list[Untested] = []
     for hypothesis in scope.hypotheses(at.robot):
         effect, site = hypothesis.effect, hypothesis.site
-        reason = as_untestable(effect.untestable(at, site))
-        many = reason is None and len(effect.nonlinear_values(at, site)) > 0
-        if reason is None and not many and _absorbed(design, marginal, hypothesis, scope.priors):
-            reason = Untestable("absorbed")
+        reason = _no_change(at, hypothesis) if changes else as_untestable(effect.untestable(at, site))
+        many = not changes and reason is None and len(effect.nonlinear_values(at, site)) > 0
+        if reason is None and not many:
+            # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
+            X = design.columns(hypothesis.basis(at)) * scope.priors.large
+            if float(np.trace(marginal.product(X, X))) <= scope.priors.shows:
+                reason = Untestable("uncertain" if changes else "absorbed")
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:
             (scanned if many else linear).append(hypothesis)
+    if changes:
+        return Proposal(HypothesisSet(design, linear, (), (), scope, proxied=False), tuple(untested))
     design, odds = merged_sessions(design, marginal, linear, scope.priors)
     at = design.situation
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
-    smooth = (*smooth_terms(at, scope.priors), *common_motions(at, scope.priors, scaled=scaled))
+    smooth = tuple(smooth_terms(at, scope.priors, scaled))
     others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
     return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others, of_sessions=odds), tuple(untested))
 
 
-def _absorbed(design: Design, marginal: Marginal, hypothesis: Hypothesis, priors: Priors) -> bool:
-    """Whether the geometry absorbs nearly all of an effect, even of one ``priors.large`` times its typical size."""
-    X = design.columns(hypothesis.basis(design.situation)) * priors.large
-    return float(np.trace(marginal.product(X, X))) <= priors.shows
+def _no_change(at: Situation, hypothesis: Hypothesis) -> Untestable | None:
+    """Why a check can't test an effect as a change; temperatures that do not vary are no reason."""
+    effect = hypothesis.effect
+    if effect.since_a_model:
+        return None
+    if effect.has_nonlinear:
+        return Untestable("not_searched")
+    reason = as_untestable(effect.untestable(at, hypothesis.site))
+    if reason is not None and reason.kind == "constant" and reason.covariate in TEMPERATURES:
+        return None
+    return reason
 
 
 def merged_sessions(
@@ -87,18 +97,10 @@ def merged_sessions(
     Coefficients of a session that has none of its own cost evidence, so that a second label within a session would make a
     certain shift between sessions doubtful. The effects of sessions are taken together, each session with one set of their
     coefficients. Two neighbours are merged where equal sets are more probable than different ones (Savage-Dickey density
-    ratio), first those of the largest ratio.
+    ratio), first those of the largest ratio. ``hypotheses``: those that can be tested.
 
-    Parameters
-    ----------
-    hypotheses
-        The hypotheses that can be tested.
-
-    Returns
-    -------
-    design, odds
-        The problem, and the natural logarithm of the number of ways to divide the sessions into as many: log prior odds, nats,
-        against each effect of sessions.
+    Returns the problem, and the natural logarithm of the number of ways to divide the sessions into as many: log prior odds,
+    nats, against each effect of sessions.
     """
     at = design.situation
     labels = at.references.sessions
@@ -141,36 +143,25 @@ def _by_session(design: Design, hypothesis: Hypothesis, members: npt.NDArray[np.
 
 def _together(mean: Floats, covariance: Floats, scale: float, count: int) -> list[list[int]]:
     """Groups of consecutive sessions, given the posterior of ``count`` sets of coefficients, of prior variance scale^2 each."""
-    found = [[i] for i in range(count)]
-    width = len(mean) // count
+    found, width = [[i] for i in range(count)], len(mean) // count
+
+    def equal(a: list[int], b: list[int]) -> tuple[float, Floats, slice, slice]:
+        """Log density of equal coefficients in the posterior less that in the prior; the gain matrix that makes them equal; and
+        the coefficients of both groups: those of their first sessions."""
+        own, other = slice(a[0] * width, (a[0] + 1) * width), slice(b[0] * width, (b[0] + 1) * width)
+        d, across = mean[own] - mean[other], covariance[:, own] - covariance[:, other]
+        factor = cho_factor(across[own] - across[other], lower=True)
+        before = scale**2 * (1.0 / len(a) + 1.0 / len(b))  # of the difference of two means of independent coefficients
+        ratio = -0.5 * float(d @ cho_solve(factor, d)) - float(np.log(np.diag(factor[0])).sum())
+        return ratio + 0.5 * width * log(before), cho_solve(factor, across.T).T, own, other
+
     while len(found) > FEWEST:
-        ratios = [_equal(mean, covariance, scale, a, b, width)[0] for a, b in pairwise(found)]
-        best = int(np.argmax(ratios))
-        if ratios[best] <= 0.0:
+        tried = [equal(a, b) for a, b in pairwise(found)]
+        best = int(np.argmax([ratio for ratio, *_ in tried]))
+        ratio, gain_, own, other = tried[best]
+        if ratio <= 0.0:
             break
-        _, gain_ = _equal(mean, covariance, scale, found[best], found[best + 1], width)
-        D = _difference(found[best], found[best + 1], width)
-        mean = mean - gain_ @ (mean[D[0]] - mean[D[1]])
-        covariance = covariance - gain_ @ (covariance[D[0]] - covariance[D[1]])
+        mean = mean - gain_ @ (mean[own] - mean[other])
+        covariance = covariance - gain_ @ (covariance[own] - covariance[other])
         found[best : best + 2] = [found[best] + found[best + 1]]
     return found
-
-
-def _difference(a: list[int], b: list[int], width: int) -> tuple[slice, slice]:
-    """The coefficients of two groups of sessions, whose difference is compared with zero: those of the first of each."""
-    return slice(a[0] * width, (a[0] + 1) * width), slice(b[0] * width, (b[0] + 1) * width)
-
-
-def _equal(
-    mean: Floats, covariance: Floats, scale: float, a: list[int], b: list[int], width: int
-) -> tuple[float, Floats]:
-    """Log density of equal coefficients in the posterior less that in the prior, and the gain matrix that makes them equal."""
-    own, other = _difference(a, b, width)
-    d = mean[own] - mean[other]
-    across = covariance[:, own] - covariance[:, other]
-    factor = cho_factor(across[own] - across[other], lower=True)
-    before = scale**2 * (
-        1.0 / len(a) + 1.0 / len(b)
-    )  # variance of the difference of two means of independent coefficients
-    ratio = -0.5 * float(d @ cho_solve(factor, d)) - float(np.log(np.diag(factor[0])).sum())
-    return ratio + 0.5 * width * log(before), cho_solve(factor, across.T).T

@@ -39,17 +39,9 @@ SPELLS = 12
 class Proxy:
     """A hypothesis with a proxy in the place of a covariate that was not recorded.
 
-    Parameters
-    ----------
-    hypothesis
-        The hypothesis.
-    columns
-        (N c, m) whitened displacements, computed with the proxy.
-    odds
-        Prior odds of the hypothesis relative to a testable one.
-    reason
-        For a hypothesis that the recorded columns can test: why it could be the cause although that test does not show it. None
-        for an untestable one.
+    ``columns``: (N c, m) whitened displacements, computed with the proxy. ``odds``: prior odds
+    of the hypothesis relative to a testable one. ``reason``: for a hypothesis that the recorded columns can test: why it could
+    be the cause although that test does not show it. None for an untestable one.
     """
 
     hypothesis: Hypothesis
@@ -121,27 +113,22 @@ def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIOR
     missing = _missing(at, hypothesis)
     if len(missing) != 1 or effect.has_nonlinear:
         return None
-    found = [
-        np.hstack([design.columns(effect.basis(with_column(at, missing[0], values), site)) for values in together])
+    found: list[Floats] = [
+        np.hstack([design.columns(effect.basis(at.with_covariate(missing[0], values), site)) for values in together])
         for together in guesses(at, missing[0], priors)
     ]
-    return _best(design, found) if found else None
-
-
-def _missing(at: Situation, hypothesis: Hypothesis) -> list[str]:
-    return [name for name in hypothesis.effect.covariates(at.robot, hypothesis.site) if not at.has(name)]
-
-
-def _best(design: Design, found: list[Floats]) -> Floats:
-    """The proxy that fits best."""
-    if len(found) == 1:
-        return found[0]
+    if len(found) < 2:
+        return found[0] if found else None
     groups: Groups[int] = Groups(Marginal(design.B), design.y)
     for i, columns in enumerate(found):
         groups.add(i, columns)
     gains = all_gains(groups, NOTHING, range(len(found)))
     best: int = max(gains, key=lambda i: gains[i])
     return found[best]
+
+
+def _missing(at: Situation, hypothesis: Hypothesis) -> list[str]:
+    return [name for name in hypothesis.effect.covariates(at.robot, hypothesis.site) if not at.has(name)]
 
 
 def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
@@ -159,9 +146,14 @@ def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple
         if at.varies("session"):
             clocks.append((_order(at.covariates["session"]),))
         return clocks
-    if name in CLOCKS:
-        return _temperatures(at, name, priors)
-    return []
+    if name not in CLOCKS:
+        return []
+    # Of a temperature: the other temperature, and slow changes over time.
+    together: list[Column] = [at.covariate(n) for n in CLOCKS[1:] if n != name and at.varies(n)]
+    if at.varies("time"):
+        reference = at.references.temperature
+        together += [reference + priors.warmer * at.time, reference + priors.warmer * at.time**2]
+    return [tuple(together)] if together else []
 
 
 def _order(names: Column) -> Floats:
@@ -175,17 +167,13 @@ def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if clock is None:
         return
-    values = at.covariate(clock)
-    begun: list[Floats] = [np.quantile(values, places) for places in _places()]
-    for since in [pauses(at, priors)] if len(pauses(at, priors)) else begun:
+    values, begun = at.covariate(clock), [pauses(at, priors)]
+    if not len(begun[0]):
+        once, twice = (np.arange(1, n + 1) / (n + 1) for n in (BREAKS, TWO_BREAKS))
+        places = [*once[:, None], *(np.array(pair) for pair in combinations(twice, 2))]
+        begun = [np.quantile(values, shares) for shares in places]
+    for since in begun:
         yield (np.searchsorted(since, values, side="right").astype(str).astype(object),)
-
-
-def _places() -> Iterator[Floats]:
-    """Shares of the visits after which a new session is tried."""
-    once, twice = (np.arange(1, n + 1) / (n + 1) for n in (BREAKS, TWO_BREAKS))
-    yield from once[:, None]
-    yield from (np.array(pair) for pair in combinations(twice, 2))
 
 
 def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
@@ -200,24 +188,10 @@ def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
     return np.asarray(time[1:][longest[waits[longest] > priors.pause * max(float(usual), 1e-9)]])
 
 
-def _temperatures(at: Situation, name: str, priors: Priors) -> Iterable[tuple[Column, ...]]:
-    """Proxy of a temperature: the other temperature, and slow changes over time."""
-    reference = at.references.temperature
-    together: list[Column] = [at.covariate(n) for n in CLOCKS[1:] if n != name and at.varies(n)]
-    if at.varies("time"):
-        together += [reference + priors.warmer * at.time, reference + priors.warmer * at.time**2]
-    return [tuple(together)] if together else []
-
-
 def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
     """Situations with a payload in one interval of time each, as proxies; none where the payload was recorded."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if "payload" in at.covariates or clock is None:
         return []
     spell = np.argsort(np.argsort(at.covariate(clock))) * SPELLS // len(at)
-    return [with_column(at, "payload", np.where(spell == k, priors.payload, 0.0)) for k in range(SPELLS)]
-
-
-def with_column(at: Situation, name: str, values: Column) -> Situation:
-    """The situation with values (N,) for a covariate that was not recorded."""
-    return at.with_covariate(name, values)
+    return [at.with_covariate("payload", np.where(spell == k, priors.payload, 0.0)) for k in range(SPELLS)]

@@ -16,16 +16,9 @@ from gtpin.robot.robot import Robot
 class Scope:
     """Effects that a diagnosis may name.
 
-    Parameters
-    ----------
-    effects
-        The effects; their ids are different.
-    exclude
-        Effects that are not tried, each as ``effect`` (at all its sites) or ``effect@site``.
-    false_alarm
-        Probability of naming a cause where there is none.
-    priors
-        The constants on which verdicts depend.
+    ``effects``: the effects; their ids are different. ``exclude``: effects that are not tried, each as ``effect`` (at all its
+    sites) or ``effect@site``. ``false_alarm``: probability of naming a cause where there is none. ``priors``: the constants on
+    which verdicts depend.
     """
 
     effects: tuple[Effect, ...]
@@ -39,10 +32,7 @@ class Scope:
     ) -> Scope:
         """The scope of a user's arguments, checked.
 
-        Raises
-        ------
-        ModelError
-            If two effects have the same id, or an excluded effect or site does not exist.
+        Raises `ModelError` if two effects have the same id, or an excluded effect or site does not exist.
         """
         known = tuple(effects)
         by_id = {effect.id: effect for effect in known}

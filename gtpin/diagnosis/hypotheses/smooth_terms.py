@@ -2,193 +2,262 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
-from gtpin.diagnosis.hypotheses.smooth_functions import (
-    Functions,
-    all_moves,
-    along_coordinates,
-    aside_coordinates,
-    conditions,
-    field,
-    plane,
-)
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
-from gtpin.effects.drives import drive_sizes
-from gtpin.effects.frames import frame_twist
+from gtpin.effects.drives import drive_load, drive_sizes, smooth_cosines, smooth_orders
+from gtpin.effects.joint_compliance import loaded
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines
-from gtpin.robot.parameters import rotation_axes
+from gtpin.effects.smooth import cosines, frame_twist, session_columns, wave
 from gtpin.typing import Floats
 
+Terms = Iterator[tuple[SmoothTerm, Basis]]
+Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
+"""Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
 
-def smooth_terms(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Every smooth term that these data can show, and its displacements."""
+CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
+ORDERS = {2: 5, 3: 4}
+"""Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""
+DECAY = 1.5
+"""The typical size of such a product is proportional to (sum of its orders)^-DECAY."""
+COMMON = ("field", "scale")
+"""``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
+
+
+def smooth_terms(at: Situation, priors: Priors, scaled: bool = True) -> Terms:
+    """Every smooth term that these data can show, and its displacements.
+
+    ``scaled``: whether a testable effect scales all measured positions; the common motion ``scale`` is then left out.
+    """
     yield from _of_carts(at, priors)
     if at.robot.rods:
-        yield from _of_links(at, priors)
-        yield from _of_arm(at, priors)
+        yield from _of_rods(at, priors)
     else:
-        yield from of_joints(at, priors)
-        yield from of_moving_links(at, priors)
-    yield from _of_platform(at, priors)
-    yield from _of_frame(at, priors)
+        yield from _of_joints(at, priors)
+        yield from _of_moving_links(at, priors)
+    yield from _of_platform_and_frame(at, priors)
+    yield from _of_all_carts(at, priors, scaled)
 
 
-def _of_carts(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
+def _of_carts(at: Situation, priors: Priors) -> Terms:
+    """Motions of each actuator along its track, and of carriers of rods across it."""
     for j, site in enumerate(at.robot.sites):
-        carried = any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute
-        for over, waves, size in along_coordinates(at, j):
+        own = at.travel[:, j]
+        across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
+        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 12, 1.0))]
+        along += [((a, b), *_plane(own, at.travel[:, k], 5)) for a, b, k in across]
+        for over, waves, size in (*along, *_conditions(at), *_load(at, j, 4), *_moves(at, j, 3)):
             yield (
                 SmoothTerm(site, over, "along"),
                 along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift)),
             )
-        if carried:
-            for over, waves, size in aside_coordinates(at, j, priors):
+        if any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute:
+            for over, waves, size in _aside_coordinates(at, j, priors):
                 yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
 
 
 def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
     """Two shifts across the track and, for a cart with several joints, three rotations about the mean of its joints."""
-    rods = rods_of(at, site)
-    lever = at.carrier_joints[:, rods] - at.carrier_joints[:, rods].mean(axis=1, keepdims=True)
-    axis = at.robot.actuators[at.robot.sites.index(site)].axis
-    ways = [np.broadcast_to(across, lever.shape) for across in rotation_axes(axis)[:2]]
-    sizes = [priors.smooth_shift, priors.smooth_shift]
-    if len(rods) > 1:
-        ways += [np.cross(turn, lever) for turn in np.eye(3)]
-        sizes += [priors.smooth_turn] * 3
-    moved = np.einsum("nkiw,nm->nkiwm", np.stack(ways, axis=3), waves).reshape(*lever.shape, -1)
-    seat = np.zeros((len(at), len(at.robot.rods), 3, moved.shape[3]))
-    seat[:, rods] = moved
-    return Basis(np.outer(sizes, size).ravel(), carrier_joints=seat)
+    frame, turns = joint_frame(at, site), 3 if len(rods_of(at, site)) > 1 else 0
+    ways = np.zeros((6, 2 + turns))
+    ways[:3, :2], ways[3:, 2:] = frame.across.T, np.eye(3)[:, :turns]
+    sizes = [priors.smooth_shift] * 2 + [priors.smooth_turn] * turns
+    columns = np.broadcast_to(waves[:, None, :], (len(at), len(sizes), waves.shape[1]))
+    return of_joint(at, site, ways, columns, np.outer(sizes, size).ravel())
 
 
-def _of_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
+def _of_rods(at: Situation, priors: Priors) -> Terms:
+    """Changes of each rod's length, and of all lengths over the same coordinates with separate coefficients for each rod."""
+    n, every = len(at.robot.rods), all_moves(at)
     for i, rod in enumerate(at.robot.rods):
-
-        def length(columns: Floats, size: Floats, i: int = i) -> Basis:
-            return of_lengths(at, [i], columns[:, None, :], priors.smooth_shift * size)
-
         load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
-        sign = np.sign(at.force[:, i])[:, None]
-        yield SmoothTerm(rod.site, ("load",), "length"), length(np.hstack([load, sign]), np.append(size, 1.0))
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
-        parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), plane(a, b, 5)]
-        yield (
-            SmoothTerm(rod.site, ("direction",), "length"),
-            length(np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])),
-        )
-        moves = all_moves(at)
-        if moves is not None:
-            both = np.hstack([moves, moves * a[:, None], moves * b[:, None], moves * load[:, :1]])
-            yield SmoothTerm(rod.site, ("approach",), "length"), length(both, np.full(both.shape[1], 0.5))
-        for over, waves, size in conditions(at):
-            yield SmoothTerm(rod.site, over, "length"), length(waves, size)
-
-
-def _of_arm(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Changes of the lengths of all rods, with separate coefficients for each rod."""
-    n = len(at.robot.rods)
-    functions = [*conditions(at), (("position",), *field(at, 2, priors))]
-    moves = all_moves(at)
-    if moves is not None:
-        functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
-    for over, waves, size in functions:
+        parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
+        own: list[tuple[tuple[str, ...], Floats, Floats]] = [
+            (("load",), np.hstack([load, np.sign(at.force[:, i])[:, None]]), np.append(size, 1.0)),
+            (("direction",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])),
+        ]
+        if every is not None:
+            both = np.hstack([every, every * a[:, None], every * b[:, None], every * load[:, :1]])
+            own.append((("approach",), both, np.full(both.shape[1], 0.5)))
+        for over, waves, size in (*own, *_conditions(at)):
+            columns = waves[:, None, :]
+            yield SmoothTerm(rod.site, over, "length"), of_lengths(at, [i], columns, priors.smooth_shift * size)
+    for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
         columns = np.einsum("nm,ij->nimj", waves, np.eye(n)).reshape(len(at), n, -1)
-        yield (
-            SmoothTerm("arm", over, "length"),
-            of_lengths(at, list(range(n)), columns, priors.smooth_shift * np.repeat(size, n)),
-        )
+        sizes = priors.smooth_shift * np.repeat(size, n)
+        yield SmoothTerm("arm", over, "length"), of_lengths(at, list(range(n)), columns, sizes)
 
 
-def _of_platform(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Motions of the target and tool on the platform, TCP frame."""
-    functions = [*conditions(at), (("position",), *field(at, 2, priors))]
-    moves = all_moves(at)
-    if moves is not None:
-        functions.append((("approach",), moves, np.full(moves.shape[1], 0.5)))
-    for over, waves, size in functions:
-        twist = np.zeros((len(at), 6, 6, waves.shape[1]))
-        twist[:, :3, :3] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
-        twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
-        sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
-        yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
-
-
-def _of_frame(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    freedoms, size6 = frame_twist(at)
-    for over, waves, size in conditions(at):
-        columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
-        yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
-    waves, size = field(at, 3, priors)
-    twist = np.zeros((len(at), 6, 3, waves.shape[1]))
-    twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
-    sigma = np.tile(priors.smooth_shift * size, 3)
-    yield SmoothTerm("frame", ("position",), "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
-
-
-def of_joints(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
+def _of_joints(at: Situation, priors: Priors) -> Terms:
     """Smooth shifts and tilts of every joint's axis: all motions of its placement frame except the joint's own motion."""
     for j, site in enumerate(at.robot.sites):
-        frame = joint_frame(at, site)
+        frame, turning = joint_frame(at, site), at.robot.actuators[j].revolute
         ways = np.zeros((6, 5))
         ways[:3, :2] = ways[3:, 2:4] = frame.across.T
-        turning = at.robot.actuators[j].revolute
-        ways[: 3 if turning else 0, 4] = frame.axis if turning else 0.0
-        if not turning:
-            ways[3:, 4] = frame.axis
+        ways[slice(0, 3) if turning else slice(3, 6), 4] = frame.axis
         last = priors.smooth_shift if turning else priors.smooth_turn
         sizes = [*[priors.smooth_shift] * 2, *[priors.smooth_turn] * 2, last]
-        for over, waves, size in aside_coordinates(at, j, priors):
+        for over, waves, size in _aside_coordinates(at, j, priors):
             columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
             yield SmoothTerm(site, over, "aside"), of_joint(at, site, ways, columns, np.outer(sizes, size).ravel())
 
 
-def of_moving_links(at: Situation, priors: Priors) -> Iterator[tuple[SmoothTerm, Basis]]:
-    """Smooth shifts and rotations of every link's tip relative to its root, over its load and the measurement conditions.
-
-    Each link by itself, and all links together.
-    """
+def _of_moving_links(at: Situation, priors: Priors) -> Terms:
+    """Smooth shifts and rotations of links' tips relative to their roots: each link by itself, and all links together."""
     links = links_at(at.robot, "arm")
     for link in links:
-        for over, waves, size in (*_loads(at, link.tip), *_of_all(at)):
+        for over, waves, size in (*_loads(at, link.tip), *_conditions(at), *_approach(at)):
             yield SmoothTerm(link.name, over, "tip"), _tips(at, link.name, [waves], size, priors)
-    for over, waves, size in (*_of_all(at), (("position",), *field(at, 2, priors))):
+    for over, waves, size in (*_conditions(at), *_approach(at), *_position(at, 2, priors)):
         # The same functions at every link, with coefficients of its own.
         count, m = len(links), waves.shape[1]
         own = [np.einsum("nm,k->nkm", waves, np.eye(count)[i]).reshape(len(at), count * m) for i in range(count)]
         yield SmoothTerm("arm", over, "tip"), _tips(at, "arm", own, np.tile(size, count), priors)
 
 
-def _of_all(at: Situation) -> Functions:
-    yield from conditions(at)
-    moves = all_moves(at)
-    if moves is not None:
-        yield ("approach",), moves, np.full(moves.shape[1], 0.5)
+def _tips(at: Situation, site: str, waves: Sequence[Floats], size: Floats, priors: Priors) -> Basis:
+    """Six motions of the tips of a site's links; ``waves`` has the functions (N, m) of each link."""
+    scale = np.array([priors.smooth_shift] * 3 + [priors.smooth_turn] * 3)
+    twists = [np.einsum("ij,nm->nijm", np.eye(6), w).reshape(len(at), 6, -1) for w in waves]
+    return of_tips(at, site, twists, np.outer(scale, size).ravel())
+
+
+def _of_platform_and_frame(at: Situation, priors: Priors) -> Terms:
+    """Motions of the target and tool on the platform, TCP frame, and of the measurement frame."""
+    for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
+        twist = np.zeros((len(at), 6, 6, waves.shape[1]))
+        twist[:, :3, :3] = twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
+        sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
+        yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
+    freedoms, size6 = frame_twist(at)
+    for over, waves, size in _conditions(at):
+        columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
+        yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
+    for over, waves, size in _position(at, 3, priors):
+        twist = np.zeros((len(at), 6, 3, waves.shape[1]))
+        twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
+        sigma = np.tile(priors.smooth_shift * size, 3)
+        yield SmoothTerm("frame", over, "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
+
+
+def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
+    """Motions of all carts along their tracks, as by a deformation of the machine: of all commands, and of each cart's own."""
+    n = at.robot.n_actuators
+    if n < 2:
+        return
+    most = ORDERS.get(n, 1)
+    # Of n actuators, few of the (most + 1)^n rows of orders have so small a sum: with a sum of 1 they are the unit vectors.
+    rows = product(range(most + 1), repeat=n) if n in ORDERS else (tuple(row) for row in np.eye(n, dtype=int)[::-1])
+    orders = [row for row in rows if 0 < sum(row) <= most]
+    waves = [np.prod([wave(at.travel[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in orders]
+    size = np.array([float(sum(row)) for row in orders]) ** -DECAY
+    functions = {"field": (np.stack(waves, axis=1), 1.5 * size / np.linalg.norm(size))}
+    if not scaled:
+        functions["scale"] = np.zeros((len(at), 0)), np.zeros(0)
+    for motion, (columns, size) in functions.items():
+        total: list[Floats] = []
+        sizes: list[Floats] = []
+        for j, site in enumerate(at.robot.sites):
+            own = at.travel[:, [j]]
+            along = along_track(at, site, np.hstack([columns, own, own**2]), np.ones(columns.shape[1] + 2))
+            total.append(along.displacement(at))
+            sizes.append(drive_sizes(at, site, np.concatenate([size, [1.0, 0.2]]), priors.smooth_shift))
+        basis = Basis(np.concatenate(sizes), twist=np.concatenate(total, axis=2))
+        yield SmoothTerm("frame", ("position",), motion), basis
+
+
+def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
+    """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 8), 1.0)
+    for over, waves, size in _conditions(at):
+        if over != ("session",):  # also multiplied by the place along the track
+            some, s = waves[:, :4], size[:4]
+            waves = np.hstack([some, some * at.travel[:, [j]]])
+            size = np.concatenate([s, priors.smooth_change * s])
+        yield over, waves, size
+    yield from _load(at, j, 3)
+    yield from _moves(at, j, 2)
+
+
+def _load(at: Situation, j: int, orders: int) -> Functions:
+    """Functions of the load along an actuator's track or about its axis."""
+    site = at.robot.sites[j]
+    if rods_of(at, site) or (not at.robot.rods and loaded(at, site)):
+        yield ("load",), *cosines(np.clip(drive_load(at, site) / 2.0, -1.5, 1.5), 1, orders, 1.0)
 
 
 def _loads(at: Situation, index: int) -> Functions:
     """Functions of the six components of the load at a link's tip, for those that vary."""
     mean, spread = (values[index] for values in at.references.joints)
-    varying = at.joint_loads[:, index].std(axis=0) > 1e-6 * spread
-    parts = [
-        cosines(np.clip((at.joint_loads[:, index, c] - mean[c]) / spread[c] / 2.0, -1.5, 1.5), 1, 3, 1.0)
-        for c in range(6)
-        if varying[c]
-    ]
+    loads = at.joint_loads[:, index]
+    varying = np.flatnonzero(loads.std(axis=0) > 1e-6 * spread)
+    parts = [cosines(np.clip((loads[:, c] - mean[c]) / spread[c] / 2.0, -1.5, 1.5), 1, 3, 1.0) for c in varying]
     if parts:
         yield ("load",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def _tips(at: Situation, site: str, waves: list[Floats], size: Floats, priors: Priors) -> Basis:
-    """Six motions of the tips of a site's links; ``waves`` has the functions (N, m) of each link."""
-    scale = np.array([priors.smooth_shift] * 3 + [priors.smooth_turn] * 3)
-    twists = [np.einsum("ij,nm->nijm", np.eye(6), w).reshape(len(at), 6, -1) for w in waves]
-    return of_tips(at, site, twists, np.outer(scale, size).ravel())
+def _moves(at: Situation, j: int, orders: int) -> Functions:
+    """Functions of an actuator's direction of approach and of its speed, also multiplied by cosines along its track."""
+    bends = [np.ones(len(at)), *(wave(at.travel[:, j], o) for o in range(1, orders + 1))]
+    for word in ("approach", "speed"):
+        if at.varies(f"{word}{j + 1}"):
+            x = _scaled(at.covariate(f"{word}{j + 1}"))
+            shapes = [x] if word == "approach" else [x, np.abs(x), x * np.abs(x)]
+            columns = [shape * bend for shape in shapes for bend in bends]
+            yield (f"{word}{j + 1}",), np.stack(columns, axis=1), np.full(len(columns), 0.5)
+
+
+def all_moves(at: Situation) -> Floats | None:
+    """(N, m) direction of approach and speed of every actuator, each over its largest absolute value, for those that vary."""
+    names = [f"{word}{k + 1}" for word in ("approach", "speed") for k in range(at.robot.n_actuators)]
+    columns = [_scaled(at.covariate(name)) for name in names if at.varies(name)]
+    return np.stack(columns, axis=1) if columns else None
+
+
+def _approach(at: Situation) -> Functions:
+    moves = all_moves(at)
+    if moves is not None:
+        yield ("approach",), moves, np.full(moves.shape[1], 0.5)
+
+
+def _scaled(values: Floats) -> Floats:
+    return np.asarray(values / max(float(np.abs(values).max()), 1e-12))
+
+
+def _conditions(at: Situation) -> Functions:
+    """Functions of time, temperatures, payload and sessions, for those that vary."""
+    for name in CONDITIONS:
+        if at.varies(name):
+            values = at.covariate(name)
+            middle, half = (values.max() + values.min()) / 2.0, np.ptp(values) / 2.0
+            yield (name,), *cosines((values - middle) / half, 1, 7 if name == "time" else 3, 1.0)
+    if at.varies("session"):
+        sessions = session_columns(at)
+        yield ("session",), sessions, np.ones(sessions.shape[1])
+
+
+def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
+    """Functions of two coordinates (N,) together, and of the second alone, and their sizes."""
+    rows = [(m, n) for m in range(orders) for n in range(1, orders + 1 - m)]
+    sizes = np.array([1.0 / (m + n) for m, n in rows])
+    return np.stack([wave(a, m) * wave(b, n) for m, n in rows], axis=1), sizes / np.linalg.norm(sizes) * 2.0
+
+
+def _position(at: Situation, orders: int, priors: Priors) -> Functions:
+    """Smooth functions of the TCP's position."""
+    T = at.poses.T
+    reach = priors.smooth_reach * max(float(np.ptp(T, axis=0).max()) / 2.0, 1e-9)
+    middle = at.kinematics.home.T[0] if at.robot.rods else (T.max(axis=0) + T.min(axis=0)) / 2.0
+    x = np.clip((T - middle) / reach, -1.5, 1.5)
+    rows = [row for row in product(range(orders + 1), repeat=3) if 0 < sum(row) <= orders]
+    columns = [wave(x[:, 0], a) * wave(x[:, 1], b) * wave(x[:, 2], c) for a, b, c in rows]
+    sizes = np.array([1.0 / sum(row) for row in rows])
+    yield ("position",), np.stack(columns, axis=1), sizes / np.linalg.norm(sizes) * 2.0

@@ -1,15 +1,18 @@
-"""The class of a cause: every hypothesis that could be the cause in its place, with its probability."""
+"""The class of a cause: every hypothesis, or two together, that could be the cause in its place, with its probability."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import exp
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes
 from gtpin.diagnosis.hypotheses.lines import with_its_lines
+from gtpin.diagnosis.inference.search import most
 from gtpin.diagnosis.inference.verdict import Contender
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import CLASS_SHARE, Priors
@@ -26,14 +29,8 @@ def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tu
 class Ranking:
     """Everything that could be in the place of a cause, the most probable first.
 
-    Parameters
-    ----------
-    named
-        Every hypothesis with its probability.
-    smooth
-        Smooth terms with the probability of each if it were the only one.
-    heat
-        The temperature by which gains in log evidence were divided.
+    ``named``: every hypothesis with its probability. ``smooth``: smooth terms with the probability of each if it were the only
+    one. ``heat``: the temperature by which gains in log evidence were divided.
     """
 
     named: tuple[Contender, ...]
@@ -59,8 +56,9 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
     heat = temperature(own, priors)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
-    odds = _odds(hypotheses, rest, gains, mine)
-    log = {h: (gain.value - odds[h]) / heat for h, gain in gains.items()}
+    # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
+    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*gains, mine)}
+    log = {h: (gain.value - (costs[h] - costs[mine])) / heat for h, gain in gains.items()}
     likeliest, by_proxy = max(log.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / heat + float(np.log(proxy.odds))
@@ -74,20 +72,9 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
     whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
     every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
-    named = tuple(sorted(every, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+    named = _ordered(every, cause)
     shares = ((term, float(np.exp(value - whole))) for term, value in smooth.items())
     return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), heat)
-
-
-def _odds(
-    hypotheses: HypothesisSet, rest: Model, others: Iterable[Hypothesis], cause: Hypothesis
-) -> dict[Hypothesis, float]:
-    """Log prior odds, nats, against the model ``rest`` with each hypothesis, less those against ``rest`` with ``cause``.
-
-    They differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
-    """
-    whole = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*others, cause)}
-    return {h: value - whole[cause] for h, value in whole.items()}
 
 
 def _with_lines(
@@ -95,7 +82,7 @@ def _with_lines(
 ) -> dict[Hypothesis, Gain]:
     """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
     found: dict[Hypothesis, Gain] = {}
-    if hypotheses.design.situation.robot.rods:
+    if not hypotheses.long:
         return found
     for hypothesis, gain in gains.items():
         if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
@@ -125,3 +112,104 @@ def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
     if cause.further:
         known = tuple(h for h in hypotheses.linear if h.site == cause.site)
     return [s for s in hypotheses.smooth if not hypotheses.modulates(s, known)]
+
+
+Classes = Mapping[Hypothesis, tuple[Contender, ...]]
+FIRSTS = 4
+"""Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
+LEAST_SHARE = 0.5
+"""Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
+cause, the larger explains at least half of it."""
+
+
+def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
+    """The model with two hypotheses in the place of one of its causes, where that increases the worth.
+
+    A search that adds one explanation at a time can end with one cause where two are true.
+    """
+    if hypotheses.long or len(model.terms) >= most(hypotheses):
+        return model
+    for cause in causes(model):
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        found = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * (model.log_evidence - rest.log_evidence))
+        if found is not None and hypotheses.worth(found[0]) > hypotheses.worth(model) + 1e-9:
+            return exchanged_for_two(hypotheses, found[0])
+    return model
+
+
+def with_two_instead(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
+    """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
+
+    Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
+    of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
+    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
+    """
+    if hypotheses.long:
+        return classes
+    found = dict(classes)
+    for cause, members in classes.items():
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
+        if best is None:
+            continue
+        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        whole = 1.0 + odds * leader
+        each = odds * leader / whole / 2.0
+        if 2.0 * each < CLASS_SHARE * max(m.probability for m in members) / whole:
+            continue
+        known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
+        for hypothesis, other in (best[1], best[1][::-1]):
+            alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
+            known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+        found[cause] = _ordered(known.values(), cause)
+    for pair in combinations(causes(model), 2):
+        rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
+        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
+        for cause, other in zip(pair, best[1] if best else (), strict=False):
+            members = found[cause]
+            if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
+                continue
+            leader = _own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            kept = [replace(m, probability=m.probability / whole) for m in members]
+            found[cause] = _ordered([*kept, Contender(other, odds * leader / whole)], cause)
+    return found
+
+
+def _own_probability(members: Iterable[Contender], cause: Hypothesis) -> float:
+    return next(m.probability for m in members if m.hypothesis.place == cause.place)
+
+
+def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender, ...]:
+    """Members by probability, the largest first; of equal ones the cause."""
+    return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def _odds_of_two(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
+    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
+    ahead = hypotheses.worth(other) - hypotheses.worth(model)
+    return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
+
+
+def _best_two(
+    hypotheses: HypothesisSet, rest: Model, out: Sequence[Hypothesis], least: float
+) -> tuple[Model, tuple[Hypothesis, Hypothesis]] | None:
+    """The model of largest worth with two hypotheses beside ``rest``, and these two.
+
+    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    """
+    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
+    gains = hypotheses.gains(rest, plain)
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
+    found: list[tuple[Model, tuple[Hypothesis, Hypothesis]]] = []
+    for first in firsts:
+        one = hypotheses.extended(rest, first)
+        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])
+        if more:
+            second = max(more, key=lambda h: more[h].value)
+            found.append((hypotheses.extended(one, second), (first, second)))
+    return max(found, key=lambda pair: hypotheses.worth(pair[0]), default=None)

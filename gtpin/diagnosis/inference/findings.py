@@ -85,18 +85,8 @@ class Considered:
 class Question:
     """A parameter of a cause whose value is outside the range that its effect states as plausible or usual.
 
-    Parameters
-    ----------
-    effect, site, parameter
-        The parameter.
-    value, sigma, unit
-        Its estimate.
-    low, high
-        The range, in ``unit``.
-    why
-        The reason for this range.
-    believed
-        Whether the cause is named in spite of it.
+    ``effect``, ``site``, ``parameter``: the parameter. ``value``, ``sigma``, ``unit``: its estimate. ``low``, ``high``: the
+    range, in ``unit``. ``why``: the reason for this range. ``believed``: whether the cause is named in spite of it.
     """
 
     effect: str
@@ -115,16 +105,10 @@ class Question:
 class Unexplained:
     """What is left after the causes.
 
-    Parameters
-    ----------
-    share
-        Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1.
-    p_value
-        Probability that noise alone gives a larger chi-square.
-    correlates
-        Site, coordinates and p-value of the smooth terms that correlate with the residuals; five at most.
-    could_be
-        Effect and site of untestable effects whose proxies explain the residuals about as well as the best smooth term.
+    ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
+    probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
+    that correlate with the residuals; five at most. ``could_be``: effect and site of untestable effects whose proxies explain
+    the residuals about as well as the best smooth term.
     """
 
     share: float
@@ -148,7 +132,7 @@ Reason = Literal[
 """Why something unknown is inferred:
 
 ``smooth_term``
-    Smooth nonparametric terms are likelier than the named causes alone (``named_causes.py``).
+    Smooth nonparametric terms are likelier than the named causes alone (``infer.py``).
 ``restless``
     Errors of an actuator differ from pose to pose by more than repeated visits scatter (``reestimate_noise.py``).
 ``impossible``
@@ -161,13 +145,13 @@ Reason = Literal[
 ``visits``
     Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
 ``two_groups``
-    What looks like noise comes from two groups of rows (``two_groups.py``).
+    What looks like noise comes from two groups of rows (``suspicious_data.py``).
 ``two_valued``
-    What looks like scatter of a drive has two values (``two_valued.py``).
+    What looks like scatter of a drive has two values (``suspicious_data.py``).
 ``scatter``
-    Visits scatter, and columns that could show the reason contradict each other (``scatter.py``).
+    Visits scatter, and columns that could show the reason contradict each other (``suspicious_data.py``).
 ``chi_square``
-    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``gtpin/health/check.py``).
+    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``against/check.py``).
 """
 
 
@@ -181,3 +165,23 @@ class Doubt:
     reason: Reason
     site: str = ""
     over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest change of an effect at a site that a check finds with a given power.
+
+    Parameters
+    ----------
+    effect, site
+        The effect that changes, and its site.
+    parameter, value, unit
+        The size of the change, as the effect's first parameter. Where the effect has several coefficients: the median over
+        changes of random shape. ``value`` is None where not even 1,000 times the typical size is found.
+    """
+
+    effect: str
+    site: str
+    parameter: str
+    value: float | None
+    unit: str

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.lines import strongest_first
 from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.digits import with_full_digits
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
+from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
-from gtpin.diagnosis.inference.scatter import hidden_in_scatter, with_scatter
 from gtpin.diagnosis.inference.settle import Settled
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
-from gtpin.diagnosis.inference.strongest_line import strongest_first
-from gtpin.diagnosis.inference.two_groups import with_one_measurement
-from gtpin.diagnosis.inference.two_valued import with_two_valued
+from gtpin.diagnosis.inference.suspicious_data import (
+    hidden_in_scatter,
+    with_full_digits,
+    with_one_measurement,
+    with_two_valued,
+)
 from gtpin.diagnosis.inference.unexplained import unexplained
-from gtpin.diagnosis.inference.unseen_sessions import as_unseen
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import Gap, gap
+from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
@@ -33,29 +34,15 @@ from gtpin.model.model import Model
 from gtpin.noise.repeats import LEAST_CONTRASTS
 from gtpin.typing import Floats
 
-Place = tuple[str, str]
-
 
 @dataclass(frozen=True)
 class Fitted:
     """The final conclusion, with the fitted causes.
 
-    Parameters
-    ----------
-    conclusion
-        The conclusion, with the doubts that the fit and left-out poses raise.
-    model
-        The geometry and the causes, fitted together.
-    causes
-        The causes; the one that explains most of the gap is the first.
-    gap
-        Errors on left-out poses, without and with the causes.
-    unexplained
-        What the causes do not explain.
-    questions
-        Parameters whose values are not plausible or not usual.
-    noise_source
-        Where the noise floor comes from.
+    ``conclusion``: the conclusion, with the doubts that the fit and left-out poses raise. ``model``: the geometry and the
+    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``gap``: errors on
+    left-out poses, without and with the causes. ``unexplained``: what the causes do not explain. ``questions``: parameters
+    whose values are not plausible or not usual. ``noise_source``: where the noise floor comes from.
     """
 
     conclusion: Conclusion
@@ -68,11 +55,7 @@ class Fitted:
 
 
 def fit(
-    prepared: Prepared,
-    settled: Settled,
-    found: Conclusion,
-    rng: np.random.Generator,
-    hold_out: HoldOut = "region",
+    prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
 ) -> Fitted:
     """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
 
@@ -88,25 +71,32 @@ def fit(
     found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
-    if asked.impossible and (other := with_possible(hypotheses, found, asked.impossible)):
+    impossible = [question for question in asked if not question.believed]
+    if impossible and (other := with_possible(hypotheses, found, impossible)):
         model, causes = _fitted(prepared, settled, other)
         again = questions(other, causes, hypotheses.priors)
-        found, asked = (found, asked) if again.impossible else (other, again)
-    if asked.impossible:
-        other = infer(settled, {(q.effect, q.site) for q in asked.impossible})
-        found = without_impossible(hypotheses, found, asked.impossible, {c.place for c in other.sure()})
+        if all(question.believed for question in again):
+            found, asked, impossible = other, again, []
+    if impossible:
+        other = infer(settled, {(q.effect, q.site) for q in impossible})
+        found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
-    whole, shares = _gaps(settled, found, shown, "region", rng)
-    checked = whole
-    if hold_out != "region":
-        whole, shares = _gaps(settled, found, shown, hold_out, rng)
-    takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
+    floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
+
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+        blocks = blocks_of(searched, which, rng)
+        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
+
+    checked, takes = gaps_by("region")
+    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
-    found = with_scatter(found, hidden)
+    if hidden:
+        found = found.doubted(Doubt("scatter", hidden[0].site))
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
     return Fitted(
@@ -115,7 +105,7 @@ def fit(
         causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
         gap=whole,
         unexplained=replace(remaining, could_be=could_be),
-        questions=(*asked.impossible, *asked.unusual),
+        questions=tuple(asked),
         noise_source=shown.source,
     )
 
@@ -149,38 +139,6 @@ def _floor(settled: Settled) -> Floats:
     return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
 
 
-def _gaps(
-    settled: Settled, found: Conclusion, shown: ShownNoise, hold_out: HoldOut, rng: np.random.Generator
-) -> tuple[Gap, dict[Place, Gap]]:
-    """The gap with all causes; and, by cause, with all causes but this one."""
-    hypotheses, searched = settled.hypotheses, settled.searched
-    floor, inferred_floor = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
-    design, blocks = hypotheses.design, blocks_of(settled.searched, hold_out, rng)
-    columns = {c.place: hypotheses.groups.columns(c) * found.scale[c] for c in found.classes}
-    unseen = {
-        c.place: as_unseen(design, c, hypotheses.groups.columns(c), blocks) * found.scale[c] for c in found.classes
-    }
-
-    def shrunk(places: Iterable[Place]) -> Gap:
-        places = tuple(places)
-        none = np.zeros((len(design.y), 0))
-        causes, seen = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
-        said = gap(
-            design,
-            causes,
-            floor,
-            blocks,
-            rng,
-            None if np.array_equal(causes, seen) else seen,
-            hold_out == "session",
-            inferred_floor,
-        )
-        return replace(said, hold_out=hold_out, blocks=len(blocks), sessions=n_sessions(searched))
-
-    whole = shrunk(columns)
-    return whole, {place: shrunk(p for p in columns if p != place) for place in columns}
-
-
 def held_out(
     found: Conclusion, hypotheses: HypothesisSet, whole: Gap, observed: Observed, shown: ShownNoise
 ) -> Conclusion:
@@ -188,10 +146,7 @@ def held_out(
 
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
 
-    Parameters
-    ----------
-    whole
-        The gap on left-out poses with all causes.
+    ``whole``: the gap on left-out poses with all causes.
     """
     if found.doubts or shown.source == "residuals":
         return found

@@ -1,169 +1,182 @@
-"""The third step of a diagnosis: from hypotheses to a conclusion."""
+"""The third step of a diagnosis, from evidence to a conclusion: which causes are named, and are smooth terms needed?"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 
-import numpy as np
-from scipy.special import betaincc
+from scipy.special import expit
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
-from gtpin.diagnosis.inference.named_causes import decide, with_restless
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
+from gtpin.diagnosis.hypotheses.proxies import Proxy
+from gtpin.diagnosis.inference.chance_lines import chance_lines
+from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, temperature, unnamed, with_two_instead
+from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
+from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.inference.settle import Settled
-from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.typing import Floats
 
-SEEN = 1e-6
-"""Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
-
-
-def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothesis, ...]:
-    """The periodic errors of a conclusion of which no line is significant against the scatter of its drive.
-
-    A search compares a line with noise. Where an unknown error of a drive is larger than noise and has no period, many periods
-    gain evidence, because each fits a part of it by chance. Here a line is compared with all that is left without it.
-    """
-    lines = [c for c in causes(found.model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
-    if not lines:
-        return ()
-    model = found.model
-    if found.beside:
-        model = hypotheses.of((*model.terms, *found.beside), (*model.scale, *(1.0 for _ in found.beside)))
-    return tuple(c for c in lines if FittedLines.of(hypotheses, model, c).chance() > hypotheses.priors.chance_line)
-
-
-@dataclass(frozen=True)
-class FittedLines:
-    """Errors of one drive at its different commands, and the lines that were fitted to them.
-
-    Parameters
-    ----------
-    errors, variance
-        (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a command; and their
-        variance by the noise.
-    lines
-        For each line its (n, p) deviations of the travel less what the geometry and the other causes fit of them, m or rad.
-    tried
-        Number of periods that were tried.
-    taken
-        Effective number of the errors that the geometry and the other causes fit: this many are missing in what is left.
-    """
-
-    errors: Floats
-    variance: Floats
-    lines: tuple[Floats, ...]
-    tried: int
-    taken: float = 0.0
-
-    @staticmethod
-    def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
-        """The errors of a drive that the geometry and a model without one periodic error leave, and the lines of this error.
-
-        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
-        without the subtraction, less scatter would be left, and the lines would look significant.
-        """
-        design = hypotheses.design
-        along = design.by_command[:, :, design.situation.robot.sites.index(cause.site)]
-        information = np.einsum("nc,nc->n", along, along)
-        shown = information > SEEN**2 * information.max()
-        along, information = along[shown], information[shown]
-
-        def moved(columns: Floats) -> Floats:
-            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
-
-        others = np.hstack(
-            [design.B, *(hypotheses.groups.columns(t) * s for t, s in scales(model).items() if t != cause)]
-        )
-        prior = np.concatenate([design.prior, np.ones(others.shape[1] - len(design.prior))])
-        normal = others.T @ others + np.diag(prior)
-        whole = np.column_stack([design.y, hypotheses.groups.columns(cause)])
-        left = moved(whole - others @ np.linalg.solve(normal, others.T @ whole))
-        fitted = moved(others) / np.sqrt(information)[:, None]
-        same = np.unique(design.situation.q[shown], axis=0, return_inverse=True)[1].ravel()
-        total = np.bincount(same, information)
-        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
-        return FittedLines(
-            errors=left[:, 0],
-            variance=1.0 / total,
-            lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
-            tried=len(cause.effect.nonlinear_values(design.situation, cause.site)),
-            taken=_taken(np.linalg.solve(normal, fitted.T @ fitted)),
-        )
-
-    def chance(self) -> float:
-        """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
-
-        The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
-        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
-        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
-        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
-        line has the share 1 / (k (k + 1)) of the whole probability.
-        """
-        left, open_, least = self.errors, list(self.lines), 1.0
-        freedom = len(self.errors) - self.taken
-        for tested in range(1, len(self.lines) + 1):
-            if freedom <= 1.0:
-                break
-            scatter = max(float((left**2).sum()) / freedom - float(self.variance.mean()), 0.0)
-            root = 1.0 / np.sqrt(self.variance + scatter)
-            whole = float(((left * root) ** 2).sum())
-            fits = [X @ np.linalg.lstsq(X * root[:, None], left * root, rcond=None)[0] for X in open_]
-            powers = [float((((left - fit) * root) ** 2).sum()) for fit in fits]
-            best = int(np.argmin(powers))
-            width = open_.pop(best).shape[1]
-            if freedom <= width + 1.0 or whole == 0.0:
-                break
-            share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
-            least = min(
-                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
-            )
-            left, freedom = left - fits[best], freedom - width
-        return least
-
-
-def _taken(hat: Floats) -> float:
-    """Number of a drive's independent errors that a fit with this hat matrix H takes: 2 tr H - tr H^2.
-
-    I - H of independent errors has tr (I - H)^2 degrees of freedom. ``hat`` is a matrix with the same traces.
-    """
-    return float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat))
+LEADS = 0.1
+"""Nats by which the worth of the model with another leader must be larger. Assumed: far less than is needed to distinguish two
+hypotheses."""
 
 
 def infer(settled: Settled, barred: Collection[tuple[str, str]] = ()) -> Conclusion:
     """Search, compare named causes with smooth terms, and look for an actuator whose errors change too fast for these terms.
 
-    Parameters
-    ----------
-    barred
-        Effects and sites that cannot be causes.
+    Periodic errors that scatter alone would show are barred in a further search. ``barred``: effects and sites that cannot be
+    causes.
     """
-    hypotheses = settled.hypotheses
-    found, scattered = _without_chance_lines(settled, barred)
+    hypotheses, scattered = settled.hypotheses, set[tuple[str, str]]()
+    while True:
+        out = {*barred, *scattered}
+        allowed, guess = hypotheses.barring(out) if out else hypotheses, settled.guess
+        guess = allowed.only(guess, [t for t in guess.terms if getattr(t, "place", None) not in out]) if out else guess
+        found = decide(allowed, guess)
+        if not (by_chance := chance_lines(hypotheses, found)):
+            break
+        scattered |= {cause.place for cause in by_chance}
+    found = replace(found, alone=hypotheses.gains(NOTHING, hypotheses.every))
     if found.doubts:
         return found
-    site = restless_drive(hypotheses, found.model, scattered) if scattered else None
+    sites = tuple(sorted({site for _, site in scattered}))
+    site = restless_drive(hypotheses, found.model, sites) if sites else None
     if site is None:
         site = reestimate_noise(settled.observed, hypotheses, found.model).restless
-    return found if site is None else with_restless(hypotheses, found, site)
+    if site is None:
+        return found
+    # Errors of this actuator change too fast for smooth terms: causes of other sites are kept where they are sure.
+    own = f"q{hypotheses.design.situation.robot.sites.index(site) + 1}"
+    kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != site])
+    return kept.doubted(Doubt("restless", site, (own,)))
 
 
-def _without_chance_lines(settled: Settled, barred: Collection[tuple[str, str]]) -> tuple[Conclusion, tuple[str, ...]]:
-    """The conclusion of a search without periodic errors that scatter alone would show, and the sites of these."""
-    hypotheses, scattered = settled.hypotheses, set[tuple[str, str]]()
-    found = _decided(settled, {*barred})
-    while chance := chance_lines(hypotheses, found):
-        scattered |= {cause.place for cause in chance}
-        found = _decided(settled, {*barred, *scattered})
+def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
+    """Search with and without smooth terms, compare both models, and conclude which causes are named.
+
+    ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
+    """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    return replace(found, alone=alone), tuple(sorted({site for _, site in scattered}))
+    start = guess if hypotheses.long else NOTHING
+    named = search(hypotheses, hypotheses.named, alone, start=hypotheses.only(start, causes(start)))
+    mixed = search(hypotheses, hypotheses.every, alone, start=start)
+    needed = smooth_terms(mixed)
+    if needed and _unknown(hypotheses, mixed, named) > 0.5:
+        named = hypotheses.only(mixed, _apart(hypotheses, mixed))
+    elif needed := _replacing(hypotheses, named):
+        better = tuned(hypotheses.groups, (*named.terms, *needed), (*named.scale, *(1.0 for _ in needed)))
+        named = hypotheses.only(better, _apart(hypotheses, better))
+    if not needed:
+        named = exchanged_for_two(hypotheses, named)
+    named = _led(hypotheses, named)
+    if needed:  # the leader of a class may look like a smooth term where the cause that it replaces does not
+        named = hypotheses.only(named, [c for c in causes(named) if not _alike(hypotheses, c, needed)])
+    named = without_redundant(hypotheses, named, partial(contenders, hypotheses))
+    classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
+        classes = dict(with_two_instead(hypotheses, named, classes))
+    doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
+    found = Conclusion(named, classes, doubts, alone, tuple(needed))
+    return found.only(hypotheses, found.sure()) if doubts else found
 
 
-def _decided(settled: Settled, barred: Collection[tuple[str, str]]) -> Conclusion:
-    if not barred:
-        return decide(settled.hypotheses, settled.guess)
-    allowed, guess = settled.hypotheses.barring(barred), settled.guess
-    return decide(allowed, allowed.only(guess, [t for t in guess.terms if getattr(t, "place", None) not in barred]))
+def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
+    """Probability of the model with smooth terms, as opposed to the one without."""
+    priors = hypotheses.priors
+    known = hypotheses.only(mixed, causes(mixed))
+    modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
+    doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
+    ahead = hypotheses.worth(mixed) - hypotheses.worth(named) - doubt
+    return float(expit(ahead / temperature(max(named.log_evidence, 0.0), priors)))
+
+
+def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...]:
+    """Smooth terms that are more probable than a cause and its whole class."""
+    found = []
+    for cause in causes(named):
+        if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
+            rest = without(hypotheses.groups, named, cause, sweeps=1)
+            gains = hypotheses.gains(rest, unnamed(hypotheses, cause))
+            found.append(max(gains, key=lambda s: gains[s].value))
+    return tuple(dict.fromkeys(found))
+
+
+def _led(hypotheses: HypothesisSet, named: Model) -> Model:
+    """The model with the leader of each class in the place of its cause, where that increases the worth.
+
+    This is repeated, because the new cause can have a class with another leader.
+    """
+    for cause in causes(named):
+        while True:
+            leader = contenders(hypotheses, named, cause)[0].hypothesis
+            if leader.place in {c.place for c in causes(named)}:
+                break
+            trial = hypotheses.extended(without(hypotheses.groups, named, cause, sweeps=1), leader)
+            if not hypotheses.worth(trial) > hypotheses.worth(named) + LEADS:
+                break
+            named, cause = trial, leader
+    return named
+
+
+def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
+    """Causes that cannot look like the model's smooth terms, and gain more than twice the prior odds against them."""
+    costs = hypotheses.costs(model.terms)
+    sure = []
+    for cause in causes(model):
+        loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
+        if not _alike(hypotheses, cause, smooth_terms(model)) and loss > 2.0 * costs[cause]:
+            sure.append(cause)
+    return tuple(sure)
+
+
+def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[SmoothTerm]) -> bool:
+    """Whether a cause can look like one of some smooth terms.
+
+    Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them.
+    """
+    robot = hypotheses.design.situation.robot
+    if cause.further and hypotheses.long:
+        return False
+    return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
+
+
+def without_redundant(
+    hypotheses: HypothesisSet, named: Model, members: Callable[[Model, Hypothesis], Iterable[Contender]]
+) -> Model:
+    """The model without causes that are not needed when an effect with a missing covariate replaces a stronger cause.
+
+    A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
+    explain the rest. If the first cause may be the effect with the missing covariate, the second has nothing to explain. The
+    same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy.
+
+    ``named``: the model of the named causes. ``members``: function that gives the class of a cause of a model.
+    """
+    strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
+    for cause in sorted(strength, key=lambda c: -strength[c]):
+        if cause not in named.terms:
+            continue
+        unrecorded = {m.hypothesis.place for m in members(named, cause) if not m.recorded}
+        for proxy in [proxy for proxy in hypotheses.proxies if proxy.hypothesis.place in unrecorded]:
+            weaker = [c for c in causes(named) if strength[c] < strength[cause]]
+            redundant = [
+                c
+                for c in weaker
+                if proxy.hypothesis.place in {m.hypothesis.place for m in members(named, c)}
+                or _redundant(hypotheses, named, cause, proxy, c)
+            ]
+            named = hypotheses.only(named, (t for t in named.terms if t not in redundant))
+    return named
+
+
+def _redundant(hypotheses: HypothesisSet, named: Model, cause: Hypothesis, proxy: Proxy, other: Hypothesis) -> bool:
+    """Whether ``other`` gains less than the prior odds against it when ``proxy`` takes the place of ``cause``."""
+    rest = without(hypotheses.groups, named, cause)
+    less = without(hypotheses.groups, rest, other)
+    with_other = rest.log_evidence + hypotheses.gains(rest, (proxy,))[proxy].value
+    alone = less.log_evidence + hypotheses.gains(less, (proxy,))[proxy].value
+    return with_other - alone < hypotheses.costs(named.terms)[other]

@@ -7,20 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.between_poses import poses_of, unexplained_poses
+from gtpin.calibration.between_poses import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.problem import Measured, Point, Problem, in_frame
-from gtpin.calibration.readings_problem import ReadingsProblem
+from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
-from gtpin.effects.situation import References, Situation
+from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, Unexplained
 from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -64,20 +64,16 @@ def fit_together(
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
     joint = problem.joint_covariance(covariance) if causes else None
     fitted, left = start.fit, start.unexplained
-    if isinstance(observed.measured, Measured):
+    if observed.measured.tracked:
         dof = max(found.residual.size - found.taken, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
         left = _unexplained(problem, found, observed.noise)
-        fitted = FitConditions.of(observed.noise.as_poses(), chi2, dof, observed.covariates, left)
-    plain = problem.calibration
-    instruments = start.instruments
-    if isinstance(plain, ReadingsProblem):
-        instruments = plain.readings.at(plain.unknowns(found.point.x)).fitted
+        fitted = FitConditions.of(Noise.of(observed.noise), chi2, dof, observed.covariates, left)
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
-        instruments=instruments,
+        instruments=problem.calibration.readings(found.point.x).fitted,
         joint_covariance=joint,
         fit=fitted,
         unexplained=left,
@@ -89,18 +85,7 @@ def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Reading
     colour = np.linalg.inv(problem.calibration.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)
     variance = (colour**2).sum(axis=2)
-    poses, known = poses_of(problem.observed.measured.q), noise.source != "residuals"
-    return unexplained_poses(found, errors, variance, poses, known=known, dof=noise.dof)
-
-
-def _without_causes(observed: Observed, nominal: Model, at: Situation, start: Model) -> Problem | ReadingsProblem:
-    """The calibration's problem, without causes; the noise of the drives is computed at the poses of ``start``."""
-    measured = observed.measured
-    if isinstance(measured, Readings):
-        by_command = measured.scatter(at.command_jacobian, start, at.poses)
-        return ReadingsProblem(nominal, measured, observed.noise.whitening(by_command, measured.components))
-    J = in_frame(at.command_jacobian, start.frame)
-    return Problem(nominal, measured, observed.noise.whitening(J, measured.components), observed.free_frame)
+    return unexplained_by(found, errors, variance, known=noise.source != "residuals", dof=noise.dof)
 
 
 @dataclass(frozen=True)
@@ -119,7 +104,7 @@ class JointProblem:
         Reference values of the causes' covariates.
     """
 
-    calibration: Problem | ReadingsProblem
+    calibration: Problem
     observed: Observed
     causes: Sequence[Hypothesis]
     sizes: Sequence[Floats]
@@ -135,7 +120,16 @@ class JointProblem:
         at = observed.situation(start, references)
         one = observed.take(slice(0, 1)).situation(start, references, at.poses[:1])
         sizes = [cause.basis(one).sigma * s for cause, s in zip(causes, scale, strict=True)]
-        return JointProblem(_without_causes(observed, nominal, at, start), observed, causes, sizes, references)
+        measured = observed.measured
+        J = measured.seen(at.command_jacobian, start, at.poses)
+        whitening = observed.noise.whitening(J, measured.components)
+        plain = Problem(nominal, measured, whitening, observed.free_frame)
+        return JointProblem(plain, observed, causes, sizes, references)
+
+    @property
+    def measured(self) -> Readings:
+        """The readings."""
+        return self.calibration.measured
 
     @property
     def size(self) -> int:

@@ -1,17 +1,92 @@
-"""Causes that do not improve predictions: they only replace a change of the geometry that the tolerances make improbable."""
+"""What causes predict of poses that were not fitted: the gap, and causes that do not improve predictions."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from gtpin.calibration.left_out_block import Block
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import LeftOut, leave_out
+from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.exchange import without
+from gtpin.effects.situation import Situation
+from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask
+
+Place = tuple[str, str]
+
+
+def gaps(
+    hypotheses: HypothesisSet,
+    found: Conclusion,
+    floor: Floats,
+    blocks: list[Mask],
+    rng: np.random.Generator,
+    of_blocks: bool = False,
+    inferred: Floats | None = None,
+) -> tuple[Gap, dict[Place, float]]:
+    """The gap with all causes; and, by cause, the explained fraction that is lost without it.
+
+    The parameters are those of :func:`~gtpin.diagnosis.linear.cross_validation.gap`.
+    """
+    design, groups = hypotheses.design, hypotheses.groups
+    columns = {c.place: groups.columns(c) * found.scale[c] for c in found.classes}
+    unseen = {c.place: as_unseen(design, c, groups.columns(c), blocks) * found.scale[c] for c in found.classes}
+
+    def of(places: Iterable[Place]) -> Gap:
+        none, places = np.zeros((len(design.y), 0)), tuple(places)
+        causes, new = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
+        return gap(
+            design, causes, floor, blocks, rng, None if np.array_equal(causes, new) else new, of_blocks, inferred
+        )
+
+    whole = of(columns)
+    shares = {place: of(p for p in columns if p != place).shrinkage or 0.0 for place in columns}
+    return whole, {place: (whole.shrinkage or 0.0) - share for place, share in shares.items()}
+
+
+def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
+    """Whitened displacements (N c, m) at each pose as predicted by a model that was fitted without the pose's block.
+
+    A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
+    :func:`~gtpin.effects.smooth.session_columns`. ``columns``: (N c, m) displacements for coefficients of typical size.
+    """
+    at = design.situation
+    if "session" not in cause.covariates(at.robot) or not at.has("session"):
+        return columns
+    sessions = np.array([str(name) for name in at.covariates["session"]])
+    found = columns.copy()
+    for block in blocks:
+        lost = set(sessions[block]) - set(sessions[~block])
+        if not lost:
+            continue
+        rows = np.repeat(block, design.components)
+        elsewhere = columns[~rows].any(axis=0)
+        some = Situation(
+            at.kinematics,
+            at.q[block],
+            at.poses[block],
+            {name: values[block] for name, values in at.covariates.items()},
+            replace(at.references, sessions=tuple(name for name in at.references.sessions if name not in lost)),
+            at.temperature,
+            at.unusable,
+        )
+        with unheard():  # of sessions that were not fitted: here they are intended
+            basis = cause.basis(some)
+        moved = basis.displacement(some) * basis.sigma
+        seen = design.measured.take(block).seen(moved, design.model, some.poses)
+        unseen = np.asarray(design.whitening[block] @ seen).reshape(-1, moved.shape[2])
+        if unseen.shape[1] != elsewhere.sum():
+            continue  # a user's own effect, with other coefficients than those of the sessions
+        found[rows] = 0.0
+        found[np.ix_(rows, elsewhere)] = unseen
+    return found
 
 
 def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
@@ -20,10 +95,7 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
     A real cause acts at other poses as well. A false cause may only replace a change of the geometry that the tolerances make
     improbable: it gains evidence, but does not improve predictions.
 
-    Parameters
-    ----------
-    blocks
-        (N,) masks of the poses left out together, a partition.
+    ``blocks``: (N,) masks of the poses left out together, a partition.
     """
     design, groups = hypotheses.design, hypotheses.groups
     columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
@@ -45,29 +117,20 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     the position errors of the geometry alone are at the noise floor, and for robots without rods, whose wrist can rotate the
     tool and hardly shift it.
 
-    Parameters
-    ----------
-    blocks
-        (N,) masks of the poses left out together, a partition.
-    floor
-        (N,) expected squared length of each pose's position noise, m^2.
+    ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N,) expected squared length of each pose's
+    position noise, m^2.
     """
     if not found.classes:
         return found
     columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
-    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in _compared(hypotheses, alone, whole, floor)):
+    compared = [(alone.errors, whole.errors)]
+    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
+    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
+        compared.append((alone.turned, whole.turned))
+    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
-
-
-def _compared(hypotheses: HypothesisSet, alone: LeftOut, whole: LeftOut, floor: Floats) -> list[tuple[Floats, Floats]]:
-    """Errors without and with causes, of positions and of orientations, of which one must be smaller with causes."""
-    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    found = [(alone.errors, whole.errors)]
-    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
-        found.append((alone.turned, whole.turned))
-    return found
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:

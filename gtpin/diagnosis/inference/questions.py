@@ -3,35 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Cause, Doubt, Question
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.effect import Range
 
 
-@dataclass(frozen=True)
-class Questioned:
-    """Questions about parameters of causes. A cause with an impossible parameter is not named; with an unusual one it is."""
+def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> list[Question]:
+    """Compare parameters of causes with the ranges that their effects state as plausible and usual.
 
-    impossible: tuple[Question, ...]
-    unusual: tuple[Question, ...]
-
-
-def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> Questioned:
-    """Compare parameters of causes with the ranges that their effects state as plausible and usual."""
-    effects = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}
-    impossible, unusual = [], []
+    A cause with an impossible parameter is not named; with an unusual one it is (``believed``). The impossible ones come first.
+    """
+    effects, asked = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}, list[Question]()
     for cause in causes:
         effect = effects[cause.effect, cause.site]
-        wrong = [q for name, own in effect.plausible.items() if (q := _outside(cause, name, own, False, priors))]
-        impossible += wrong
-        if not wrong:
-            unusual += [q for name, own in effect.usual.items() if (q := _outside(cause, name, own, True, priors))]
-    return Questioned(tuple(impossible), tuple(unusual))
+        for ranges, believed in ((effect.plausible, False), (effect.usual, True)):
+            before = len(asked)
+            for name, own in ranges.items():
+                if name not in cause.parameters:
+                    continue
+                e = cause.parameters[name]
+                reach = priors.implausible * e.sigma
+                if not (own.low <= e.value + reach and e.value - reach <= own.high):
+                    place = cause.effect, cause.site, name
+                    asked.append(Question(*place, e.value, e.sigma, e.unit, own.low, own.high, own.why, believed))
+            if len(asked) > before:
+                break
+    return sorted(asked, key=lambda question: question.believed)
 
 
 def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion | None:
@@ -59,24 +60,11 @@ def without_impossible(
 ) -> Conclusion:
     """The conclusion without impossible causes, with a doubt: an unknown cause looks like them.
 
-    Parameters
-    ----------
-    sure
-        Effects and sites that a search without the impossible causes names with confidence. Other causes are not named: they
-        may explain the data only together with an impossible one.
+    ``sure``: effects and sites that a search without the impossible causes names with confidence. Other causes are not named:
+    they may explain the data only together with an impossible one.
     """
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
     over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
     return kept.doubted(Doubt("impossible", wrong.site, over))
-
-
-def _outside(cause: Cause, name: str, own: Range, believed: bool, priors: Priors) -> Question | None:
-    if name not in cause.parameters:
-        return None
-    found = cause.parameters[name]
-    value, sigma, unit = found.value, found.sigma, found.unit
-    if own.low <= value + priors.implausible * sigma and value - priors.implausible * sigma <= own.high:
-        return None
-    return Question(cause.effect, cause.site, name, value, sigma, unit, own.low, own.high, own.why, believed)

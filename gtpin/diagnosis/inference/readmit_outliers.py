@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
@@ -15,7 +14,6 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.search import guess_of_outliers
 from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.typing import Mask
@@ -109,19 +107,10 @@ def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
     A search can also explain gross errors, each by a separate term, but such a term does not predict other poses.
     """
     design = hypotheses.design
-    row = _row(design)
+    row = design.measured.rows.row
     each = [row == number for number in range(int(row.max()) + 1)]
     columns = np.hstack([hypotheses.groups.columns(term) * s for term, s in scales(model).items()])
     alone, whole = (
         np.bincount(row, (leave_out(design, some, each).errors ** 2).sum(axis=1)) for some in (columns[:, :0], columns)
     )
     return np.asarray((whole < hypotheses.priors.readmitted_left * alone)[row])
-
-
-def _row(design: Design) -> npt.NDArray[np.intp]:
-    """(N,) number of the table's row that each row of the design is of: the numbers of one touch err together."""
-    measured = design.measured
-    if isinstance(measured, Measured):
-        return np.arange(len(design.whitening))
-    places = np.column_stack([measured.rows.of, measured.rows.line])
-    return np.unique(places, axis=0, return_inverse=True)[1].ravel()

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scales
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
@@ -42,13 +41,10 @@ def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool
     """
     left, _ = left_over(hypotheses, model)
     measured, most = hypotheses.design.measured, hypotheses.priors.absurd
-    if isinstance(measured, Measured):
-        return _gross(left, most)
     found = np.zeros(len(left), dtype=bool)
     for rows in measured.alike:
         found[rows] = _gross(left[rows], most)
-    places = np.column_stack([measured.rows.of, measured.rows.line])
-    row = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    row = measured.rows.row
     return np.isin(row, row[found])
 
 

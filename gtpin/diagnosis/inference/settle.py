@@ -34,18 +34,9 @@ FEW_POSES = 1000
 class Settled:
     """The rows and hypotheses that a search uses.
 
-    Parameters
-    ----------
-    kept
-        The rows that were not set aside.
-    everything
-        The same rows, with noise and weights.
-    searched, observed
-        The rows that the search uses, and the same with noise and weights.
-    proposal
-        The hypotheses.
-    guess
-        A model of everything that is not noise, by one search.
+    ``kept``: the rows that were not set aside. ``everything``: the same rows, with noise and weights. ``searched``,
+    ``observed``: the rows that the search uses, and the same with noise and weights. ``proposal``: the hypotheses. ``guess``: a
+    model of everything that is not noise, by one search.
     """
 
     kept: Dataset

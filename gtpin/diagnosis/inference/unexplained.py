@@ -17,12 +17,7 @@ CORRELATES = 5
 def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
     """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
-    Parameters
-    ----------
-    model
-        The named causes.
-    unknown
-        Whether something unknown is assumed as well.
+    ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = marginal_power(hypotheses, model)
@@ -43,14 +38,6 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     kept_rows = tuple(row for row in correlates[:CORRELATES] if row[2] < hypotheses.priors.seen)
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
-
-
-def marginal_chance(hypotheses: HypothesisSet, model: Model) -> float:
-    """Probability that noise, geometry within its tolerances and the causes of a model give a larger chi-square.
-
-    y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y has a chi-square distribution with as many degrees of freedom as y has numbers.
-    """
-    return float(chi2.sf(marginal_power(hypotheses, model), hypotheses.design.dof))
 
 
 def marginal_power(hypotheses: HypothesisSet, model: Model) -> float:

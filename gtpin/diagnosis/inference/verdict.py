@@ -1,13 +1,14 @@
-"""The conclusion of a diagnosis, and its verdict."""
+"""The conclusion of a diagnosis, its verdict, and every hypothesis that was considered."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
-from gtpin.diagnosis.inference.findings import Doubt, Verdict
+from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.inference.findings import Considered, Doubt, Verdict
 from gtpin.diagnosis.priors import SURE
 
 
@@ -15,14 +16,8 @@ from gtpin.diagnosis.priors import SURE
 class Contender:
     """A hypothesis that could be the cause, with its probability.
 
-    Parameters
-    ----------
-    hypothesis, probability
-        The hypothesis, and how probable it is.
-    recorded
-        False where only a proxy shows it.
-    beside
-        Another hypothesis, where only both together could be in the place of the cause.
+    ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
+    ``beside``: another hypothesis, where only both together could be in the place of the cause.
     """
 
     hypothesis: Hypothesis
@@ -35,18 +30,9 @@ class Contender:
 class Conclusion:
     """The conclusion from the evidence: causes, their classes, and doubts.
 
-    Parameters
-    ----------
-    model
-        The causes that are named.
-    classes
-        For each cause its class with the cause itself, the most probable member first.
-    doubts
-        Reasons for which something unknown is assumed in addition to the causes.
-    alone
-        Gain in log evidence of every hypothesis and smooth term as the only one.
-    beside
-        Smooth terms that are needed beside the causes.
+    ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
+    first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
+    of every hypothesis and smooth term as the only one. ``beside``: smooth terms that are needed beside the causes.
     """
 
     model: Model
@@ -85,3 +71,22 @@ class Conclusion:
             for cause, members in self.classes.items()
             if members[0].hypothesis.place == cause.place and members[0].probability >= SURE
         ]
+
+
+def considered(
+    hypotheses: HypothesisSet, found: Conclusion, untested: Iterable[Untested], could_be: Collection[tuple[str, str]]
+) -> tuple[Considered, ...]:
+    """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
+    members = [m for contenders in found.classes.values() for m in contenders]
+    probability = {m.hypothesis.place: m.probability for m in members}
+    asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
+    reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
+    tested = [
+        Considered(*h.place, found.alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
+        for h in hypotheses.named
+    ]
+    others = [
+        Considered(*u.hypothesis.place, 0.0, probability.get(u.hypothesis.place, 0.0), False, u.reason)
+        for u in untested
+    ]
+    return (*sorted(tested, key=lambda row: -row.log_evidence), *others)

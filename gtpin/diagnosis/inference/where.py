@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.common_motions import COMMON
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
+from gtpin.diagnosis.hypotheses.smooth_terms import COMMON
 from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -25,18 +24,11 @@ class Where:
 
     Shares sum to 1, or are all zero where there is no gap.
 
-    Parameters
-    ----------
-    rod, axis
-        By name: shares of the gap's mean square beyond noise. ``rod``: in the closure residuals of the rods. ``axis``: in the
-        whitened components of the pose or the readings.
-    site
-        By name: shares of the largest gain in log evidence at each site, by an effect or a smooth term alone. Common
-        motions and proxies are left out.
-    covariate
-        By name: the largest gain in log evidence of a smooth term over it, relative to the best covariate; not shares.
-    region
-        Boxes (2, 3), m, base frame, and the share of the gap's mean square beyond noise in each.
+    ``rod``, ``axis``: by name: shares of the gap's mean square beyond noise. ``rod``: in the closure residuals of the rods.
+    ``axis``: in the whitened components of the pose or the readings. ``site``: by name: shares of the largest gain in log
+    evidence at each site, by an effect or a smooth term alone. Common motions and proxies are left out. ``covariate``: by name:
+    the largest gain in log evidence of a smooth term over it, relative to the best covariate; not shares. ``region``: boxes (2,
+    3), m, base frame, and the share of the gap's mean square beyond noise in each.
     """
 
     rod: dict[str, float]
@@ -46,27 +38,18 @@ class Where:
     region: tuple[tuple[Floats, float], ...]
 
 
-def where(design: Design, left: Floats, alone: Mapping[Term, Gain], blocks: list[npt.NDArray[np.bool_]]) -> Where:
-    """Divide the gap into shares.
+def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Mask]) -> Where:
+    """Divide the gap that the geometry alone leaves into shares.
 
-    Parameters
-    ----------
-    design
-        The linear problem.
-    left
-        (N c,) whitened residual after the geometry alone was fitted.
-    alone
-        Gain in log evidence of each hypothesis and smooth term as the only one.
-    blocks
-        (N,) masks of the poses of each region.
+    ``alone``: gain in log evidence of each term as the only one. ``blocks``: (N,) masks of the poses of each region.
     """
+    design = hypotheses.design
+    left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     c = design.components
     whitened = left.reshape(-1, c)
     excess = whitened**2 - design.independent
-    if isinstance(design.measured, Readings):
-        axis = _shares(_by_reading(design.measured, excess))
-    else:
-        axis = _shares(dict(zip(AXES[:c], excess.mean(axis=0), strict=False)))
+    names = dict(zip(AXES[:c], excess.mean(axis=0), strict=False))
+    axis = _shares(names if design.tracked else _by_reading(design.measured, excess))
     by_pose = excess.sum(axis=1)
     T = design.situation.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
@@ -82,7 +65,7 @@ def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     if not at.robot.rods or not design.tracked:
         return {}
     seen = np.linalg.inv(design.whitening)
-    to_rods = np.linalg.inv(at.response)[:, :, : design.components] @ seen
+    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : design.components] @ seen
     power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
     return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
 

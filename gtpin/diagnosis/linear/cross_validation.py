@@ -9,7 +9,6 @@ import numpy as np
 from gtpin.calibration.left_out_block import Block
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
-from gtpin.instruments.readings import Readings
 from gtpin.typing import Floats, Mask
 
 DRAWS = 400
@@ -214,7 +213,7 @@ def instrument_gaps(
 ) -> tuple[InstrumentGap, ...]:
     """Errors of each instrument's left-out readings; empty where poses were measured. ``floor``, ``inferred``: as for `gap`."""
     readings = design.measured
-    if not isinstance(readings, Readings):
+    if design.tracked:
         return ()
     colour = np.linalg.inv(design.whitening)
     before, after = (np.einsum("nij,nj->ni", colour, part.errors) for part in (alone, whole))

@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured, in_frame
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import Readings
-from gtpin.model.model import Model
+from gtpin.model.model import Model, in_frame
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -50,13 +49,13 @@ class Design:
     B: Floats
     n_prior: int
     taken: int
-    measured: Measured | Readings
+    measured: Readings
 
     @staticmethod
     def of(
         situation: Situation,
         model: Model,
-        measured: Measured | Readings,
+        measured: Readings,
         noise: ReadingNoise,
         weight: Floats,
         free_frame: bool,
@@ -71,7 +70,7 @@ class Design:
         pivot
             (3,) centre of rotation of a free instrument's pose, instrument's frame, m; by default the middle of the poses.
         """
-        J_q = measured.scatter(situation.command_jacobian, model, situation.poses)
+        J_q = measured.seen(situation.command_jacobian, model, situation.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
         residual = measured.left(model, situation.poses)
         geometry = model.geometry
@@ -111,7 +110,7 @@ class Design:
     @property
     def tracked(self) -> bool:
         """Whether rows are poses, measured by one tracker; otherwise they are readings of any instruments."""
-        return isinstance(self.measured, Measured)
+        return self.measured.tracked
 
     @cached_property
     def units(self) -> Floats:
@@ -128,8 +127,6 @@ class Design:
     @cached_property
     def independent(self) -> Floats:
         """(N, c) number of measurements that each number counts as: 1, or less where several rows share it."""
-        if isinstance(self.measured, Measured):
-            return np.ones(self.whitening.shape[:2])
         return self.measured.counted
 
     @property

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.problem import Measured, in_frame, measured_poses
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
@@ -16,10 +15,9 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
+from gtpin.model.model import Model, in_frame
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.noise.sight import line_of_sight
 from gtpin.noise.weights import Tails
 from gtpin.typing import Floats
 
@@ -47,7 +45,7 @@ class Observed:
         it is empty, ``weight`` has them.
     """
 
-    measured: Measured | Readings
+    measured: Readings
     covariates: Mapping[str, Column]
     noise: ReadingNoise
     weight: Floats
@@ -58,22 +56,26 @@ class Observed:
 
     @staticmethod
     def of(dataset: Dataset, baseline: Calibration) -> Observed:
-        """The poses of a dataset with the noise that a calibration found, repeatability left out."""
+        """The rows of a dataset with the noise and the unknowns that a calibration found.
+
+        For poses, repeatability is left out: a cause can make repeated visits differ.
+        """
+        u = baseline.u if isinstance(baseline, ReadingsCalibration) else None
+        measured = Readings.of(dataset, baseline.model.robot, u)
         if isinstance(baseline, ReadingsCalibration):
-            return _of_readings(dataset, baseline)
-        measured, station = measured_poses(dataset), dataset.instrument.station
-        own = ReadingNoise.of_poses(_without_repeatability(dataset, baseline), len(dataset), measured.components)
-        noise = replace(own, estimated=np.array([sigma is None for sigma in measured.declared]))
-        if noise.sight is not None and station is not None:
-            sight, reach = line_of_sight(measured.T, np.array(station))
-            noise = replace(noise, sight=sight, reach=reach)
+            noise = replace(baseline.noise, group=measured.group, row_sigma=measured.row_sigma)
+        else:
+            poses = _without_repeatability(dataset, baseline).rows(len(dataset), measured.components)
+            noise = replace(poses, estimated=np.array([sigma is None for sigma in measured.declared]))
+        if measured.station is not None:
+            noise = noise.towards(measured.poses[0], measured.station)
         return Observed(
             measured=measured,
             covariates=dataset.covariates,
             noise=noise,
             weight=np.ones(len(dataset)),
             temperature=dataset.conditions.reference_temperature,
-            free_frame=dataset.instrument.frame == "free",
+            free_frame=measured.tracked and dataset.instrument.frame == "free",
             unusable=dataset.unusable,
         )
 
@@ -90,9 +92,7 @@ class Observed:
     @property
     def kinds(self) -> npt.NDArray[np.intp]:
         """(N,) number of the group of rows in which each row's residuals are compared with others: see ``Readings.alike``."""
-        if isinstance(self.measured, Readings):
-            return self.measured.group[:, 0]
-        return np.zeros(len(self.weight), dtype=np.intp)
+        return self.measured.group[:, 0]
 
     def weigh(self, residual: Floats) -> Floats:
         """(N,) weights of the rows in a fit with whitened residuals (N, c)."""
@@ -118,21 +118,6 @@ class Observed:
         """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
         at = self.situation(model, fixed, poses)
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
-
-
-def _of_readings(dataset: Dataset, baseline: ReadingsCalibration) -> Observed:
-    """The rows of a dataset of several instruments with the noise and the unknowns that a calibration found."""
-    readings = Readings.of(dataset, baseline.model.robot, baseline.u)
-    noise = replace(baseline.noise, group=readings.group, row_sigma=readings.row_sigma)
-    return Observed(
-        measured=readings,
-        covariates=dataset.covariates,
-        noise=noise,
-        weight=np.ones(len(dataset)),
-        temperature=dataset.conditions.reference_temperature,
-        free_frame=False,
-        unusable=dataset.unusable,
-    )
 
 
 def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:

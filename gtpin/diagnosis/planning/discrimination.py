@@ -9,14 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
+from gtpin.diagnosis.hypotheses.smooth_terms import COMMON, smooth_terms
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.linear.posterior import gain as best_gain
-from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
+from gtpin.diagnosis.planning.expected_bayes_factor import (
+    HypothesisPair,
+    Prediction,
+    Rivals,
+    expected_gain,
+    most_telling,
+    rounds_needed,
+)
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.planning.settling import Rivals, rounds_needed
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.basis import Basis
@@ -42,19 +48,11 @@ HOPELESS = 0.1
 class CauseClass:
     """A cause with its class.
 
-    Parameters
-    ----------
-    cause, scale
-        The fitted cause, and its scale.
-    members
-        The class, with probabilities; the cause is one of the members. Where the cause is alone in its class and not sure, the
-        next hypothesis in probability is added.
-    heat
-        The temperature by which the diagnosis divides log Bayes factors to compute these probabilities.
-    smooth
-        The most probable smooth terms in the place of the cause, each with its probability if it were the only one.
-    priors
-        The priors of the diagnosis.
+    ``cause``, ``scale``: the fitted cause, and its scale. ``members``: the class, with probabilities; the cause is one of the
+    members. Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``heat``: the
+    temperature by which the diagnosis divides log Bayes factors to compute these probabilities. ``smooth``: the most probable
+    smooth terms in the place of the cause, each with its probability if it were the only one. ``priors``: the priors of the
+    diagnosis.
     """
 
     cause: Hypothesis
@@ -83,9 +81,8 @@ def discriminate(
     if len(members) == 1:
         predictions.append(Prediction.of(trials, others))
         probabilities.append(1.0 - probabilities[0])
-    weights = (
-        probabilities[1:] if len(probabilities) > 2 else [1.0]
-    )  # the probability of a single alternative can be zero
+    # The probability of a single alternative can be zero.
+    weights = probabilities[1:] if len(probabilities) > 2 else [1.0]
     pairs = [HypothesisPair(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
     rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
     effects = tuple(hypothesis.place for hypothesis, _ in members)
@@ -122,7 +119,11 @@ def _smooth(trials: Trials, others: Floats, of: CauseClass) -> tuple[list[Predic
     share = dict(of.smooth)
     if not share:
         return [], []
-    found = [(t, basis) for t, basis in smooth_terms(trials.design.situation, of.priors) if t in share]
+    found = [
+        (t, basis)
+        for t, basis in smooth_terms(trials.design.situation, of.priors)
+        if t in share and t.motion not in COMMON
+    ]
     return [_prediction(trials, others, basis) for _, basis in found], [share[term] for term, _ in found]
 
 

@@ -1,4 +1,4 @@
-"""A proposal of what to measure next, as data; ``gtpin.report.measurements`` puts it into words."""
+"""A proposal of what to measure next, as data; ``gtpin.report.next_experiment`` puts it into words."""
 
 from __future__ import annotations
 
@@ -19,14 +19,8 @@ from gtpin.typing import Floats
 class Lacking:
     """Why effects can't be tested so far.
 
-    Parameters
-    ----------
-    covariates
-        The covariates that are missing or do not vary; empty where the reason is another one.
-    missing
-        True: these covariates are missing. False: they do not vary.
-    reason
-        Why the first of the effects can't be tested.
+    ``covariates``: the covariates that are missing or do not vary; empty where the reason is another one. ``missing``: True:
+    these covariates are missing. False: they do not vary. ``reason``: why the first of the effects can't be tested.
     """
 
     covariates: tuple[str, ...]
@@ -38,20 +32,12 @@ class Lacking:
 class Visits:
     """Visits along the coordinates that an unknown effect depends on, all else unchanged.
 
-    Parameters
-    ----------
-    site, coordinates
-        Site and coordinates of the smooth nonparametric term that explains the unknown effect best.
-    pattern
-        ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the workspace.
-        ``repeated``: the same few poses at each level of some covariates. ``again``: measured poses, each twice more.
-    actuators
-        For ``line`` and ``net``: sites of the actuators that move.
-    stations
-        For ``repeated``: number of poses that are visited at each level; for ``again``: number of poses.
-    varied, levels
-        For ``repeated``: names of the covariates, all of one kind, and (R,) the value to which all of them are set in each
-        round of visits.
+    ``site``, ``coordinates``: site and coordinates of the smooth nonparametric term that explains the unknown effect best.
+    ``pattern``: ``line``: one actuator alone, there and back. ``net``: two actuators alone. ``spread``: poses all over the
+    workspace. ``repeated``: the same few poses at each level of some covariates. ``again``: measured poses, each twice more.
+    ``actuators``: for ``line`` and ``net``: sites of the actuators that move. ``stations``: for ``repeated``: number of poses
+    that are visited at each level; for ``again``: number of poses. ``varied``, ``levels``: for ``repeated``: names of the
+    covariates, all of one kind, and (R,) the value to which all of them are set in each round of visits.
     """
 
     site: str

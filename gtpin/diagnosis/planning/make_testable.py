@@ -29,6 +29,9 @@ SEEN = 1e-9
 """Change of a reading by an effect of typical size, in sigmas of the reading, below which it is a rounding error."""
 EFFORTS = (1.0, 4.0, 12.0)
 """Multiples of the assumed largest loads that are tried; the smallest at which most effects can be tested is proposed."""
+CARRIED = 0.16
+"""Payload that any arm carries, over the mass of its moving links: the smallest ratio of 5 kg / 18 kg (UR5), 10 / 29 (UR10)
+and 3 / 18 (Panda), from their makers' data sheets."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,7 @@ class _Group:
 
 
 def make_testable(
-    known: Known,
-    classes: Sequence[CauseClass],
-    untestable: Sequence[Untested],
-    poses: int,
-    rng: np.random.Generator,
+    known: Known, classes: Sequence[CauseClass], untestable: Sequence[Untested], poses: int, rng: np.random.Generator
 ) -> list[Experiment]:
     """An experiment for each reason why effects are untestable; the largest expected gain first, those without poses last.
 
@@ -70,27 +69,23 @@ def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
     return [
         _Group(
             tuple(hypothesis for hypothesis, _, _ in members),
-            Lacking(tuple(sorted({name for _, names, _ in members for name in names})), key[1], members[0][2]),
+            Lacking(tuple(sorted({name for _, names, _ in members for name in names})), missing, members[0][2]),
         )
-        for key, members in groups.items()
+        for (_, missing), members in groups.items()
     ]
 
 
 def _experiments(
-    group: _Group,
-    known: Known,
-    classes: Sequence[CauseClass],
-    poses: int,
-    rng: np.random.Generator,
+    group: _Group, known: Known, classes: Sequence[CauseClass], poses: int, rng: np.random.Generator
 ) -> list[Experiment]:
-    robot = known.robot
-    words = set(group.lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
+    """The poses that show a group's effects, and what to do about those that no poses make testable."""
+    robot, lacking, found = known.robot, group.lacking, list[Experiment]()
+    words = set(lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
     if "load" in words:
         words |= set(FORCES)
-    tried = [
-        possible(known, words, POOL, rng, effort) for effort in (_efforts(known.robot) if "load" in words else (1.0,))
-    ]
-    group = replace(group, members=tuple(member for member in group.members if _is_read(member, tried[0])))
+    tried = [possible(known, words, POOL, rng, effort) for effort in (_efforts(robot) if "load" in words else (1.0,))]
+    hidden = [member for member in group.members if _is_read(member, tried[0])]
+    group = replace(group, members=tuple(hidden))
     for trials in sorted(tried, key=lambda t: -len(_testable(group, t))):
         shown = _testable(group, trials)
         if not shown:
@@ -102,33 +97,16 @@ def _experiments(
         if expected_gain(predictions, pairs, np.arange(min(poses, len(trials)))) < LEAST:
             continue
         rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
-        set_too = chosen(trials, rows, words)
-        shown_by = Experiment(
-            "make_testable",
-            robot,
-            _named(shown),
-            trials.q[rows],
-            set_too,
-            gain,
-            random,
-            known.observed.temperature,
-            lacking=group.lacking,
-        )
-        return [shown_by, *_hidden(group, [c for c in group.members if c not in shown], known)]
-    return _hidden(group, group.members, known)
-
-
-def _hidden(group: _Group, hypotheses: Sequence[Hypothesis], known: Known) -> list[Experiment]:
-    """What to do about effects that no poses make testable."""
-    if not hypotheses:
-        return []
-    none, effects = np.zeros((0, known.robot.n_actuators)), _named(hypotheses)
-    sites = tuple(site for _, site in effects)
-    return [Experiment("make_testable", known.robot, effects, none, watch=sites, lacking=group.lacking)]
-
-
-def _named(hypotheses: Sequence[Hypothesis]) -> tuple[tuple[str, str], ...]:
-    return tuple(hypothesis.place for hypothesis in hypotheses)
+        effects, set_too = tuple(hypothesis.place for hypothesis in shown), chosen(trials, rows, words)
+        told = (effects, trials.q[rows], set_too, gain, random, known.observed.temperature)
+        found.append(Experiment("make_testable", robot, *told, lacking=lacking))
+        hidden = [member for member in group.members if member not in shown]
+        break
+    if hidden:
+        effects, none = tuple(hypothesis.place for hypothesis in hidden), np.zeros((0, robot.n_actuators))
+        watch = tuple(site for _, site in effects)
+        found.append(Experiment("make_testable", robot, effects, none, watch=watch, lacking=lacking))
+    return found
 
 
 def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
@@ -162,11 +140,6 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
         # The missing covariate is not known at the measured rows, so neither is the effect there.
         X[trials.old] = 0.0
     return Prediction.of(trials, np.hstack([others, X]))
-
-
-CARRIED = 0.16
-"""Payload that any arm carries, over the mass of its moving links: the smallest ratio of 5 kg / 18 kg (UR5), 10 / 29 (UR10)
-and 3 / 18 (Panda), from their makers' data sheets."""
 
 
 def _efforts(robot: Robot) -> tuple[float, ...]:

@@ -41,16 +41,9 @@ OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 class MeasurementConditions:
     """Covariates of the N measured rows, and of M rows that could be measured.
 
-    Parameters
-    ----------
-    known
-        By name, (N,) each: the recorded covariates; a covariate that was not recorded has a neutral value.
-    new
-        By name, (M,) each: covariates of the further rows.
-    references
-        Reference values, for all rows.
-    timed
-        Whether the further rows are distributed over hours: their ``time`` is to be kept.
+    ``known``: by name, (N,) each: the recorded covariates; a covariate that was not recorded has a neutral value. ``new``: by
+    name, (M,) each: covariates of the further rows. ``references``: reference values, for all rows. ``timed``: whether the
+    further rows are distributed over hours: their ``time`` is to be kept.
     """
 
     known: Mapping[str, Column]
@@ -80,21 +73,11 @@ def draw(
 ) -> MeasurementConditions:
     """Draw random conditions over the values that can be set.
 
-    Parameters
-    ----------
-    recorded, measured
-        Covariates by name, (N,) each, and N.
-    references
-        Reference values of the diagnosis.
-    words
-        Names of the covariates to vary, recorded so far or not; ``load`` means payload and force on the tool. All others
-        have their easiest values: one direction of approach, at rest, the usual load, without pause after the last measurement.
-    rng
-        Source of the random draws.
-    ways
-        (M, k, 3) unit vectors along which forces on the tool are most informative.
-    effort
-        Factor on the assumed largest loads, for effects that smaller loads don't show.
+    ``recorded``, ``measured``: covariates by name, (N,) each, and N. ``references``: reference values of the diagnosis.
+    ``words``: names of the covariates to vary, recorded so far or not; ``load`` means payload and force on the tool. All others
+    have their easiest values: one direction of approach, at rest, the usual load, without pause after the last measurement.
+    ``rng``: source of the random draws. ``ways``: (M, k, 3) unit vectors along which forces on the tool are most informative.
+    ``effort``: factor on the assumed largest loads, for effects that smaller loads don't show.
     """
     count = len(ways)
     asked = {word for word in words if not OF_THE_POSE.fullmatch(word)}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.inference.classes import ranked
@@ -14,13 +15,14 @@ from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
-from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.make_testable import make_testable
-from gtpin.diagnosis.planning.map_unknown import map_unknown, visit_again
-from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_sessions, payloads, warm
+from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.diagnosis.priors import SURE
-from gtpin.effects.situation import References
+from gtpin.effects.situation import Column, References
 from gtpin.model.model import Model
+from gtpin.typing import Floats
 
 POSES = 20
 """Poses of an experiment: about ten minutes of work."""
@@ -28,25 +30,32 @@ LARGEST = 2000
 """Most measured poses that are used. Of more, a random part is used, so that the expected gains are a little too small."""
 CLASSES = 3
 """Most classes for which an experiment is proposed, those of the largest causes."""
+STATIONS = 5
+"""Number of poses, far from each other, that are visited repeatedly."""
+AGAIN = 10
+"""Number of poses that are visited twice more, to measure the noise: twenty visits determine a sigma to some 10 %."""
+SPEEDS = (-1.0, -0.5, 0.5, 1.0)
+"""Speeds to set, as multiples of the highest recorded one."""
+FINE = 60
+"""Number of commands at which the range of one actuator alone is checked."""
 
 
 def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSet) -> list[CauseClass]:
-    """Causes with their classes, the largest first."""
+    """Causes with their classes, the largest first; where one is not sure, with what else has a part of the probability."""
     by_place = {hypothesis.place: hypothesis for hypothesis in found.classes}
-    named = [by_place[c.effect, c.site] for c in causes]
-    return [_class(found, hypothesis, hypotheses) for hypothesis in named]
-
-
-def _class(found: Conclusion, cause: Hypothesis, hypotheses: HypothesisSet) -> CauseClass:
-    """A cause with its class and, where it is not sure, with what else has a part of the probability."""
-    members = [(m.hypothesis, m.probability) for m in found.classes[cause]]
-    if len(members) == 1 and members[0][1] >= SURE:
-        return CauseClass(cause, found.scale[cause], tuple(members))
-    every = ranked(hypotheses, found.model, cause)
-    if len(members) == 1:
-        others = (m for m in every.named if m.hypothesis.place != cause.place)
-        members += [(m.hypothesis, m.probability) for m in others][:1]
-    return CauseClass(cause, found.scale[cause], tuple(members), every.heat, every.smooth[:RIVALS], hypotheses.priors)
+    named = []
+    for cause in (by_place[c.effect, c.site] for c in causes):
+        members = [(m.hypothesis, m.probability) for m in found.classes[cause]]
+        if len(members) == 1 and members[0][1] >= SURE:
+            named.append(CauseClass(cause, found.scale[cause], tuple(members)))
+            continue
+        every = ranked(hypotheses, found.model, cause)
+        if len(members) == 1:
+            others = (m for m in every.named if m.hypothesis.place != cause.place)
+            members += [(m.hypothesis, m.probability) for m in others][:1]
+        smooth = every.smooth[:RIVALS]
+        named.append(CauseClass(cause, found.scale[cause], tuple(members), every.heat, smooth, hypotheses.priors))
+    return named
 
 
 def plan(
@@ -93,3 +102,105 @@ def plan(
     if unseen_noise:
         found.append(visit_again(known))
     return (*found, *make_testable(known, classes, untestable, poses, rng))
+
+
+def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experiment:
+    """A dense experiment of about ``poses`` visits along the coordinates that an unknown effect depends on.
+
+    ``site``, ``coordinates``: those of the smooth term that explains it best.
+    """
+    words, robot, q = coordinates.split(" ")[0].split(","), known.robot, known.observed.measured.q
+    spread, recorded = Visits(site, coordinates, "spread"), known.observed.covariates
+    covariates: dict[str, Column] = {}
+    others = [word for word in words if not re.fullmatch(r"q\d+", word)]
+    if not others:  # a line there and back, or a net over two actuators
+        middle = q[np.linalg.norm(q - np.median(q, axis=0), axis=1).argmin()]
+        moved = [int(word[1:]) - 1 for word in words]
+        visits = replace(spread, pattern="net", actuators=tuple(robot.sites[j] for j in moved))
+        if len(moved) == 1:
+            visits = replace(visits, pattern="line")
+            line, name = _line(known, middle, moved[0], poses // 2), f"approach{moved[0] + 1}"
+            covariates = {name: np.repeat([1.0, -1.0], [len(line), len(line)])} if name in recorded else {}
+            commands = np.vstack([line, line[::-1]])
+        else:
+            starts = _line(known, middle, moved[0], int(np.ceil(np.sqrt(poses))))
+            count = max(poses // len(starts), 2)
+            commands = np.vstack([_line(known, start, moved[1], count) for start in starts])
+    elif names := _covariates(known, others[0]):  # the same few poses at several levels of covariates of one kind
+        stations = _apart(known, min(STATIONS, len(q)))
+        levels = _levels(known, names, max(poses // len(stations), 2))
+        visits = replace(spread, pattern="repeated", stations=len(stations), varied=tuple(names), levels=levels)
+        commands = np.tile(stations, (len(levels), 1))
+        covariates = dict.fromkeys(names, levels[np.repeat(np.arange(len(levels)), len(stations))])
+        for name in names:
+            approach = name.replace("speed", "approach")
+            if kind(name) == "speed" and approach in recorded:
+                covariates[approach] = np.sign(np.asarray(covariates[name], dtype=float))
+    else:
+        visits, commands = spread, _apart(known, min(poses, len(q)))
+    return Experiment("map_unknown", robot, (), commands, covariates, visits=visits)
+
+
+def visit_again(known: Known) -> Experiment:
+    """Visits to some of the measured poses again: they show which part of the residuals is noise."""
+    stations = _apart(known, min(AGAIN, len(known.observed.measured.q)))
+    visits = Visits("", "", "again", stations=len(stations))
+    return Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits)
+
+
+def _covariates(known: Known, word: str) -> list[str]:
+    """Names of the covariates that a coordinate stands for; none where it depends on the pose."""
+    if word in ("approach", "speed"):
+        return [f"{word}{i + 1}" for i in range(known.robot.n_actuators)]
+    if word == "load":
+        return ["payload"]
+    return [word] if word in known.observed.covariates or word in ("time", "session", "payload") else []
+
+
+def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
+    """(count, n) commands that differ in one actuator's command only, over the range of the measured poses."""
+    measured = known.observed.measured.q[:, actuator]
+    commands = np.tile(start, (FINE, 1))
+    commands[:, actuator] = np.linspace(measured.min(), measured.max(), FINE)
+    poses, before = known.model.kinematics.forward(commands), known.situation.poses.T
+    inside = poses.reached & ((before.min(axis=0) <= poses.T) & (before.max(axis=0) >= poses.T)).all(axis=1)
+    nearest = int(np.abs(commands[:, actuator] - start[actuator]).argmin())
+    barred = np.flatnonzero(~inside)
+    low = max((int(i) + 1 for i in barred if i < nearest), default=0)
+    high = min((int(i) - 1 for i in barred if i > nearest), default=FINE - 1)
+    line = np.tile(start, (count, 1))
+    line[:, actuator] = np.linspace(commands[low, actuator], commands[high, actuator], count)
+    return np.asarray(np.round(line / RESOLUTION) * RESOLUTION)
+
+
+def _levels(known: Known, names: list[str], rounds: int) -> Column:
+    """The value of covariates of one kind in each round of visits."""
+    what, recorded = kind(names[0]), known.observed.covariates
+    if what == "session":
+        sessions = next_sessions(recorded.get("session", np.full(1, "0", dtype=object)), rounds)
+        return np.array(sessions, dtype=object)
+    if what == "approach":
+        return np.resize([1.0, -1.0], rounds)
+    numbers = np.concatenate([np.zeros(0), *(np.asarray(recorded[n], dtype=float) for n in names if n in recorded)])
+    numbers = numbers if numbers.size else np.zeros(1)
+    if what == "time":
+        return np.asarray(numbers.max() + LATER + np.linspace(0.0, HOURS, rounds))
+    if what == "temperature":
+        reference = known.references.temperature
+        return np.linspace(reference, warm(numbers, reference), rounds)
+    if what == "speed":
+        return np.array(SPEEDS) * (float(np.abs(numbers).max()) or FAST)
+    low, high = payloads(numbers) if what == "payload" else (float(numbers.min()), float(numbers.max()))
+    return np.linspace(low, high, rounds)
+
+
+def _apart(known: Known, count: int) -> Floats:
+    """(count, n) measured commands: the first in the middle, each other one as far as possible from those before it."""
+    q = known.observed.measured.q
+    far = np.linalg.norm(q - np.median(q, axis=0), axis=1)
+    rows = [int(far.argmin())]
+    distance = np.linalg.norm(q - q[rows[0]], axis=1)
+    while len(rows) < count:
+        rows.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(q - q[rows[-1]], axis=1))
+    return q[rows]

@@ -13,8 +13,8 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
 from gtpin.effects.basis import Basis
-from gtpin.effects.frames import frame_twist
 from gtpin.effects.situation import References, Situation
+from gtpin.effects.smooth import frame_twist
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot
@@ -30,14 +30,7 @@ RESOLUTION = 1e-6
 class Known:
     """The measured poses, and the geometry about which the problem is linear.
 
-    Parameters
-    ----------
-    observed
-        The N measured poses.
-    model
-        The calibrated geometry.
-    references
-        Reference values of the diagnosis.
+    ``observed``: the N measured poses. ``model``: the calibrated geometry. ``references``: reference values of the diagnosis.
     """
 
     observed: Observed
@@ -59,16 +52,8 @@ class Known:
 class Trials:
     """M rows that could be measured, together with the N measured rows.
 
-    Parameters
-    ----------
-    design
-        The linear problem of all N + M rows, the measured rows first.
-    measured
-        Number of measured rows, N.
-    q
-        (M, n) commands of the further rows, m or rad.
-    conditions
-        Measurement conditions of all rows.
+    ``design``: the linear problem of all N + M rows, the measured rows first. ``measured``: number of measured rows, N. ``q``:
+    (M, n) commands of the further rows, m or rad. ``conditions``: measurement conditions of all rows.
     """
 
     design: Design
@@ -100,12 +85,8 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
 
     Half of the commands are measured ones, the others are between two measured ones.
 
-    Parameters
-    ----------
-    words, effort
-        Covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`.
-    count
-        Number of rows before those that can't be reached are left out.
+    ``words``, ``effort``: covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`. ``count``:
+    number of rows before those that can't be reached are left out.
     """
     q = known.observed.measured.q
     again = rng.choice(len(q), min(count // 2, len(q)), replace=False)
@@ -136,7 +117,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     design = Design.of(
         situation,
         model,
-        measured.at_trials(rows, situation.q, model.seen(poses)),
+        measured.at_trials(rows, situation.q),
         observed.noise.take(rows),
         np.concatenate([observed.weight, np.ones(len(q))]),
         observed.free_frame,

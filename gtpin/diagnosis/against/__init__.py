@@ -1,0 +1,1 @@
+"""What has changed since an earlier model: a diagnosis whose prior is the posterior of that model."""

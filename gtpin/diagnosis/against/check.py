@@ -1,0 +1,204 @@
+"""What has changed since an earlier model was identified, by cause, from a few poses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtpin.calibration.robust_fit import Progress
+from gtpin.data import Dataset, by_region
+from gtpin.data.duplicates import copies
+from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, chance, smallest_changes, threshold
+from gtpin.diagnosis.against.earlier import Earlier
+from gtpin.diagnosis.against.expectation import Conditions, expectation, share_unexplained
+from gtpin.diagnosis.against.measured import Usable, places, usable
+from gtpin.diagnosis.against.update import pose_chi2, updated
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.hypotheses.propose import Proposal, propose
+from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.causes import cause
+from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.infer import decide
+from gtpin.diagnosis.inference.predictive import gaps
+from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
+from gtpin.diagnosis.inference.verdict import Conclusion, considered
+from gtpin.diagnosis.inference.where import where
+from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.priors import Priors
+from gtpin.diagnosis.result import HealthCheck
+from gtpin.distributions import chi2
+from gtpin.effects.situation import Column
+from gtpin.instruments.readings import Readings
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.typing import Floats
+
+POWER = 0.95
+"""Probability of an alarm by each smallest change that is reported. Assumed."""
+REGIONS, TOGETHER = 4, 3
+"""Largest number of regions of the workspace that ``where`` distinguishes, and fewest poses in each (but there are two regions
+at least). Assumed."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """The linear problem of a check, with the changes that it can name and those that it can't test.
+
+    ``proposal``: the changes, and those that can't be tested. ``sampler``: their gains on a machine that has not changed.
+    ``assumed``: names of the temperatures whose change since the earlier model is not known and therefore assumed.
+    """
+
+    proposal: Proposal
+    sampler: GainSampler
+    assumed: tuple[str, ...]
+
+    @staticmethod
+    def of(
+        earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
+    ) -> Changes:
+        """The changes of some poses or readings since an earlier model."""
+        since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)
+        design = expectation(earlier, measured, covariates, how, since)
+        proposal = propose(design, scope, changes=True)
+        return Changes(proposal, GainSampler(proposal.hypotheses, share_unexplained(design, how)), assumed)
+
+
+def check(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress) -> HealthCheck:
+    """Find what has changed since a model was identified: :func:`gtpin.diagnose` with ``against=model``."""
+    earlier, rng = Earlier(model), np.random.default_rng(seed)
+    data = usable(dataset, model)
+    progress("simulating machines that have not changed", 0, float("nan"))
+    tried = _without_gross(_Tried.of(earlier, data, scope, rng), earlier, scope, rng)
+    progress("the smallest changes that these poses show", 0, float("nan"))
+    return _result(tried, earlier, scope, dataset, rng)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Rows of a check, with the hypotheses that are tested, and the conclusion."""
+
+    data: Usable
+    changes: Changes
+    hypotheses: HypothesisSet
+    conclusion: Conclusion
+
+    @staticmethod
+    def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
+        """Decide which changes are named, and whether the poses show something that they do not explain."""
+        possible, priors = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope), scope.priors
+        level = threshold(possible.sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
+        hypotheses = possible.proposal.hypotheses.at_threshold(level)
+        found = decide(hypotheses)
+        by_chance = chance(possible.sampler, marginal_power(hypotheses, found.model), DRAWS, rng)
+        if by_chance < (1.0 - priors.named_alarms) * scope.false_alarm:
+            found = found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
+        return _Tried(data, possible, hypotheses, found)
+
+    @property
+    def columns(self) -> Floats:
+        """(N c, m) whitened displacements of the named changes, at their scales."""
+        found, none = self.conclusion, np.zeros((len(self.hypotheses.design.y), 0))
+        return np.hstack([none, *(self.hypotheses.groups.columns(c) * found.scale[c] for c in found.classes)])
+
+
+def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
+    """The check without gross errors: poses far from the prediction of the other poses, given the named changes.
+
+    A pose is also a gross error if it is far from the prediction without changes, and no change is named without it.
+    """
+    for _ in range(int(scope.priors.gross_share * len(tried.data.dataset))):
+        columns = tried.columns
+        for some, alone in ((columns, False), (columns[:, :0], True)):
+            worst = _gross(tried.hypotheses.design, some, scope.priors)
+            if worst is None:
+                continue
+            trial = _Tried.of(earlier, tried.data.without(worst), scope, rng)
+            if not alone or (trial.conclusion.verdict == "none" and tried.conclusion.verdict != "none"):
+                break
+        else:
+            return tried
+        tried = trial
+    return tried
+
+
+def _gross(design: Design, columns: Floats, priors: Priors) -> int | None:
+    """The row of a gross error, given whitened displacements (N c, m) of changes; None where there is none."""
+    chi = pose_chi2(design, columns)
+    worst = int(chi.argmax())
+    by_chance = float(chi2.sf(chi[worst], design.components)) * len(chi)
+    return None if by_chance >= priors.gross or chi[worst] < priors.gross_alone * float(np.median(chi)) else worst
+
+
+def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng: np.random.Generator) -> HealthCheck:
+    """The result, with everything that reports show."""
+    found, hypotheses, data = tried.conclusion, tried.hypotheses, tried.data
+    design, named, used = hypotheses.design, list(found.classes), tried.data.dataset
+    model, active = updated(earlier, design, named, [found.scale[c] for c in named], tried.columns)
+    # Every pose is left out in turn; of readings, all of one stop of the machine.
+    floor, blocks = _floor(tried, earlier.model), list(np.eye(len(used), dtype=bool))
+    if not design.tracked:
+        blocks = [used.visits == visit for visit in np.unique(used.visits)]
+    whole, takes = gaps(hypotheses, found, floor, blocks, rng)
+    causes = []
+    for own, hypothesis in zip(active, named, strict=True):
+        # The earlier model may have another effect of the same name.
+        one = cause(replace(model, effects=(own,)), hypothesis, found.classes[hypothesis])
+        causes.append(replace(one, shrinkage=takes[hypothesis.place]))
+    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
+    regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
+    kept = {tuple(place) for place in data.places}
+    aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)
+    return HealthCheck(
+        verdict=found.verdict,
+        causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
+        candidates=considered(hypotheses, found, tried.changes.proposal.untested, ()),
+        where=where(hypotheses, found.alone, regions),
+        gap=whole,
+        unexplained=unexplained(hypotheses, found.model, False),
+        doubts=found.doubts,
+        baseline=replace(earlier.model, frame=design.model.frame),
+        model=_without(model, assumed) if assumed else model,
+        poses=len(np.unique(used.visits)) if dataset.readings is not None else len(used),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
+        set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
+        false_alarm=scope.false_alarm,
+        threshold=hypotheses.threshold,
+        power=POWER,
+        smallest=smallest_changes(tried.changes.sampler, hypotheses.threshold, POWER, rng),
+        assumed=tried.changes.assumed,
+        unexplained_before=data.how.unexplained,
+        noise_known=data.how.noise_known,
+        free_frame=data.how.free_frame,
+        effects=scope.effects,
+        dataset=dataset,
+    )
+
+
+def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
+    """The model without the changes at ``places``: it can't predict changes whose covariates were not recorded."""
+    p, kept, rows = len(model.geometry.parameters), [], list(range(len(model.geometry.parameters)))
+    for active in model.effects:
+        own = list(range(p, p + len(active.coefficients)))
+        p = own[-1] + 1
+        if (active.effect.id, active.site) not in places:
+            kept.append(active)
+            rows += own
+    joint = model.joint_covariance
+    smaller = None if joint is None or not kept else joint[np.ix_(rows, rows)]
+    return replace(model, effects=tuple(kept), joint_covariance=smaller)
+
+
+def _floor(tried: _Tried, earlier: Model) -> Floats:
+    """(N,) expected squared length of each pose's position noise, m^2, without unexplained errors of the earlier model where
+    the noise is known; (N, c) ones for readings: their errors are in units of noise."""
+    design, how = tried.hypotheses.design, tried.data.how
+    if not design.tracked:
+        return np.ones((len(tried.data.dataset), design.components))
+    noise = how.noise if how.noise_known else how.expected(design.measured)
+    if earlier.fit is not None and isinstance(noise, Noise):
+        # What the drives are assumed to scatter at least is no noise.
+        noise = replace(noise, repeatability=min(noise.repeatability, earlier.fit.drives))
+    covariance = noise.covariance(design.command_jacobian, design.components)
+    return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))

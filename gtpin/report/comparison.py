@@ -1,0 +1,222 @@
+"""A comparison of the paper's models as text, table, figures and page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from gtpin.calibration.cart_tracks import Linearity
+from gtpin.comparison.figures import FILES, write_comparison
+from gtpin.comparison.result import Comparison
+from gtpin.data import CartMeasurements, Dataset
+from gtpin.errors import DatasetError, GtpinError
+from gtpin.model.measured_robot import robot_of
+from gtpin.output.shown import Presentation
+from gtpin.report.embedded import Choice, Plot
+from gtpin.report.figure import Drawing, alone, scatter, titled
+from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.palette import ACCENT, FIT, GOOD, INK, SOFT, WARN
+from gtpin.report.provenance import provenance
+from gtpin.report.residual_plots import shown
+from gtpin.report.words import whole
+from gtpin.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+MODELS = {
+    1: "reduced arm, straight tracks",
+    2: "reduced arm, measured tracks",
+    3: "full arm, straight tracks",
+    4: "full arm, measured tracks",
+    5: "full arm, each link on the track that suits it",
+}
+COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
+FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
+COST = {"pose": "pose residuals, tolerances as priors", "closure": "squared closure residuals, as in the paper"}
+ANGLES = Choice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
+"""ZYZ Euler angles."""
+UNKNOWN = (float("nan"), float("nan"))
+
+
+@dataclass(frozen=True)
+class ComparisonPresentation(Presentation):
+    """A comparison; its table has a row for each model."""
+
+    comparison: Comparison
+    files = (*FILES, "report.html")
+
+    def short(self) -> str:
+        """The models with their mean errors, and the number of poses."""
+        c = self.comparison
+        models = ", ".join(f"{held.model} ({1e6 * held.position.mean():.0f} µm)" for held in c.held)
+        return f"Comparison of models on {len(c.held[0].position)} held-out poses\nmean position error: {models}"
+
+    def text(self) -> str:
+        """What ``gtpin compare`` prints: position errors of each model on held-out poses."""
+        lines = ["model   mean (95 %)          max     rms    um, held-out position error"]
+        for row, interval in zip(self.table().itertuples(), self.comparison.intervals(), strict=True):
+            low, high = interval["mean_um"] or UNKNOWN
+            mean = f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})"
+            lines.append(f"{mean:<28}{row.max_um:6.0f}  {row.rms_um:6.0f}")
+        return "\n".join(lines) + "\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns of compare.csv."""
+        return self.comparison.table()
+
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin compare``; return the content of the JSON."""
+        data = self.comparison.dataset
+        if data is None:
+            raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
+        write_comparison(self.comparison, folder, carts=data.carts)
+        page = comparison_page(self.comparison, data, robot_of(data))
+        (folder / "report.html").write_text(page, encoding="utf-8")
+        return self.comparison.to_json()
+
+    def errors(self) -> Figure:
+        """Position errors of each model."""
+        return alone(errors_drawing(self.comparison).figure(), "Position errors on held-out poses, 95 % intervals")
+
+    def angles(self, angle: str) -> Figure:
+        """Errors of an Euler angle."""
+        made = angles_drawing(self.comparison, angle).figure()
+        return alone(made, f"Errors of the Euler angle {angle} on held-out poses")
+
+
+present = ComparisonPresentation
+
+
+def comparison_page(c: Comparison, dataset: Dataset, robot: Robot) -> str:
+    """The whole report of a comparison as one self-contained HTML file."""
+    poses = len(c.held[0].position)
+    headline, advice = _verdict(c)
+    sections = [_errors(c)]
+    if any(held.angles is not None for held in c.held):
+        plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
+        words = "Measured less predicted ZYZ Euler angles."
+        sections.append(Section("angles", "Orientation errors", [Plots([plot], words, [ANGLES])]))
+    if dataset.carts is not None:
+        title = "What a straight line leaves of each cart's measured track"
+        plot = Plot("carts", title, partial(carts_drawing, dataset.carts), height=320)
+        words = "Residuals of a linear fit to each cart's measured positions."
+        sections.append(Section("carts", "The carts' tracks", [words, Plots([plot])]))
+    return report(
+        f"Models of {robot.name} compared",
+        Lead(f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {poses} held-out poses", headline, advice),
+        sections,
+        provenance(dataset, robot, c.seed),
+    )
+
+
+def _errors(c: Comparison) -> Section:
+    """The position errors as a figure and as a table."""
+    head = ["model", "what it is", "mean (µm)", "95 %", "rms (µm)", "largest (µm)", "orientation, rms (mrad)", "poses"]
+    rows = []
+    for held, ends in zip(c.held, c.intervals(), strict=True):
+        f, (low, high) = held.figures(), ends["mean_um"] or UNKNOWN
+        turned = f["orientation_rms_mrad"]
+        rows.append(
+            [
+                str(held.model),
+                MODELS[held.model],
+                f"{f['mean_um']:.0f}",
+                whole(f"{low:.0f} to {high:.0f}"),
+                f"{f['rms_um']:.0f}",
+                f"{f['max_um']:.0f}",
+                "" if turned is None else f"{turned:.3f}",
+                str(len(held.position)),
+            ]
+        )
+    how = (
+        "Each model was fitted to one half of the poses and tested on the other, in both directions "
+        f"({COST[c.cost]}). Intervals: 95 %, by resampling poses."
+    )
+    title = "Position errors of each model with 95 % intervals"
+    plot = Plot("errors", title, partial(errors_drawing, c), height=360)
+    return Section("errors", "Errors", [how, Plots([plot]), Table(head, rows, range(2, 8))])
+
+
+def _verdict(c: Comparison) -> tuple[str, list[str]]:
+    """Which model predicts best, and whether the intervals show it."""
+    intervals = {held.model: ends["mean_um"] for held, ends in zip(c.held, c.intervals(), strict=True)}
+    means = {held.model: float(held.position.mean() * 1e6) for held in c.held}
+    best, *others = sorted(means, key=lambda model: means[model])
+    words = f"Model {best} ({MODELS[best]}) predicts best"
+    lacking = "Models 2, 4 and 5 need the carts' tracks in carts.csv."
+    if not others:
+        return f"{words}: it is the only one that these data allow.", [lacking]
+    top, low = intervals[best], intervals[others[0]]
+    advice = [] if len(means) == len(MODELS) else [lacking]
+    if top is None or low is None or top[1] >= low[0]:
+        advice.insert(0, "Their intervals overlap: these data don't settle which of the two is better.")
+    one, two = (whole(f"{means[model]:.0f} µm") for model in (best, others[0]))
+    return f"{words}: {one} mean error on held-out poses, against {two} of model {others[0]}.", advice
+
+
+def errors_drawing(comparison: Comparison) -> Drawing:
+    """Mean, root mean square and largest position error of each model on held-out poses, with 95 % intervals."""
+    traces = []
+    for held, ends in zip(comparison.held, comparison.intervals(), strict=True):
+        figures = held.figures()
+        values = np.array([figures[name] for name in FIGURES], dtype=float)
+        between = np.array([ends[name] for name in FIGURES], dtype=float)
+        # A resampled maximum never exceeds the measured one, and a figure need not be inside its interval.
+        bars = {
+            "type": "data",
+            "symmetric": False,
+            "array": np.maximum(between[:, 1] - values, 0.0),
+            "arrayminus": np.maximum(values - between[:, 0], 0.0),
+            "color": INK,
+            "thickness": 1.2,
+        }
+        color = {"color": COLORS[held.model]}
+        name = f"model {held.model}"
+        traces.append(
+            {"type": "bar", "name": name, "x": list(FIGURES.values()), "y": values, "error_y": bars, "marker": color}
+        )
+    return Drawing(
+        traces, {"barmode": "group", "yaxis": {"title": {"text": "position error (µm)"}, "rangemode": "tozero"}}
+    )
+
+
+def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
+    """An Euler angle (ZYZ), measured less predicted, of each held-out pose.
+
+    Raises
+    ------
+    DatasetError
+        If orientation was not measured, or there is no such angle.
+    """
+    names = [name for name, _ in ANGLES.options]
+    turned = [held for held in comparison.held if held.angles is not None]
+    if not turned:
+        raise DatasetError("orientation was not measured", hint="give qw qx qy qz")
+    if angle not in names:
+        raise DatasetError(f"there is no angle {angle!r}", hint=f"give one of {', '.join(names)}")
+    traces = []
+    for held in turned:
+        assert held.angles is not None
+        rows = shown(len(held.position))
+        look = {"width": 1.2, "color": COLORS[held.model]}
+        y = 1e3 * held.angles[rows, names.index(angle)]
+        traces.append(scatter("lines", rows, y, name=f"model {held.model}", line=look))
+    return Drawing(traces, titled("held-out pose, in the dataset's order", f"{angle} (mrad)"))
+
+
+def carts_drawing(carts: CartMeasurements) -> Drawing:
+    """Residuals of a straight line fitted to each cart's measured positions."""
+    traces = []
+    for j in range(carts.n_actuators):
+        line = Linearity.of(carts, j + 1)
+        rows = shown(len(line.q))
+        traces.append(scatter("lines", line.q[rows], 1e6 * line.absolute[rows], name=f"cart {j + 1}"))
+    layout = titled("commanded position (m)", "off a straight line (µm)")
+    layout["yaxis"]["rangemode"] = "tozero"
+    return Drawing(traces, layout)

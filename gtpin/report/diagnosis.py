@@ -1,0 +1,177 @@
+"""A diagnosis as text, terminal text, table, figures, JSON and files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from rich.console import Console, Group, RenderableType
+
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import GtpinError
+from gtpin.model.model_folder import write_model
+from gtpin.output.json_text import json_text
+from gtpin.output.shown import Presentation
+from gtpin.report.ball_bar_plot import ball_bar_figure
+from gtpin.report.curve_plots import curve_drawing, drawn_curves
+from gtpin.report.diagnosis_json import diagnosis_json
+from gtpin.report.diagnosis_page import diagnosis_page
+from gtpin.report.effect_curves import curves
+from gtpin.report.figure import alone
+from gtpin.report.maps import workspace_figure
+from gtpin.report.next_experiment import FOLDER, write_experiments
+from gtpin.report.page import Table
+from gtpin.report.phrases import cause_rows, value
+from gtpin.report.residual_columns import leading
+from gtpin.report.residual_plots import residual_figure
+from gtpin.report.residuals import Residuals
+from gtpin.report.verdict import assumed, beyond_noise, could_be, gap_words, may_hide, not_recorded, questions, verdict
+from gtpin.report.words import chance, percent, quantity
+from gtpin.threads import in_one_thread
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+DIAGNOSIS = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
+"""Names of the files of a diagnosis's folder."""
+WIDTH = 120
+"""Characters of a line of text."""
+COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit")
+"""Columns of the table of causes."""
+
+
+@dataclass(frozen=True)
+class DiagnosisPresentation(Presentation):
+    """A diagnosis; its table is that of its causes' parameters."""
+
+    diagnosis: Diagnosis
+    files = DIAGNOSIS
+
+    def short(self) -> str:
+        """Verdict, causes and the gap."""
+        d, words = self.diagnosis, gap_words(self.diagnosis.gap)
+        lines = [f"Diagnosis of {d.model.robot.name}: {d.verdict}"]
+        for cause in d.causes:
+            first = value(*next(iter(cause.parameters.items())))
+            lines.append(f"  {cause.effect} at {cause.site}, probability {chance(cause.probability)}, {first}")
+        after = f", {words.after} with the causes" if d.causes else ""
+        lines.append(
+            f"{words.what} on left-out poses, RMS: {words.before} by geometry alone{after}; noise {words.floor}"
+        )
+        return "\n".join(lines)
+
+    def text(self) -> str:
+        """What ``gtpin diagnose`` prints."""
+        console = Console(highlight=False, markup=False, width=WIDTH, soft_wrap=True, color_system=None, record=False)
+        with console.capture() as captured:
+            console.print(self.terminal())
+        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+    def terminal(self) -> RenderableType:
+        """Verdict, causes with class and probability, and the gap before and after."""
+        d = self.diagnosis
+        parts: list[RenderableType] = [verdict(d).headline]
+        if d.causes:
+            explains = {f"{c.effect} at {c.site}": percent(c.shrinkage) for c in d.causes}
+            rows = [[*row, explains.get(row[0], "")] for row in cause_rows(d.causes)]
+            parts.append(Table(("cause", "probability", "parameters", "explains of the gap"), rows, (1, 3)).printed())
+        parts += [*not_recorded(d), *could_be(d), *may_hide(d), *questions(d), *self._gap(), *assumed(d)]
+        count = sum(not candidate.testable for candidate in d.candidates)
+        if count:
+            many = f"{count} of {len(d.candidates)} candidates"
+            parts.append(f"{many} can't be tested with these data; the report gives the reasons.")
+        return Group(*parts)
+
+    def _gap(self) -> list[str]:
+        """The gap on left-out data, before and after the causes."""
+        gap, size = self.diagnosis.gap, gap_words(self.diagnosis.gap)
+        what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
+        if not self.diagnosis.causes:
+            return [f"{what}: {size.before}, of which noise is {size.floor}."]
+        lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise floor {size.floor}."]
+        if gap.shrinkage is not None and gap.interval is not None:
+            low, high = map(percent, gap.interval)
+            lines.append(
+                f"Explained fraction of the gap's power beyond noise: {percent(gap.shrinkage)} (95 %: {low} to {high})."
+            )
+        small = beyond_noise(gap)
+        return [*lines, small] if small else lines
+
+    def table(self) -> pd.DataFrame:
+        """A row for each parameter of each cause."""
+        rows = [
+            (c.effect, c.site, c.probability, c.shrinkage, name, e.value, e.sigma, *e.interval, e.unit)
+            for c in self.diagnosis.causes
+            for name, e in c.parameters.items()
+        ]
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    @property
+    def _residuals(self) -> Residuals:
+        d = self.diagnosis
+        return Residuals.of(d.dataset, d.baseline, d.model, d.set_aside_rows)
+
+    def residuals(self, against: str, component: str | None, *, after: bool) -> Figure:
+        """Residuals against a column, with the causes' prediction."""
+        d, residuals = self.diagnosis, self._residuals
+        component = component or leading(residuals, [c.site for c in d.causes], d.where.axis)
+        return residual_figure(residuals, against, component, causes=bool(d.causes), after=after)
+
+    def ball_bar(self, circle: int) -> Figure:
+        """Deviations of the radius along a circle."""
+        return ball_bar_figure(self._residuals, circle, bool(self.diagnosis.causes))
+
+    def workspace(self, view: str, *, after: bool) -> Figure:
+        """Position residuals, or errors of readings, over the workspace."""
+        return workspace_figure(self._residuals, view, after=after)
+
+    def effect(self, number: int, quantity: str | None) -> Figure:
+        """The curve of a cause with its interval."""
+        causes = self.diagnosis.causes
+        if not 0 <= number < len(causes):
+            raise GtpinError(f"there is no cause {number}", hint=f"there are {len(causes)}, counted from 0")
+        cause = causes[number]
+        active = next(e for e in self.diagnosis.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
+        found = curves(active, self._residuals)
+        chosen = drawn_curves(found) if quantity is None else [curve for curve in found if curve.name == quantity]
+        if not chosen:
+            known = ", ".join(dict.fromkeys(curve.name for curve in found))
+            raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
+        made = curve_drawing(chosen[0]).figure()
+        made.update_layout(yaxis_title=made.layout.title.text)
+        return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
+
+    def parameters(self) -> Figure:
+        """The causes' parameters."""
+        rows = [
+            [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
+            + [quantity(end, e.unit) for end in e.interval]
+            + [percent(c.shrinkage)]
+            for c in self.diagnosis.causes
+            for name, e in c.parameters.items()
+        ]
+        head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
+        return Table(head, rows).figure("Parameters of the causes")
+
+    @in_one_thread
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write ``baseline/``, ``model/``, ``diagnosis.json``, ``report.html`` and the next experiments' commands.
+
+        Returns the content of ``diagnosis.json``.
+        """
+        d, result = self.diagnosis, self.json()
+        write_model(d.baseline.model, folder / "baseline")
+        write_model(d.model, folder / "model")
+        (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
+        write_experiments(d, d.dataset, folder)
+        (folder / "report.html").write_text(diagnosis_page(d, d.dataset, seed=d.seed), encoding="utf-8")
+        return result
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        return diagnosis_json(self.diagnosis)
+
+
+present = DiagnosisPresentation

@@ -1,0 +1,302 @@
+"""A check against an earlier model as sentences, JSON, table, terminal text and page: the changes, what to do, and what the
+poses can't show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.console import Group, RenderableType
+
+from gtpin.diagnosis.inference.findings import Smallest
+from gtpin.diagnosis.result import HealthCheck
+from gtpin.model.model_folder import write_model
+from gtpin.output.json_text import json_text
+from gtpin.output.shown import Presentation
+from gtpin.report.diagnosis import DIAGNOSIS
+from gtpin.report.diagnosis_json import diagnosis_json
+from gtpin.report.next_experiment import FOLDER
+from gtpin.report.page import Items, Lead, Section, Table, report
+from gtpin.report.phrases import (
+    cause_rows,
+    clause,
+    doubt_words,
+    either,
+    others,
+    reason_words,
+    remedy,
+    sentence,
+    sure_and_doubtful,
+)
+from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
+from gtpin.report.verdict import BADGES, gap_words
+from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words, whole
+from gtpin.threads import in_one_thread
+
+CHANGED = {"none": ("no change", "good"), "explained": ("changed", "accent")}
+"""Badges of verdicts for which a check uses other words than a diagnosis."""
+SHOWN = 12
+"""Largest number of candidates in the table of evidence."""
+
+
+@dataclass(frozen=True)
+class HealthPresentation(Presentation):
+    """A check; its table is that of the smallest changes that its poses show. Its files are those of a diagnosis, so that one
+    replaces the other."""
+
+    check: HealthCheck
+    files = DIAGNOSIS
+
+    def short(self) -> str:
+        """Verdict, changes and power."""
+        c = self.check
+        return f"Check against an earlier model: {c.verdict}\n{headline(c)}\n{power_words(c)}"
+
+    def text(self) -> str:
+        """All sentences."""
+        c = self.check
+        return "\n".join([headline(c), *advice(c), power_words(c), "Not shown by these poses:", *unseen(c)]) + "\n"
+
+    def terminal(self) -> RenderableType:
+        """The changes, with class and probability, and the smallest changes that such poses show."""
+        c = self.check
+        changes = Table(("change", "probability", "by how much"), cause_rows(c.causes), (1,))
+        untested = sum(not one.testable for one in c.candidates)
+        return Group(
+            headline(c),
+            *([changes.printed()] if c.causes else []),
+            *advice(c),
+            power_words(c),
+            f"{untested} of {len(c.candidates)} candidates can't be told by these poses; the report gives the reasons.",
+        )
+
+    def table(self) -> pd.DataFrame:
+        """By effect and site: evidence, probability, and the smallest change that the poses show."""
+        smallest = {(s.effect, s.site): s for s in self.check.smallest}
+        rows = []
+        for c in self.check.candidates:
+            s = smallest.get((c.effect, c.site))
+            row = {key: getattr(c, key) for key in ("effect", "site", "testable", "log_evidence", "probability")}
+            found = {"parameter": s.parameter, "smallest": s.value, "unit": s.unit} if s else {}
+            rows.append({**row, "parameter": "", "smallest": None, "unit": "", **found})
+        return pd.DataFrame(rows).set_index(["effect", "site"])
+
+    @in_one_thread
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin diagnose --against``; return the content of the JSON."""
+        result = self.json()
+        write_model(self.check.baseline, folder / "baseline")
+        write_model(self.check.model, folder / "model")
+        (folder / FOLDER).mkdir()  # a check proposes no experiments: an older diagnosis's are removed
+        (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
+        (folder / "report.html").write_text(health_page(self.check), encoding="utf-8")
+        return result
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``: that of a diagnosis, and the key ``against``."""
+        check = self.check
+        found = diagnosis_json(check)
+        found["gap"]["method"] = "each pose left out in turn, and predicted by the earlier model and all other poses"
+        found["against"] = {
+            "robot": check.baseline.robot.name,
+            "poses": check.poses,
+            "set_aside": list(check.set_aside),
+            "frame": "free" if check.free_frame else "robot",
+            "false_alarm": check.false_alarm,
+            "threshold": check.threshold,
+            "power": check.power,
+            "assumed": list(check.assumed),
+            "unexplained": {
+                "position": check.unexplained_before.position,
+                "orientation": check.unexplained_before.orientation,
+                "noise_known": check.noise_known,
+            },
+            "smallest": [
+                {"effect": s.effect, "site": s.site, "parameter": s.parameter, "value": s.value, "unit": s.unit}
+                for s in check.smallest
+            ],
+        }
+        return found
+
+
+present = HealthPresentation
+
+
+def health_page(check: HealthCheck) -> str:
+    """The whole report of a check as one self-contained HTML file."""
+    robot, size = check.model.robot, gap_words(check.gap)
+    badge, tone = CHANGED.get(check.verdict, BADGES[check.verdict])
+    numbers = [(str(check.poses), "poses"), (size.before, f"{_error(check).lower()} of the earlier model, RMS")]
+    numbers += [(size.after, "with the changes")] if check.causes else []
+    lead = Lead(
+        f"What has changed since the last model · {robot.name} · {check.poses} poses",
+        headline(check),
+        advice(check),
+        [*numbers, (size.floor, _floor(check))],
+        badge,
+        tone,
+        drawing(check.baseline, np.median(check.dataset.q, axis=0), causes=[c.site for c in check.causes]),
+    )
+    sections = [*([_changes(check)] if check.causes else []), *_evidence(check)]
+    return report(f"{robot.name}: {badge}", lead, sections, provenance(check.dataset, robot, check.seed))
+
+
+def _changes(check: HealthCheck) -> Section:
+    rows = []
+    for cause in check.causes:
+        for name, e in cause.parameters.items():
+            low, high = (quantity(end, e.unit) for end in e.interval)
+            row = [cause.effect, cause.site, chance(cause.probability), name.replace("_", " ")]
+            rows.append([*row, quantity(e.value, e.unit, e.sigma), whole(f"{low} to {high}")])
+        rows += [[f"or {m.effect}", m.site, chance(m.probability), "", "", ""] for m in others(cause)]
+    table = Table(("change", "site", "probability", "parameter", "by how much", "95 %"), rows, (2, 4, 5))
+    return Section("changes", "The changes", ["By how much each parameter differs from the earlier model.", table])
+
+
+def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
+    """The evidence of each change, the smallest changes that such poses show, and what they don't show."""
+    tested = [[c.effect, c.site, f"{c.log_evidence:.1f}"] for c in check.candidates if c.testable][:SHOWN]
+    untested = [[c.effect, c.site, reason_words(c.reason, c.site)] for c in check.candidates if not c.testable]
+    smallest = [
+        [s.effect, s.site, s.parameter.replace("_", " "), "none" if s.value is None else quantity(s.value, s.unit)]
+        for s in check.smallest
+    ]
+    limit = (
+        f"Gain in log evidence of each change by itself, the largest first. An unchanged machine exceeds "
+        f"{whole(f'{check.threshold:.1f}')} nats, or the chi-square's limit, in {percent(check.false_alarm)} of checks like "
+        "this one: the limit is found by simulating such checks."
+    )
+    shown = (
+        f"{power_words(check)} The table has the smallest change of each kind that raises an alarm in {percent(check.power)} "
+        "of checks at these poses; of changes with several coefficients, the median over their shapes."
+    )
+    evidence = Table(("change", "site", "gain in log evidence (nats)"), tested, (2,))
+    return (
+        Section("evidence", "Evidence", [limit, evidence]),
+        Section(
+            "power",
+            "What such poses show",
+            [shown, Table(("change", "site", "parameter", "smallest"), smallest, (3,))],
+        ),
+        Section(
+            "unseen", "What they don't show", [Items(unseen(check)), Table(("change", "site", "why not"), untested)]
+        ),
+    )
+
+
+def change(check: HealthCheck, effect: str, site: str) -> str:
+    """A change as a clause."""
+    if changed := check.effect(effect).changed:
+        return changed.replace("{site}", site_words(site))
+    return clause(check.effect(effect), site, check.model.robot)
+
+
+def headline(check: HealthCheck) -> str:
+    """The changes, in one or two sentences."""
+    if check.verdict == "none":
+        return "Nothing has changed since the model was identified, as far as these poses show."
+    sure, doubtful = sure_and_doubtful(check.causes)
+    known = sentence(joined([change(check, c.effect, c.site) for c in sure])) if sure else ""
+    if check.verdict == "unknown":
+        also = f" Also certain: {known}" if sure else ""
+        return f"Something has changed that no known effect explains.{also}"
+    if doubtful:
+        classes = [
+            [f"{change(check, m.effect, m.site)} ({chance(m.probability)})" for m in c.members] for c in doubtful
+        ]
+        said = " ".join(sentence(either(named, "these poses")) for named in classes)
+        return f"Changed since the model was identified: {said}{f' Certain: {known}' if sure else ''}"
+    several = f"{number_word(len(sure))} changes since the model was identified: " if len(sure) > 1 else ""
+    return sentence(several + joined([change(check, c.effect, c.site) for c in sure]))
+
+
+def _error(check: HealthCheck) -> str:
+    """Which error of a model a check states: that of positions, or that of other instruments' readings."""
+    return "Error of readings" if check.gap.by_instrument else "Position error"
+
+
+def advice(check: HealthCheck) -> list[str]:
+    """What to do, and what limits the check."""
+    size = gap_words(check.gap)
+    after = f"with the changes: {size.after}; " if check.causes else ""
+    found = [
+        f"{_error(check)} of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; "
+        f"{after}{_floor(check)}: {size.floor}."
+    ]
+    left = check.unexplained_before
+    if not left.none:
+        parts = [quantity(size, unit) for size, unit in ((left.position, "m"), (left.orientation, "rad")) if size]
+        found.append(
+            f"The earlier model did not explain its own data: {joined(parts)} per axis were left between poses, and count as a "
+            f"part of its uncertainty. Changes that are smaller can't be told. {_visible(check)}"
+        )
+    for cause in check.causes:
+        found.append(
+            f"{cause.effect} at {site_words(cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
+        )
+    if check.verdict == "unknown":
+        found += [*doubt_words(check.doubts), "Calibrate again with enough poses, and diagnose these."]
+    if check.set_aside:
+        found.append(f"Set aside as gross errors: {joined(list(check.set_aside))}. Measure them again.")
+    if check.assumed and any(_thermal(check, m.effect, m.site) for c in check.causes for m in c.members):
+        found.append(
+            f"{joined(list(check.assumed))} could have changed: record it at the model's poses and at the check's."
+        )
+    if check.free_frame:
+        found.append(
+            "The instrument stood anywhere: changes that look like another place of the instrument are hidden."
+        )
+    return found
+
+
+def _floor(check: HealthCheck) -> str:
+    """What the noise floor of a check is called: it is noise only where that is known."""
+    return "noise alone" if check.noise_known else "left of the earlier model's own fit"
+
+
+def _visible(check: HealthCheck) -> str:
+    """What would make smaller changes visible."""
+    if check.unexplained_before.noise_known:
+        return "gtpin diagnose at many poses finds what the earlier model lacks."
+    return (
+        "Its noise is neither declared nor shown by repeated visits: declare it, or repeat visits, and calibrate again."
+    )
+
+
+def _thermal(check: HealthCheck, effect: str, site: str) -> bool:
+    return bool(set(check.effect(effect).covariates(check.model.robot, site)) & set(check.assumed))
+
+
+def power_words(check: HealthCheck) -> str:
+    """The smallest of the most common changes that such poses show with the check's power."""
+    first = dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked)
+    parts = [
+        f"{effect.replace('_', ' ')} {_largest([s for s in check.smallest if s.effect == effect])}" for effect in first
+    ]
+    if not parts:
+        return "These poses show none of the changes that crashes and wear cause first."
+    return f"Changes that such poses show in {percent(check.power)} of cases, from: {joined(parts)} at the worst site."
+
+
+def _largest(rows: Sequence[Smallest]) -> str:
+    """The largest of the smallest changes of an effect, over its sites."""
+    if any(row.value is None for row in rows):
+        return "of no size"
+    worst = max(rows, key=lambda row: row.value or 0.0)
+    return quantity(worst.value or 0.0, worst.unit)
+
+
+def unseen(check: HealthCheck) -> list[str]:
+    """Changes that these poses can't show, by reason."""
+    by_reason: dict[str, list[str]] = {}
+    for c in check.candidates:
+        if not c.testable:
+            # Reasons name the column of each site: without its number, one sentence serves all sites of an effect.
+            reason = reason_words(c.reason, "the site").rstrip("0123456789")
+            by_reason.setdefault(reason, []).append(c.effect)
+    return [f"{joined(list(dict.fromkeys(effects)))}: {reason}." for reason, effects in by_reason.items()]

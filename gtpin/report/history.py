@@ -1,0 +1,121 @@
+"""Adds a check to a history of checks, and makes the history's page again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gtpin.diagnosis.result import HealthCheck
+from gtpin.errors import GtpinError
+from gtpin.health.history import Entry, HistoryFiles, read_history, written_history
+from gtpin.output.results import results_folder
+from gtpin.report.embedded import Plot
+from gtpin.report.figure import Drawing, scatter
+from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
+from gtpin.report.words import counted, length, quantity
+
+Add = Callable[[HealthCheck], None]
+COLORS = {"none": GOOD, "explained": ACCENT, "ambiguous": WARN, "unknown": MYSTERY}
+WORDS = {
+    "none": "no change",
+    "explained": "changed",
+    "ambiguous": "changed, cause open",
+    "unknown": "unknown change",
+}
+
+
+@contextmanager
+def history(path: Path, *, force: bool = False) -> Iterator[Add]:
+    """Context with a function that adds a check to the history at ``path``: ``FILE.html`` or a folder.
+
+    The history is read before the block begins, and its files are replaced together when the block ends without an error. Files
+    that gtpin has not written, or that were changed since, are not replaced; with ``force`` they are renamed.
+
+    Raises
+    ------
+    GtpinError
+        If the history is damaged, missing or of another robot.
+    """
+    files = HistoryFiles.named(path)
+    entries = read_history(files)
+    with results_folder(files.folder, files.names, force=force, key=files.lines) as folder:
+
+        def add(check: HealthCheck) -> None:
+            now = Entry.of(check, datetime.now(UTC))
+            if entries and entries[-1].robot != now.robot:
+                hint = f"give a history of {now.robot} of its own"
+                raise GtpinError(
+                    f"this is a history of {entries[-1].robot}", file=files.folder / files.lines, hint=hint
+                )
+            every = (*entries, now)
+            (folder / files.lines).write_text(written_history(every), encoding="utf-8")
+            (folder / files.page).write_text(history_page(every), encoding="utf-8")
+
+        yield add
+
+
+def history_page(entries: Sequence[Entry]) -> str:
+    """A history of checks as one self-contained HTML file."""
+    last = entries[-1]
+    changed = sum(entry.verdict != "none" for entry in entries)
+    rows = [
+        [
+            entry.time.strftime("%Y-%m-%d %H:%M"),
+            WORDS[entry.verdict],
+            _changes(entry),
+            length(entry.position_rms),
+            length(entry.noise_floor),
+            str(entry.poses),
+            entry.dataset,
+        ]
+        for entry in reversed(entries)
+    ]
+    head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise", "poses", "dataset")
+    plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
+    return report(
+        f"{last.robot}: checks",
+        Lead(
+            f"Checks over time · {last.robot}",
+            f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}.",
+        ),
+        [
+            Section("errors", "Position error of the earlier model", [Plots([plot])]),
+            Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
+        ],
+        contents=False,
+    )
+
+
+def history_drawing(entries: Sequence[Entry]) -> Drawing:
+    """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
+
+    def trace(some: Sequence[Entry], mode: str, key: str = "position_rms", **look: Any) -> dict[str, Any]:
+        return scatter(mode, [entry.date for entry in some], [1e6 * getattr(entry, key) for entry in some], **look)
+
+    traces = [
+        trace(entries, "lines", showlegend=False, hoverinfo="skip", line={"color": LINE, "width": 1}),
+        trace(entries, "lines", "noise_floor", name="noise alone", line={"color": SOFT, "dash": "dot"}),
+    ]
+    for verdict, color in COLORS.items():
+        some = [entry for entry in entries if entry.verdict == verdict]
+        if some:
+            texts = [_changes(entry) or "no change" for entry in some]
+            look: dict[str, Any] = {"text": texts, "name": WORDS[verdict], "marker": {"color": color, "size": 9}}
+            traces.append(trace(some, "markers", **look))
+    layout = {
+        "yaxis": {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"},
+        "xaxis": {"type": "date"},
+    }
+    return Drawing(traces, layout)
+
+
+def _changes(entry: Entry) -> str:
+    return "; ".join(
+        f"{one.effect} at {one.site}, {one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
+        for one in entry.changes
+    )

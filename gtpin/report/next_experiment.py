@@ -1,0 +1,234 @@
+"""Proposed measurements: in one or two sentences, on the page, and as tables of commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gtpin.data import Commands, Dataset
+from gtpin.data.ids import normal_ids
+from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
+from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
+from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with_nights
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.effects.situation import Column
+from gtpin.report.page import Block, Fold, Note, Small, Table
+from gtpin.report.phrases import reason_words
+from gtpin.report.words import covariate_unit, joined, typeset, whole, with_unit
+from gtpin.robot.robot import Robot
+
+FOLDER = "next_experiment"
+NEARLY = 0.9
+"""Fraction of a plan's gain from which random poses count as equally good."""
+
+
+@dataclass(frozen=True)
+class ExperimentPresentation:
+    """A proposed experiment."""
+
+    experiment: Experiment
+
+    def short(self) -> str:
+        """What to measure, in a sentence or two."""
+        return measure_words(self.experiment)
+
+
+present = ExperimentPresentation
+
+
+def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
+    """Write the commands of each experiment as a table, with the conditions to set and usual values of all other covariates.
+
+    ``gtpin predict`` can read the tables. The folder is made even if it is empty, so that it replaces an older one.
+    """
+    (folder / FOLDER).mkdir()
+    for i, experiment in enumerate(d.next_experiment):
+        count = len(experiment.poses)
+        if count:
+            ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
+            covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
+            if "time" not in experiment.covariates:
+                covariates = with_nights(covariates, dataset.conditions.reference_temperature)
+            Commands(ids, experiment.poses, covariates).write(folder / FOLDER / f"{i + 1}.csv")
+
+
+def experiment_notes(d: Diagnosis) -> Iterator[Note]:
+    """Proposed measurements, the most informative first: what to do, its expected gain, and the commands."""
+    for i, e in enumerate(d.next_experiment):
+        content: list[Block] = [typeset(e.measure)]
+        if worth := _worth(e):
+            content.append(Small(worth))
+        head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
+        head += [with_unit(name, covariate_unit(name)) for name in e.covariates]
+        rows = [
+            [*(whole(f"{value:.4f}") for value in q), *(_cell(values[k]) for values in e.covariates.values())]
+            for k, q in enumerate(e.poses)
+        ]
+        if rows:
+            title = f"{len(rows)} commands, also in {FOLDER}/{i + 1}.csv"
+            content.append(Fold(title, [Table(head, rows, range(len(head)))]))
+        yield Note(content)
+
+
+def _worth(e: Experiment) -> str:
+    expected, random = e.expected_gain, e.random_gain
+    if expected is None:
+        return ""
+    words = f"Expected gain in log evidence: {expected:.1f}"
+    if random is None:
+        words += "."
+    elif random >= NEARLY * expected:
+        words += f". Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
+    else:
+        words += f", compared with {random:.1f} for as many random poses."
+    return words if e.settles is None else f"{words} Probability that they settle the question: {e.settles:.0%}."
+
+
+def _cell(value: float | str) -> str:
+    return value if isinstance(value, str) else whole(f"{value:.4g}")
+
+
+def measure_words(e: Experiment) -> str:
+    """What to measure, and for what purpose."""
+    robot = e.robot
+    if e.visits is not None:
+        where = f"the unknown effect at {e.visits.site} depends on {e.visits.coordinates}"
+        return f"{_visits(e, e.visits, robot)}: {where}."
+    if e.lacking is not None:
+        return _testable(e, e.lacking, robot)
+    return _apart(e, robot)
+
+
+def _apart(e: Experiment, robot: Robot) -> str:
+    """How to distinguish effects."""
+    first, *others = e.separates
+    pair = f"{first} from {joined(others or ['no effect'])}"
+    if not len(e.poses):
+        return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
+    words = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}."
+    if e.settles is not None and e.rounds != 1:
+        instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
+        count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
+        words += f" {count} such measurements are needed{instead}."
+    return words
+
+
+def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
+    """How effects can be tested."""
+    sites: dict[str, list[str]] = {}
+    for effect, site in e.effects:
+        sites.setdefault(effect, []).append(site)
+    effects = joined([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
+    if not len(e.poses):
+        reason = reason_words(lacking.reason, e.effects[0][1])
+        return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, robot)}."
+    return f"{_remedy(lacking)}{len(e.poses)} poses make {effects} testable{_settings(e, robot)}."
+
+
+def _remedy(lacking: Lacking) -> str:
+    """What must differ from the measurements so far, as the beginning of a sentence."""
+    if not lacking.covariates:
+        return "These "
+    if lacking.covariates == ("session",):
+        if lacking.missing:
+            return "Add a column session, with one name for all measurements so far and others for these: these "
+        return "Begin further sessions: these "
+    what = "Record and vary" if lacking.missing else "Vary"
+    return f"{what} {joined(list(lacking.covariates))}: these "
+
+
+def _watch(sites: Sequence[str], robot: Robot) -> str:
+    """How some sites are measured separately."""
+    carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
+    links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
+    words = []
+    if carts:
+        words.append(
+            f"measure {joined(carts)} directly by {'separate targets' if len(carts) > 1 else 'a separate target'}"
+        )
+    if links:
+        words.append("measure the length of the links by targets at both ends")
+    if "frame" in sites:
+        words.append("measure fixed targets next to the robot")
+    if "platform" in sites:
+        words.append("measure separately where the target is on the platform")
+    return joined(words)
+
+
+def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
+    """Visits that show how an unknown effect depends on its coordinates."""
+    if visits.pattern == "spread":
+        return f"Visit {len(e.poses)} poses all over the workspace, at rest, with all other conditions unchanged"
+    if visits.pattern == "net":
+        return f"Move {joined(list(visits.actuators))} alone, over a grid of {len(e.poses)} poses"
+    if visits.pattern == "line":
+        (site,), there = visits.actuators, e.poses[: len(e.poses) // 2]
+        first, last = there[[0, -1], robot.sites.index(site)]
+        return f"Move {site} alone, in {len(there)} equal steps from {first:.3f} to {last:.3f}, and back"
+    if visits.pattern == "again":
+        return f"Visit {visits.stations} of the measured poses twice more each, with all other conditions unchanged"
+    return f"Visit the same {visits.stations} poses {_repeated(visits, robot)}"
+
+
+def _repeated(visits: Visits, robot: Robot) -> str:
+    """The conditions under which the same poses are visited repeatedly."""
+    what, times = kind(visits.varied[0]), len(visits.levels)
+    if what == "session":
+        return f"in {times} sessions"
+    levels = np.asarray(visits.levels, dtype=float)
+    if what == "time":
+        return f"{times} times, every {np.ptp(levels) / 60.0 / (times - 1):.0f} minutes"
+    if what == "temperature":
+        return f"{times} times while the machine warms up"
+    if what == "approach":
+        return f"{times} times, {_moved(visits.varied, robot)} moving up and down alternately"
+    if what == "speed":
+        moved, fastest = _moved(visits.varied, robot), np.abs(levels).max()
+        return f"{times} times, {moved} passing both ways at half and at all of {fastest:.2g} per second"
+    named = "a payload" if what == "payload" else visits.varied[0]
+    return f"{times} times with {named} of {joined([f'{level:.3g}' for level in levels])}"
+
+
+def _settings(e: Experiment, robot: Robot) -> str:
+    """Conditions to set in addition to the commands, as the end of a sentence; can be empty."""
+    kinds: dict[str, dict[str, Column]] = {}
+    for name, values in e.covariates.items():
+        kinds.setdefault(kind(name), {})[name] = values
+    return "".join(f"; {_setting(what, values, robot, e.reference_temperature)}" for what, values in kinds.items())
+
+
+def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, reference: float) -> str:
+    """Covariates of one kind."""
+    if what == "session":
+        count = len(set(map(str, covariates["session"])))
+        return "in a separate session" if count == 1 else f"in {count} separate sessions, as listed"
+    values = np.stack([np.asarray(v, dtype=float) for v in covariates.values()], axis=1)
+    if what == "time":
+        return f"spread over {np.ptp(values) / 3600.0:.1g} hours"
+    if what == "approach":
+        moved = _moved(covariates, robot)
+        return f"come to about half of them with {moved} moving up, to the others moving down, as listed"
+    if what == "speed":
+        moved, passed = _moved(covariates, robot), np.count_nonzero(values.any(axis=1))
+        return f"pass {passed} of them with {moved} at up to {np.abs(values).max():.2g} per second, as listed"
+    if what == "force":
+        size = np.linalg.norm(values, axis=1)
+        return (
+            f"push on the tool with up to {size.max():.0f} N at {np.count_nonzero(size)} of them, along the base frame's axes "
+            "as listed, and never with more force than the machine's rated load"
+        )
+    if what == "temperature":
+        cold = int((values[:, 0] == reference).sum())
+        return f"{cold} with the machine cold, {len(values) - cold} with it warm"
+    levels, counts = np.unique(values, return_counts=True)
+    if what == "payload":
+        return f"with {joined([f'{v:g} kg at {n}' for v, n in zip(levels, counts, strict=True)])} of them"
+    return f"{what} from {levels[0]:g} to {levels[-1]:g}"
+
+
+def _moved(names: Mapping[str, Column] | Sequence[str], robot: Robot) -> str:
+    """The actuators that covariates such as ``approach2`` belong to."""
+    return joined([robot.sites[int(name.removeprefix(kind(name))) - 1] for name in names])

@@ -1,0 +1,113 @@
+"""A plan of poses as sentences, table, terminal text and JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import pandas as pd
+from rich.console import Group, RenderableType
+
+from gtpin.health.plan import PosePlan, checked_first
+from gtpin.output.shown import Presentation
+from gtpin.report.page import Table
+from gtpin.report.words import length, percent, quantity
+
+SHOWN = 12
+"""Largest number of effects in the table of a plan for discrimination."""
+
+
+@dataclass(frozen=True)
+class PlanPresentation(Presentation):
+    """A plan; its table is that of its commands."""
+
+    plan: PosePlan
+
+    def short(self) -> str:
+        """The purpose of the poses, and what they can show."""
+        return "\n".join([*self.words(), *(f"{name}: {size}" for name, size in self._smallest())])
+
+    def text(self) -> str:
+        """The sentences, and the numbers of all changes or effects that the poses can show."""
+        rows = [*map(asdict, self.plan.smallest), *map(asdict, self.plan.told)]
+        table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
+        return "\n".join([*self.words(), *table]) + "\n"
+
+    def terminal(self) -> RenderableType:
+        """The sentences, and the table of changes or effects that the poses can show."""
+        if self.plan.purpose == "calibration":
+            return Group(*self.words())
+        if self.plan.purpose == "health":
+            return Group(*self.words(), Table(("change", "smallest"), self._smallest(), whole=True).printed())
+        order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
+        rows = [
+            [f"{one.effect} at {one.site}, {one.parameter.replace('_', ' ')}"]
+            + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
+            for one in order[:SHOWN]
+        ]
+        return Group(*self.words(), Table(("effect", "1 sigma", "of random poses"), rows, whole=True).printed())
+
+    def table(self) -> pd.DataFrame:
+        """The commands, with the conditions to set."""
+        commands = self.plan.commands
+        columns = {f"q{i + 1}": commands.q[:, i] for i in range(commands.n_actuators)}
+        return pd.DataFrame({"pose": commands.pose, **columns, **commands.covariates}).set_index("pose")
+
+    def json(self) -> dict[str, Any]:
+        """The content of ``plan.json``; docs/health.md explains the keys."""
+        plan = self.plan
+        found: dict[str, Any] = {
+            "schema": "gtpin-plan/1",
+            "for": plan.purpose,
+            "robot": plan.model.robot.name,
+            "poses": len(plan.commands),
+            "frame": plan.frame,
+            "noise": {
+                "position_sigma": plan.noise.position_sigma,
+                "orientation_sigma": plan.noise.orientation_sigma,
+                "drives": plan.noise.along_drives,
+            },
+        }
+        if plan.purpose == "health":
+            found |= {"false_alarm": plan.false_alarm, "power": plan.power, "threshold": plan.threshold}
+            found["smallest"] = [asdict(one) for one in plan.smallest]
+        elif plan.purpose == "discrimination":
+            found["told"] = [asdict(one) for one in plan.told]
+        elif plan.information is not None:
+            found |= asdict(plan.information)
+        return found
+
+    def words(self) -> list[str]:
+        """The purpose of the poses, and what they can show."""
+        plan, count = self.plan, len(self.plan.commands)
+        if plan.purpose == "calibration" and plan.information is not None:
+            own = plan.information
+            return [
+                f"{count} poses for a calibration: {own.nats:.0f} nats on the geometry; as many at random: "
+                f"{own.nats_random:.0f}.",
+                f"Error of predicted positions after the calibration: {length(own.error)}; at random: "
+                f"{length(own.error_random)}.",
+            ]
+        if plan.purpose == "discrimination":
+            return [f"{count} poses that tell {len(plan.told)} effects at their sites apart, as far as poses can."]
+        place = "where the instrument may stand anywhere" if plan.frame == "free" else "measured in the base frame"
+        return [
+            f"{count} poses for a check, {place}: changes found in {percent(plan.power)} of checks, with false alarms in "
+            f"{percent(plan.false_alarm)}, are from the sizes in the table on."
+        ]
+
+    def _smallest(self) -> list[list[str]]:
+        """The changes for which the plan chose its poses, each with the smallest size that is found."""
+        return [
+            [
+                f"{one.effect} at {one.site}",
+                "none is found"
+                if one.value is None
+                else f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}",
+            ]
+            for one in self.plan.smallest
+            if one.effect in checked_first()
+        ]
+
+
+present = PlanPresentation

@@ -1,0 +1,93 @@
+"""Poses as text and table, and positions over the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from gtpin.errors import GtpinError
+from gtpin.output.shown import Presentation
+from gtpin.report.embedded import escaped
+from gtpin.report.figure import Drawing, alone, scatter, titled
+from gtpin.report.palette import DATA, SCALE, ZERO
+from gtpin.typing import Floats
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+    from gtpin.kinematics.poses import Poses
+
+VIEWS = ("xy", "xz", "yz")
+"""Pairs of axes of a map of positions."""
+
+
+@dataclass(frozen=True)
+class PosesPresentation(Presentation):
+    """Poses; their table has positions and quaternions."""
+
+    poses: Poses
+
+    def short(self) -> str:
+        """The number of poses, and the box that they span."""
+        poses = self.poses
+        there = poses.T[poses.reached]
+        first = f"Poses: {len(poses)}"
+        if len(there) < len(poses):
+            first += f", of which {len(poses) - len(there)} could not be computed"
+        if not len(there):
+            return first
+        ends = zip("xyz", there.min(axis=0), there.max(axis=0), strict=True)
+        return f"{first}\n{', '.join(f'{axis} {low:.4f} to {high:.4f}' for axis, low, high in ends)} m"
+
+    def text(self) -> str:
+        """The text of :meth:`short`, and the table."""
+        return f"{self.short()}\n\n{self.table().to_string(max_rows=60)}\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns ``x y z qw qx qy qz``: m, and unit quaternions."""
+        values = np.hstack([self.poses.T, self.poses.quaternions])
+        return pd.DataFrame(values, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
+
+    def workspace(self, view: str) -> Figure:
+        """The positions in a plane of their frame."""
+        return position_map(self.poses.T, range(1, len(self.poses) + 1), view, "Positions of the TCP")
+
+
+present = PosesPresentation
+
+
+def position_map(
+    T: Floats,
+    names: Sequence[object],
+    view: str,
+    title: str,
+    color: Floats | None = None,
+    color_title: str = "",
+) -> Figure:
+    """A map of positions (N, 3), m, over two of their axes.
+
+    Parameters
+    ----------
+    names
+        (N,) names of the poses.
+    view
+        The two axes: ``xy``, ``xz`` or ``yz``.
+    color
+        (N,) values that determine the colours.
+    """
+    if view not in VIEWS:
+        raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
+    marker = {"size": 6, "color": DATA, "line": {"color": ZERO, "width": 0.5}}
+    if color is not None:
+        bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": color_title, "side": "right"}}
+        marker |= {"color": color, "colorscale": SCALE, "showscale": True, "colorbar": bar}
+    x, y = (T[:, "xyz".index(axis)] for axis in view)
+    told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
+    told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)")
+    layout["yaxis"]["scaleanchor"] = "x"
+    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], layout).figure(), title)

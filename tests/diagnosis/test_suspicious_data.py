@@ -1,0 +1,104 @@
+"""Faults of the data: two measurements in one table, and play whose directions belong to other rows, are told from noise."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from every_effect import every_effect
+
+import gtpin
+from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.inference.reestimate_noise import left_over
+from gtpin.diagnosis.inference.suspicious_data import two_groups, two_values
+from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.errors import GtpinWarning
+from gtpin.report.verdict import verdict
+
+
+def groups_of(dataset: gtpin.Dataset):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        baseline = gtpin.calibrate(dataset)
+    design = Observed.of(dataset, baseline).design(baseline.model)
+    left, _ = left_over(propose(design, every_effect()).hypotheses, NOTHING)
+    return two_groups(design, left, (1.5e-5, 5e-5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("repeatability", [(1e-6, 4e-6), (4e-5, 6e-5)])
+def test_noise_and_scatter_of_drives_are_one_group(seed: int, repeatability: tuple[float, float]) -> None:
+    noise = Noise(repeatability=repeatability)
+    assert groups_of(make_case(seed, n_effects=0, poses=120, held_out=1, noise=noise).dataset) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("effect", "site"), [("linearity", "cart3"), ("thermal_links", "arm"), ("backlash", "cart1")])
+def test_effects_are_one_group(effect: str, site: str) -> None:
+    assert groups_of(make_case(4, effects=[(effect, site)], energy=1500.0, poses=120, held_out=1).dataset) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 6])
+def test_two_frames_in_one_table_are_told_with_their_rows(seed: int) -> None:
+    dataset = make_case(seed, n_effects=0, poses=120, held_out=1).dataset
+    rng = np.random.default_rng(seed)
+    other = np.isin(dataset.visits, rng.permutation(120)[:50])
+    moved = replace(dataset, position=dataset.position + np.where(other[:, None], [4e-4, -3e-4, 2e-4], 0.0))
+    found = groups_of(moved)
+    assert found is not None
+    assert (found.smaller == other).mean() > 0.95
+    assert found.apart == pytest.approx(np.linalg.norm([4e-4, -3e-4, 2e-4]), rel=0.3)
+
+
+@pytest.mark.slow
+def test_no_verdict_of_silence_stands_on_two_groups() -> None:
+    dataset = make_case(7, n_effects=0, poses=120, held_out=1).dataset
+    half = np.random.default_rng(7).permutation(len(dataset))[: len(dataset) // 2]
+    position = dataset.position.copy()
+    position[half] += [6e-4, 0.0, -6e-4]
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always", GtpinWarning)
+        found = gtpin.diagnose(replace(dataset, position=position))
+    assert found.verdict == "unknown"
+    assert any("two groups" in str(w.message) for w in heard)
+
+
+STILL = Conditions(rest=1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_not_called_nothing(seed):
+    case = make_case(seed, effects=[("backlash", "cart1")], energy=4000.0, poses=130, held_out=1, conditions=STILL)
+    order = np.random.default_rng(seed).permutation(len(case.dataset))
+    mixed = {n: v[order] if n.startswith("approach") else v for n, v in case.dataset.covariates.items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        found = gtpin.diagnose(replace(case.dataset, covariates=mixed))
+    assert found.verdict == "unknown"
+    assert not [c for c in found.causes if c.probability >= 0.95 and c.effect != "backlash"]
+    if any(doubt.reason == "two_valued" for doubt in found.doubts):
+        assert any("approach" in line for line in verdict(found).advice)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [60, 220, 1000])
+def test_gaussian_scatter_is_hardly_ever_taken_for_two_values(count):
+    rng = np.random.default_rng(count)
+    known = np.full(count, 0.3**2)
+    gains = [two_values(rng.normal(size=count) + rng.normal(0.0, 0.3, count), known) for _ in range(100)]
+    assert max(gains) < max(10.0, 0.05 * count)
+
+
+@pytest.mark.parametrize("apart", [2.5, 4.0])
+def test_two_values_far_apart_are_seen(apart):
+    rng = np.random.default_rng(1)
+    errors = apart * rng.choice([-1.0, 1.0], 150) + rng.normal(size=150)
+    assert two_values(errors, np.ones(150)) > 10.0

@@ -1,0 +1,167 @@
+"""The worlds of other hands: kinematics and statics by hand formulas, energies as asked, and files that gtpin reads."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gtpin
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "worlds"))
+
+import shapes
+import worlds
+from arms import ARMS, UR5
+from energy import Absorption, Tracker
+from judge import judged
+from mechanisms import MECHANISMS
+from motion import Motion
+from rods import CART, CARTS, CENTRE, LENGTH, LINK_MASS, PLATE_MASS, PLATFORM, TRACKS, GantryTau
+
+
+def test_position_of_the_ur5_is_the_closed_formula_of_its_public_table() -> None:
+    q = np.random.default_rng(1).uniform(-2.5, 2.5, (20, 6))
+    d1, a2, a3, d4, d5, d6 = 0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823
+    s, c = np.sin(q).T, np.cos(q).T
+    q23, q234 = q[:, 1] + q[:, 2], q[:, 1:4].sum(1)
+    reach = a2 * c[1] + a3 * np.cos(q23) + d5 * np.sin(q234) - d6 * np.cos(q234) * s[4]
+    x = c[0] * reach + s[0] * (d4 + d6 * c[4])
+    y = s[0] * reach - c[0] * (d4 + d6 * c[4])
+    z = d1 + a2 * s[1] + a3 * np.sin(q23) - d5 * np.cos(q234) - d6 * np.sin(q234) * s[4]
+    p, _ = UR5.poses(q, np.zeros(42), Motion.none(20, 6, 0))
+    np.testing.assert_allclose(p, np.stack([x, y, z], axis=1), atol=1e-12)
+
+
+def test_each_rod_of_the_gantry_has_its_length_at_the_solved_pose() -> None:
+    machine, rng = GantryTau(), np.random.default_rng(2)
+    q = machine.draw(rng, 10)
+    geometry = np.concatenate([rng.normal(0, 1e-3, 42), np.zeros(6)])
+    motion = replace(Motion.none(10, 3, 6), rod=rng.normal(0, 1e-4, (10, 6)), drive=rng.normal(0, 1e-4, (10, 3)))
+    p, R = machine.poses(q, geometry, motion)
+    for k in range(6):
+        cart = CARTS[k] + geometry[24 + 3 * k : 27 + 3 * k] + (q + motion.drive)[:, CART[k], None] * TRACKS[CART[k]]
+        ball = p + Rotation.from_matrix(R).apply(PLATFORM[k] + geometry[6 + 3 * k : 9 + 3 * k])
+        length = np.linalg.norm(ball - cart, axis=1)
+        np.testing.assert_allclose(length, LENGTH[k] + geometry[k] + motion.rod[:, k], atol=1e-9)
+
+
+def test_tensions_of_the_rods_are_the_derivatives_of_the_potential_energy() -> None:
+    machine = GantryTau()
+    q, payload, force = machine.draw(np.random.default_rng(3), 4), np.full(4, 7.0), np.tile([20.0, -30.0, 10.0], (4, 1))
+
+    def potential(rod: int, growth: float) -> np.ndarray:
+        motion = Motion.none(4, 3, 6)
+        motion.rod[:, rod] = growth
+        p, R = machine.poses(q, np.zeros(48), motion)
+        plate = p + R @ CENTRE
+        balls = sum((p + R @ joint)[:, 2] for joint in PLATFORM)
+        weight = PLATE_MASS * plate[:, 2] + payload * p[:, 2] + 0.5 * LINK_MASS * balls
+        return np.asarray(9.81 * weight - (force * p).sum(1))
+
+    tension, _ = machine.loads(q, payload, force)
+    for rod in range(6):
+        slope = (potential(rod, 1e-5) - potential(rod, -1e-5)) / 2e-5
+        np.testing.assert_allclose(tension[:, rod], -slope, rtol=1e-5, atol=1e-3)
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.robot)
+def test_moments_about_the_joints_are_the_derivatives_of_the_potential_energy(arm: worlds.Arm) -> None:
+    n = len(arm.masses)
+    q = arm.draw(np.random.default_rng(4), 3)
+
+    def potential(at: np.ndarray) -> np.ndarray:
+        T = arm.chain(at, np.zeros(6 * (n + 1)), Motion.none(3, n, 0))
+        heights = [(T[:, k] @ [*arm.centres[k], 1.0])[:, 2] * arm.masses[k] for k in range(n)]
+        return np.asarray(9.81 * (np.sum(heights, axis=0) + 2.0 * T[:, -1, 2, 3]))
+
+    _, wrench = arm.loads(q, np.full(3, 2.0), np.zeros((3, 3)))
+    for k in range(n):
+        step = 1e-6 * np.eye(n)[k]
+        slope = (potential(q + step) - potential(q - step)) / 2e-6
+        np.testing.assert_allclose(wrench[:, k, 5], -slope, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def absorption() -> Absorption:
+    machine = GantryTau()
+    return Absorption(machine, Tracker(machine.station, 2e-5, 5e-5, False), machine.draw(np.random.default_rng(5), 40))
+
+
+def test_a_motion_is_scaled_to_the_energy_that_was_asked(absorption: Absorption) -> None:
+    motion = Motion.none(40, 3, 6)
+    motion.drive[:, 1] = np.sin(60.0 * absorption.q[:, 1])
+    scaled, energy = absorption.scaled(motion, 300.0, 1.0)
+    assert energy == pytest.approx(300.0, rel=1e-3)
+    assert absorption.energy(scaled.times(2.0)) == pytest.approx(1200.0, rel=1e-2)
+    _, held = absorption.scaled(motion, 300.0, 1e-6)
+    assert held < 30.0
+
+
+def test_a_longer_rod_leaves_no_more_energy_than_its_tolerance_allows(absorption: Absorption) -> None:
+    motion = Motion.none(40, 3, 6)
+    motion.rod[:, 2] = 5e-4  # half the tolerance: as a change of the geometry it costs 0.25
+    assert float((absorption.displacement(motion) ** 2).sum()) > 1e4
+    assert absorption.energy(motion) < 0.26
+
+
+def test_shapes_begin_with_the_textbook_form() -> None:
+    rng, stop = np.random.default_rng(6), np.tile([False, True], 20)
+    q, approach = rng.uniform(-0.5, 0.5, 20), rng.choice([-1.0, 1.0], 20)
+    path = np.stack([q - 0.01 * approach, q], axis=1).ravel()
+    np.testing.assert_allclose(shapes.hysteresis(path, stop, 0.0, rng), approach, atol=1e-12)
+    load = rng.normal(size=20)
+    assert abs(np.corrcoef(shapes.power(load, 0.0), load)[0, 1] - 1.0) < 1e-12
+    time, warm = np.linspace(0.0, 1e4, 50), 20.0 + np.linspace(0.0, 5.0, 50)
+    np.testing.assert_allclose(shapes.lagging(time, warm, 0.0), warm)
+    assert np.all(shapes.lagging(time, warm, 1.0)[1:] < warm[1:])
+    wave = shapes.periodic(np.linspace(0.0, 1.0, 101), 0.1, 0.0, rng)
+    np.testing.assert_allclose(wave[:-10], wave[10:], atol=1e-9)
+
+
+def test_truth_is_the_listed_name_at_distance_0_and_unlisted_at_1() -> None:
+    for mechanism in MECHANISMS:
+        near, far = mechanism.forms(0.0), mechanism.forms(1.0)
+        assert [f[0] for f in far] == ["unlisted_" + mechanism.name]
+        if mechanism.least == 0.0:
+            assert [f[0] for f in near] == [mechanism.listed]
+        assert sum(share for _, _, share in mechanism.forms(0.6)) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*do not vary")  # the machines stand still at each stop: their speeds are 0
+@pytest.mark.parametrize("name", ["rods", "ranges", "arms"])
+def test_a_case_is_a_dataset_that_gtpin_reads(name: str, tmp_path: Path) -> None:
+    machine = ARMS[0] if name == "arms" else GantryTau()
+    hysteresis = MECHANISMS[0]
+    told = worlds.write(
+        tmp_path, name, machine, [worlds.Act(hysteresis, 0.0, 300.0)], name == "ranges", np.random.default_rng(7)
+    )
+    dataset = gtpin.Dataset.read(tmp_path / name)
+    assert len(dataset) > 60
+    truth = json.loads((tmp_path / f"{name}.truth.json").read_text())["effects"]
+    assert truth == told["effects"]
+    assert truth[0]["effect"] == "backlash"
+    assert truth[0]["energy"] == pytest.approx(300.0, rel=0.01)
+    assert (tmp_path / f"{name}.truth.csv").exists() == (name != "ranges")
+
+
+def test_a_false_cause_is_one_that_no_part_of_the_truth_names() -> None:
+    effects = [
+        {"effect": "backlash", "site": "cart1", "energy": 100.0},
+        {"effect": "unlisted_x", "site": "frame", "energy": 100.0},
+    ]
+    cause = {"effect": "backlash", "site": "cart1", "probability": 0.99}
+    right = {**cause, "class": [cause]}
+    wrong = {**right, "effect": "linearity", "class": [{**cause, "effect": "linearity"}]}
+    row, false = judged(
+        {"effects": effects, "acts": [{"mechanism": "hysteresis", "site": "cart1"}]},
+        {"verdict": "unknown", "causes": [right, wrong]},
+    )
+    assert (row["class holds"], row["alone, sure"], row["unknown"], row["false, sure"]) == (1, 1, 1, 1)
+    assert false == ["linearity@cart1 (0.990, another)"]

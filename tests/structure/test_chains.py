@@ -1,0 +1,66 @@
+"""A chain is asked for poses, derivatives and loads, and nobody asks of what kind it is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import gtpin
+
+PACKAGE = Path(gtpin.__file__).parent
+OWN = ("robot", "kinematics", "bench")
+"""Folders that make chains, and the simulator, which has its own."""
+ASKING = frozenset(
+    {
+        "calibration/cart_tracks.py",  # the models of the paper are of carts on tracks
+        "calibration/checks/recognise.py",
+        "calibration/free_target.py",
+        "calibration/paper_models.py",
+        "calibration/zeros.py",
+        "certificate/budget.py",
+        "comparison/closure_fit.py",
+        "comparison/compare.py",
+        "diagnosis/against/measured.py",
+        "diagnosis/hypotheses/hypothesis.py",  # the search is wider on joints, which have many lines: work of the diagnosis
+        "diagnosis/hypotheses/hypothesis_set.py",
+        "diagnosis/hypotheses/smooth_terms.py",
+        "diagnosis/inference/joint_fit.py",
+        "diagnosis/inference/predictive.py",
+        "diagnosis/inference/settle.py",
+        "diagnosis/inference/where.py",
+        "diagnosis/planning/make_testable.py",
+        "diagnosis/planning/trials.py",
+        "effects/link_compliance.py",  # each rod has its own drive
+        "effects/sites.py",  # the vocabulary of sites
+        "export/carts.py",  # files have other elements for carts and rods than for joints
+        "export/drives.py",
+        "export/loss.py",
+        "export/springs.py",
+        "model/effect_record.py",  # the file of a model lists the references of rods or of joints
+        "model/model_folder.py",
+        "report/diagnosis_json.py",
+        "report/effect_curves.py",  # words and axes of rods, carts and joints
+        "report/effect_motions.py",
+        "report/phrases.py",
+        "report/skeleton.py",
+        "report/words.py",
+        "view/scene.py",  # drawings
+        "view/shapes.py",
+    }
+)
+"""Files that ask a robot for its rods: a list that only becomes shorter."""
+
+
+def asking(pattern: str) -> set[str]:
+    found = (file for file in PACKAGE.rglob("*.py") if file.relative_to(PACKAGE).parts[0] not in OWN)
+    return {
+        file.relative_to(PACKAGE).as_posix() for file in found if re.search(pattern, file.read_text(encoding="utf-8"))
+    }
+
+
+def test_nobody_asks_kinematics_for_its_class() -> None:
+    assert asking(r"isinstance\([^)]*Kinematics\)|isinstance\([^)]*PinocchioRods\)") == set()
+
+
+def test_only_what_is_about_rods_asks_a_robot_for_its_rods() -> None:
+    assert asking(r"robot\.rods\b") == ASKING
