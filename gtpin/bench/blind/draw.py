@@ -40,7 +40,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Draft:
-    """A case to be made: kind, seed of the simulator, effects (sites are drawn), number of poses if fixed, robot, instruments."""
+    """A case to be made: kind, seed, effects (sites are drawn), number of poses if fixed, robot, instruments."""
 
     name: str
     kind: Kind
@@ -98,7 +98,7 @@ def measured(draft: Draft) -> InstrumentCase:
 
 
 def recipe(draft: Draft) -> Recipe:
-    """The recipe from which the simulator makes a case. Where only touching instruments measure, touches are added for those that
+    """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.left_out_touches.without_some_touches` leaves out.
     """
     found = _recipe(draft)
