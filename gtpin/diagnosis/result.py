@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Unexplained, Verdict
+from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Undecided, Unexplained, Verdict
 from gtpin.diagnosis.inference.shown_noise import Source
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
@@ -62,6 +62,8 @@ class Diagnosis(Shown):
         Seed of the random numbers.
     warnings
         Texts of all warnings, also of those when the dataset was read.
+    also
+        What is weak and undecided beside the causes, and does not change the verdict.
     doubts
         Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
 
@@ -97,6 +99,7 @@ class Diagnosis(Shown):
     doubts: tuple[Doubt, ...] = ()
     noise_source: Source = "declared"
     warnings: tuple[str, ...] = ()
+    also: tuple[Undecided, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""

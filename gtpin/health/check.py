@@ -222,7 +222,7 @@ def _result(
 
 def _cause(model: Model, own: ActiveEffect, hypothesis: Hypothesis, found: Conclusion) -> Cause:
     """A change as it is reported. ``own`` is its effect: the earlier model may have another one of the same name."""
-    return cause(replace(model, effects=(own,)), hypothesis, found.classes[hypothesis])
+    return cause(replace(model, effects=(own,)), hypothesis, found, hypothesis)
 
 
 def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:

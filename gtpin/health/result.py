@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Unexplained, Verdict
+from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Undecided, Unexplained, Verdict
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
@@ -53,7 +53,7 @@ class HealthCheck(Shown):
         The effects that were tried.
     dataset, seed
         The input data, and the seed of the random draws.
-    questions, next_experiment
+    questions, next_experiment, also
         Empty: a check finds neither.
     warnings
         Texts of all warnings, also of those when the dataset was read.
@@ -94,6 +94,7 @@ class HealthCheck(Shown):
     questions: tuple[Question, ...] = ()
     next_experiment: tuple[Experiment, ...] = ()
     warnings: tuple[str, ...] = ()
+    also: tuple[Undecided, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""

@@ -10,8 +10,9 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.causes import cause
+from gtpin.diagnosis.inference.descriptions import described, undecided, without_undecided
 from gtpin.diagnosis.inference.digits import with_full_digits
-from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
+from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import with_smaller_errors, without_idle
@@ -48,6 +49,8 @@ class Fitted:
         The geometry and the causes, fitted together.
     causes
         The causes; the one that explains most of the gap is the first.
+    also
+        What is weak and undecided beside them.
     gap
         Errors on left-out poses, without and with the causes.
     unexplained
@@ -61,6 +64,7 @@ class Fitted:
     conclusion: Conclusion
     model: Model
     causes: tuple[Cause, ...]
+    also: tuple[Undecided, ...]
     gap: Gap
     unexplained: Unexplained
     questions: tuple[Question, ...]
@@ -80,7 +84,7 @@ def fit(
     """
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
-    found = without_idle(hypotheses, found, neighbours)
+    found = described(hypotheses, without_idle(hypotheses, found, neighbours))
     if hypotheses.design.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
@@ -101,6 +105,7 @@ def fit(
     checked = whole
     if hold_out != "region":
         whole, shares = _gaps(settled, found, shown, hold_out, rng)
+    found = without_undecided(hypotheses, found)
     takes = {place: (whole.shrinkage or 0.0) - (share.shrinkage or 0.0) for place, share in shares.items()}
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
@@ -108,13 +113,15 @@ def fit(
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
     found = with_scatter(found, hidden)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
+    small = {c.place for c in found.also}
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
     return Fitted(
         conclusion=found,
         model=model,
-        causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
+        causes=tuple(sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.shrinkage)),
+        also=undecided(hypotheses, found),
         gap=whole,
-        unexplained=replace(remaining, could_be=could_be),
+        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
         questions=(*asked.impossible, *asked.unusual),
         noise_source=shown.source,
     )
@@ -137,7 +144,7 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
-    return model, [cause(model, own, found.classes[c]) for c, own in zip(named, ordered, strict=True)]
+    return model, [cause(model, own, found, c) for c, own in zip(named, ordered, strict=True)]
 
 
 def _floor(settled: Settled) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
-from gtpin.diagnosis.inference.findings import Doubt, Verdict
+from gtpin.diagnosis.inference.findings import Description, Doubt, Member, Verdict
 from gtpin.diagnosis.priors import SURE
 
 
@@ -47,6 +47,10 @@ class Conclusion:
         Gain in log evidence of every hypothesis and smooth term as the only one.
     beside
         Smooth terms that are needed beside the causes.
+    also
+        Those causes that are weak and undecided: they do not change the verdict.
+    descriptions
+        Flexible families that fit and are no causes.
     """
 
     model: Model
@@ -54,13 +58,15 @@ class Conclusion:
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
     beside: tuple[SmoothTerm, ...] = ()
+    also: tuple[Hypothesis, ...] = ()
+    descriptions: tuple[Description, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
         """The verdict: the first of ``unknown``, ``ambiguous``, ``explained`` and ``none`` that applies."""
         if self.doubts:
             return "unknown"
-        if len(self.sure()) < len(self.classes):
+        if len(self.sure()) < len(self.classes) - len(self.also):
             return "ambiguous"
         return "explained" if self.classes else "none"
 
@@ -77,6 +83,13 @@ class Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
+
+    def members(self, cause: Hypothesis) -> tuple[Member, ...]:
+        """The class of a cause, as it is reported."""
+        return tuple(
+            Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None)
+            for m in self.classes[cause]
+        )
 
     def sure(self) -> list[Hypothesis]:
         """Causes that lead their class with a probability of 0.95 or more."""
