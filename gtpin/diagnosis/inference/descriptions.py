@@ -53,9 +53,10 @@ def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusio
 
 
 def is_mechanism(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> bool:
-    """Whether forms with few parameters explain what a flexible family does, at least as likely as the family itself.
+    """Whether forms with few parameters explain what a flexible family does, as likely as the family and any smooth function.
 
-    The forms are chosen one after the other, each against the prior odds of a choice among all of them.
+    The forms are chosen one after the other, each against the prior odds of a choice among all of them. The family may be
+    likelier by the share of its evidence that a cause's modulation has.
     """
     groups, at = hypotheses.groups, hypotheses.design.situation
     rest = without(groups, model, cause, sweeps=1)
@@ -78,7 +79,7 @@ def is_mechanism(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> 
     )
     own = model.log_evidence - rest.log_evidence
     smooth = max((g.value for g in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()), default=0.0)
-    return bool(by_forms >= max(own, smooth))
+    return bool(by_forms >= max((1.0 - hypotheses.priors.modulation) * own, smooth))
 
 
 def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, ...]:
