@@ -163,9 +163,11 @@ class Residuals:
 
         ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
         """
-        u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / self.sigma
+        # The points of a line of the causes are no rows of the dataset: the noise of the first row is that of all.
+        sigma = self.sigma if len(motion) == len(self) else self.sigma[:1]
+        u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
         power = np.einsum("nc,nc->n", u, u)
-        return np.asarray(np.einsum("nc,nc->n", u, residual / self.sigma) / np.maximum(power, 1e-300))
+        return np.asarray(np.einsum("nc,nc->n", u, residual / sigma) / np.maximum(power, 1e-300))
 
     def component(self, name: str, residual: Floats, by_command: Floats | None = None) -> Floats:
         """(N,) residuals along an axis (``x``, ``rx``) or along the travel of an actuator (``cart2``), m or rad.

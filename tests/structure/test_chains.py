@@ -23,13 +23,9 @@ ASKING = frozenset(
         "diagnosis/against/measured.py",
         "diagnosis/hypotheses/hypothesis.py",  # the search is wider on joints, which have many lines: work of the diagnosis
         "diagnosis/hypotheses/hypothesis_set.py",
-        "diagnosis/hypotheses/lines.py",
         "diagnosis/hypotheses/smooth_terms.py",
-        "diagnosis/inference/classes.py",
-        "diagnosis/inference/infer.py",
         "diagnosis/inference/joint_fit.py",
         "diagnosis/inference/predictive.py",
-        "diagnosis/inference/search.py",
         "diagnosis/inference/settle.py",
         "diagnosis/inference/where.py",
         "diagnosis/planning/make_testable.py",
