@@ -232,6 +232,7 @@ def _diagnosis(
     return Diagnosis(
         verdict=found.verdict,
         causes=fitted.causes,
+        also=fitted.also,
         candidates=considered(hypotheses, found, settled.proposal.untested, fitted.unexplained.could_be),
         where=where(hypotheses, found.alone, regions),
         gap=fitted.gap,
