@@ -181,6 +181,8 @@ class Residuals:
         """
         if name in self._read:
             rows, k, _ = self._read[name]
+            if len(residual) != len(self):  # points of a line of the causes, which have every number of a pose
+                return np.asarray(residual[:, k])
             found = np.full(len(residual), np.nan)
             found[rows] = residual[rows, k]
             return found
