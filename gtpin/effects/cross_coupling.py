@@ -93,7 +93,7 @@ class CrossCoupling(Effect):
 
     def forms(self, robot: Robot, site: str) -> list[list[int]]:
         """The lowest cosines of one other actuator: gears that pass through each other, a beam that another cart bends."""
-        chosen = _products(robot.n_actuators - 1, bool(robot.rods), robot.sites.index(site))
+        chosen = _products(robot.n_actuators - 1, site not in joints(robot), robot.sites.index(site))
         return [[k * chosen.single + order for order in range(LOWEST)] for k in range(chosen.others)]
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:

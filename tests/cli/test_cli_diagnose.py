@@ -21,7 +21,18 @@ from gtpin.output.shown import present
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a plant holds constant is noticed
 SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
-KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
+KEYS = {
+    "schema",
+    "verdict",
+    "causes",
+    "candidates",
+    "where",
+    "gap",
+    "unexplained",
+    "next_experiment",
+    "warnings",
+    "also",
+}
 
 
 def made(folder, *effects):

@@ -127,6 +127,8 @@ def test_the_causes_line_along_its_column_shows_every_turn_of_its_wave_and_goes_
     made = residuals.component("cart2", residuals.before - residuals.after)
     off = np.interp(residuals.dataset.q[:, 1], x, y) - made
     assert np.std(off) < 0.35 * np.std(made)
+    for name in residuals.component_names:  # in every component, at all points
+        np.testing.assert_array_equal(np.isfinite(line.fit[name]), np.isfinite(line.x))
 
 
 def test_no_line_is_drawn_along_what_no_cause_goes_with(residuals):
