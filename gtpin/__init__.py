@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gtpin.accuracy.analysis import Accuracy, analyse
     from gtpin.calibration.calibrate import calibrate
     from gtpin.calibration.result import Calibration
     from gtpin.certificate.certify import certify
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
+    "Accuracy": "gtpin.accuracy.analysis",
+    "analyse": "gtpin.accuracy.analysis",
     "calibrate": "gtpin.calibration.calibrate",
     "Calibration": "gtpin.calibration.result",
     "certify": "gtpin.certificate.certify",
@@ -95,6 +98,7 @@ def __dir__() -> list[str]:
 
 
 __all__ = [
+    "Accuracy",
     "Calibration",
     "Certificate",
     "ClosedPosture",
@@ -116,6 +120,7 @@ __all__ = [
     "Robot",
     "Unknown",
     "__version__",
+    "analyse",
     "calibrate",
     "catalogue",
     "certify",

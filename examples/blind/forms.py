@@ -232,17 +232,19 @@ DRAWN: Mapping[str, Callable[[str, int, Any, int, np.random.Generator], Drawn]] 
 
 
 def table(records: pd.DataFrame) -> str:
-    """Counts by form and energy."""
-    heads = ("form", "E", "machines", "named right, nothing else", "in the class", "`unknown`", "a false cause sure")
+    """Counts by form, of the energies in their order."""
+    heads = ("form", "named right, nothing else", "in the class", "`unknown`", "a false cause sure")
     heads += ("size named over true", "95 % interval covers")
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for form, (effect, words) in FORMS.items():
+        cells: list[list[str]] = []
         for energy in ENERGIES:
             rows = records[(records["form"] == form) & (records["energy"].astype(float) == energy)]
             counts = [int(pd.to_numeric(rows[name]).sum()) for name in ("right", "class", "unknown", "false")]
             sizes = pd.to_numeric(rows["size"], errors="coerce").dropna()
             covers = int(pd.to_numeric(rows["covers"], errors="coerce").sum())
-            size = [f"{sizes.min():.2f} to {sizes.max():.2f}", f"{covers} of {len(sizes)}"] if len(sizes) else ["", ""]
-            cells = [f"`{effect}`: {words}", f"{energy:g}", str(len(rows)), *map(str, counts), *size]
-            lines.append("| " + " | ".join(cells) + " |")
+            size = [f"{sizes.min():.2f} to {sizes.max():.2f}", f"{covers}"] if len(sizes) else ["", ""]
+            cells.append([*map(str, counts), *size])
+        joined = ["; ".join(filter(None, values)) for values in zip(*cells, strict=True)]
+        lines.append(f"| `{effect}`: {words} | " + " | ".join(joined) + " |")
     return "\n".join(lines)

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (a page of prose)
-"""Makes docs/blind.md from a check's results, and adds a full run to the log of all of them.
+"""Makes docs/blind.md from a check's results, lists its failures in a file, and adds a full run to the log of all of them.
 
 python examples/blind/page.py docs                   # the page without a run
 python examples/blind/page.py docs DIR               # with the check in DIR
@@ -9,7 +9,9 @@ Writes docs/figures/blind.json too, from which other pages take their sealed sco
 
 from __future__ import annotations
 
+import csv
 import datetime
+import io
 import json
 import sys
 from collections.abc import Sequence
@@ -29,17 +31,22 @@ from gtpin.report.page import Table
 
 FULL = 1000
 """Cases from which a run is a full one."""
-LOG = "blind_runs.md"
-PROSE = ("introduction.md", "pairs.md", "forms.md")
+LOG = "figures/blind_runs.md"
+FAILURES = "figures/blind_failures.csv"
+PROSE = ("introduction.md", "pairs.md", "forms.md", "machines.md")
 """What the page begins with; ``examples/pages/refresh.py`` fills in the figures."""
 KEPT = ("cases", "check", "failures", "figures")
 """Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
-LOG_HEAD = """# All full runs of the blind check
-
-Every run of at least 1,000 cases, the bad ones too, the latest last. [The page](blind.md) shows the latest.
-
-| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
+LOG_HEAD = """| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
 |---|---|---|---|---|---|---|---|---|---|
+"""
+RUNS = """
+## All full runs
+
+Every run of at least 1,000 cases, the bad ones too, the latest last.
+
+<!-- figures: blind_runs -->
+<!-- end of figures -->
 """
 
 
@@ -47,8 +54,8 @@ def page(folder: Path | None) -> str:
     """The page, with the results of a check where there is one."""
     text = "".join((Path(__file__).parent / name).read_text(encoding="utf-8") for name in PROSE)
     if folder is None:
-        return text + "\n## The latest full run\n\nNone has been made yet.\n"
-    result, cases = _read(folder)
+        return f"{text}\n## The latest full run\n\nNone has been made yet.\n{RUNS}"
+    result, _ = _read(folder)
     about = result["check"]
     full = "The latest full run" if result["cases"] >= FULL else f"A run of {result['cases']} cases (not a full one)"
     parts = [
@@ -56,12 +63,10 @@ def page(folder: Path | None) -> str:
         f"## {full}\n",
         f"`{_command(about)}`: {headline(result)}.\n",
         f"Plant `{about['plant']}`, sources of the diagnosis `{about['diagnosis']}`, manifest of the sealed truths `{about['manifest']}`."
-        f" All full runs: [{LOG}]({LOG}).\n",
+        f" Every failure, with its reason: [{FAILURES}]({FAILURES}).\n",
         _markdown(figure_table(result)),
         "### By effect\n",
         _markdown(effect_table(result)),
-        "### What single effects were named as\n",
-        _confusion(result["confusion"]),
         "### Probabilities\n",
         _markdown(reliability_table(result)),
         "### Power\n",
@@ -69,10 +74,17 @@ def page(folder: Path | None) -> str:
         _power(result["power"]),
         "### Methods for comparison\n",
         _markdown(baseline_table(result)),
-        "### Every failure\n",
-        _markdown(failure_table(cases)),
+        RUNS.lstrip("\n"),
     ]
     return "\n".join(parts)
+
+
+def failures(folder: Path) -> str:
+    """Every failure of a check, as CSV."""
+    table = failure_table(_read(folder)[1])
+    written = io.StringIO()
+    csv.writer(written, lineterminator="\n").writerows([table.head, *table.rows])
+    return written.getvalue()
 
 
 def logged(log: Path, folder: Path, day: datetime.date) -> None:
@@ -118,14 +130,6 @@ def _rows(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
 
 
-def _confusion(told: dict[str, dict[str, int]]) -> str:
-    rows = []
-    for true, said in told.items():
-        words = [f"{word} {count}" for word, count in sorted(said.items(), key=lambda item: -item[1]) if word != true]
-        rows.append((true, str(sum(said.values())), str(said.get(true, 0)), ", ".join(words)))
-    return _rows(("effect", "cases", "named", "named instead"), rows)
-
-
 def _power(told: list[dict[str, Any]]) -> str:
     rows = []
     for row in told:
@@ -151,6 +155,7 @@ if __name__ == "__main__":
         result, cases = _read(run)
         kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
         (docs / "figures" / "blind.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        (docs / FAILURES).write_text(failures(run), encoding="utf-8")
         logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
     elif not (docs / LOG).exists():
         (docs / LOG).write_text(LOG_HEAD, encoding="utf-8")

@@ -118,7 +118,7 @@ def table(records: pd.DataFrame) -> str:
 def _cell(found: Rate) -> str:
     if found.value is None:
         return "–"
-    return f"{found.value:.3f}" + ("" if found.low is None else f" ({found.low:.3f} .. {found.high:.3f})")
+    return f"{found.value:.3f}" + ("" if found.low is None else f" ({found.low:.3f}..{found.high:.3f})")
 
 
 def _of_check(folder: CheckFolder, name: str, digest: str) -> list[dict[str, object]]:

@@ -104,15 +104,16 @@ def _said(found: Conclusion, truth: dict[tuple[str, str], float], kind: str) -> 
 
 
 def table(records: pd.DataFrame) -> str:
-    """Share of the cases in which each measure holds, by number and factor."""
+    """Share of the cases in which each measure holds, by number and factor; values with the same counts share a row."""
     heads = ("effect in a class", "effect alone", "silent on none", "unlisted called unknown", "a false cause sure")
-    lines = ["| number | value | " + " | ".join(heads) + " |", "|---|---|" + "---|" * len(heads)]
+    lines = ["| number, and its value | " + " | ".join(heads) + " |", "|---|" + "---|" * len(heads)]
+    shared: dict[tuple[str, ...], list[str]] = {}
     for name in ("", *VARIED):
         for factor in (1.0,) if not name else FACTORS:
             rows = records[(records["prior"] == name) & (records["factor"].astype(float) == factor)]
-            value = "" if not name else f"{factor * getattr(PRIORS, name):g}"
-            label = "as they are" if not name else f"`{name}`"
-            lines.append(f"| {label} | {value} | " + " | ".join(_share(rows[figure]) for figure in FIGURES) + " |")
+            label = "as they are" if not name else f"`{name}` {factor * getattr(PRIORS, name):g}"
+            shared.setdefault(tuple(_share(rows[figure]) for figure in FIGURES), []).append(label)
+    lines += [f"| {', '.join(labels)} | " + " | ".join(counts) + " |" for counts, labels in shared.items()]
     return "\n".join(lines)
 
 

@@ -30,40 +30,22 @@ DRAWS = 24
 
 INTRODUCTION = """# The paper, reproduced
 
-Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010. This page compares
-the numbers in the paper with those that gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/`
-makes the page again, and figures like the paper's figures 4, 5, 6, 8, 9 and 10. The tests in `tests/paper` check the numbers.
+Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's figures 4, 5, 6, 8, 9 and 10. The tests in `tests/paper` check the numbers.
 
-There are three kinds of numbers on this page. *Printed*: from the paper. *Computed*: from the paper's own numbers (Table II) and
-gtpin's kinematics; nothing is simulated. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. The kinds and sizes of
-its errors are the paper's. How its errors vary along the tracks is assumed.
+*Printed*: from the paper. *Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. S_pos, S_rot and S_cost are the paper's sums, over all poses, of the change of position, of orientation and of a link's squared closure residual that a small step of one parameter causes.
 
-In the tables a cell is: printed / gtpin's number (ratio of gtpin's number to the printed one). A standard deviation follows ± where there is one.
-S_pos, S_rot and S_cost are the paper's sums, over all poses, of the change of position, of orientation and of a link's squared closure residual that a
-small step of one parameter causes.
-
-Only six numbers were fitted to the paper: the limits of the measurement grid. They were fitted to the S_pos and S_rot rows of Table III for parameters that
-gtpin also has, and to the number of poses that the paper kept. Nothing else was fitted: not Table I, not S_cost, not the ranges of orientation,
-not the rows of the Euler angles of links 2a and 2b, not the twin's version of Table I. The sizes of the twin's errors were chosen by hand
-so that the costs by link and model are close to Table II's last column.
+Only six numbers were fitted to the paper: the limits of the measurement grid, to rows S_pos and S_rot of Table III and the number of poses that the paper kept. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
 """
 
 GRID = """## The measurement grid, from Table III
 
-The paper does not print the limits of its grid, nor how it sums the changes of the orientation angles. Six numbers, the centre and half widths of a grid of
-six layers of 6 x 5 points with the commands limited to the actuator range, were fitted to {numbers} numbers of S_pos and S_rot (rows L, P and C of
-all links, track directions of links 1, 3a, 3b and 3c) and to the {kept} of {of} poses that the paper kept. Relative to the home TCP, along the
-tracks, across them and upwards: centre ({c[0]:.3f}, {c[1]:.3f}, {c[2]:.3f}) m, half widths
-({h[0]:.3f}, {h[1]:.3f}, {h[2]:.3f}) m. {inside} of its 180 poses lie within the actuator range.
-
-Here the change of orientation is the sum of the absolute changes of the three ZYZ angles.
+The paper does not print the limits of its grid. Centre and half widths of a grid of six layers of 6 x 5 points were fitted to {numbers} numbers of S_pos and S_rot (rows L, P and C of all links, track directions of links 1, 3a, 3b and 3c) and to the {kept} of {of} poses that the paper kept. Relative to the home TCP, along the tracks, across them and upwards: centre ({c[0]:.3f}, {c[1]:.3f}, {c[2]:.3f}) m, half widths
+({h[0]:.3f}, {h[1]:.3f}, {h[2]:.3f}) m. {inside} of its 180 poses lie within the actuator range. The change of orientation is the sum of the absolute changes of the three ZYZ angles.
 """
 
 TABLE1 = """## Table I from Table II
 
-Gaussian closure residuals with the variance of Table II's final costs are propagated through the inverse closure Jacobian over the
-grid (computed). The tables give the expected mean error and the expected largest error of 61 poses, ± the standard deviation between sets of 61 poses.
-The track directions of model 2 are printed in another frame, so those of model 1 are used.
+Gaussian closure residuals with the variance of Table II's final costs, propagated through the inverse closure Jacobian over the grid (computed): expected mean and largest error of 61 poses, ± the standard deviation between sets of 61 poses. Model 2 has the track directions of model 1, because its own are printed in another frame.
 
 {near} of the ten printed numbers lie within two standard deviations. The largest difference is that of {farthest}: {most:.1f} standard deviations.
 """
@@ -75,44 +57,26 @@ The ranges of the ZYZ angles of the nominal geometry over the whole grid (comput
 
 TABLE3 = """## Table III
 
-Sums over 61 poses and over both signs of a step of 5e-5 (m, rad, or without unit for track directions). The effect of the step is computed without linearisation, as 61 times the mean over the grid.
-S_cost is the expectation over Gaussian residuals with the variance of Table II. The last three rows of each table of the paper are track
-directions for links 1, 3a, 3b and 3c. For 2a and 2b they are the three Euler angles of the transformation between two tracker frames. These are
-ZYX angles, printed in degrees; the step is in radians. A joint on cart 2 is at C = t + R m(q), with the measured track m(q), which is not printed.
-The lever arm R m(q) = C - t follows from printed numbers: C from the offset and direction of model 3, t from the offset of model 4.
+Sums over 61 poses and over both signs of a step of 5e-5 (m, rad, or without unit for track directions), without linearisation, as 61 times the mean over the grid. S_cost is the expectation over Gaussian residuals with the variance of Table II. For 2a and 2b the last rows are the ZYX Euler angles of the transformation between two tracker frames; a joint on cart 2 is at C = t + R m(q), with the measured track m(q), which is not printed, and R m(q) = C - t follows from printed numbers.
 """
 
 PEAK = """## Where the error is largest (Fig. 9)
 
-At the pose of a set of 61 where the position error is largest, the squared closure residual of link 1 is nearly its largest in the set. For the other
-links this is not so. The table gives the mean rank of each link's residual at that pose, from 0 (the smallest of the set) to 1 (the largest). By chance it would be 0.5 (computed, Gaussian
-residuals with the variance of Table II):
+The mean rank of each link's squared closure residual at the pose of a set of 61 where the position error is largest, from 0 (the smallest of the set) to 1 (by chance it would be 0.5; computed). For link 1 it is nearly the largest:
 
 {ranks}
-
-The figure shows all six links for one such set.
 """
 
 TWIN = """## A twin of the experiment
 
-The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts: along their guideways (28 points each) and at 150 random poses.
-The README of `examples/dressler2010/` says which numbers are the paper's, which are simulated and which are assumed. `gtpin
-compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper
-had 122 such poses. The sizes of the twin's errors were chosen on this grid, which is longer along the tracks than the one above. The columns *grid of Table III* below are of the same
-machines measured at the {recovered} poses of the grid above. The random errors are drawn several times: one draw is shown first (seed 2010), then {draws} (seeds 0 to {last}).
+The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (`examples/dressler2010/README.md` says what is the paper's and what is assumed). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122 such poses. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. One draw of the random errors is shown first (seed 2010), then {draws} (seeds 0 to {last}).
 
-Results:
-
-- The errors have the size of Table I, and its order except for models 2 and 3. Out of {draws} draws, with the pose cost, the mean error of the first model is larger than that of the second: 1 > 2 in {o[0]}, 2 > 3
-  in {o[1]}, 3 > 4 in {o[2]}, 4 > 5 in {o[3]}.
-- A measured track reduces the error at cart 2, does not change it at cart 1, and increases it at cart 3. The target on cart 3 was at
-  link 3c, and the printed track directions of 3a and 3b have smaller norms than that of 3c.
-- Models 2 and 3 do not have the paper's order. According to Table II's costs, the rotation of the plate contributes {asked:.0f}
-  micrometres of rod length to the residual of link 1; according to the geometry of Table II, {given:.0f}. So the change from the reduced arm (models 1 and 2) to the full arm (models 3 to 5) reduces the error less than in the paper.
-- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws, because the errors of the links of one cart are correlated, and because the poses are held out.
-- Models 4 and 5 differ only in link 1 and cart 3, and their errors are close: {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives
-  {from_table2:.1f} um (Table I from Table II, above).
-- Of {fits} comparisons of a model by the pose cost in these draws, {aside} set poses aside as gross errors.
+- The errors have the size of Table I, and its order except for models 2 and 3. Of {draws} draws, the mean error of the first model is larger: 1 > 2 in {o[0]}, 2 > 3 in {o[1]}, 3 > 4 in {o[2]}, 4 > 5 in {o[3]}.
+- A measured track reduces the error at cart 2, does not change it at cart 1, and increases it at cart 3, whose target was at link 3c.
+- Models 2 and 3: by Table II's costs, the rotation of the plate contributes {asked:.0f} micrometres of rod length to the residual of link 1; by its geometry, {given:.0f}.
+- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of the links of one cart are correlated, and the poses are held out.
+- Models 4 and 5 are {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives {from_table2:.1f} um.
+- Of {fits} comparisons by the pose cost, {aside} set poses aside as gross errors.
 """
 
 DIRECTIONS = """## The norms of the printed track directions
@@ -121,28 +85,24 @@ The directions of Table II, model 3, are not unit vectors. |v| - 1 is
 
 {rows}
 
-It is largest on cart 2. A direction of norm 1 + s moves a cart by (1 + s) q: in the paper's fit the scale error of the drive became part of the direction. In gtpin
-directions are unit vectors, and the scale is a separate parameter (`scale[2b]`) with its own sigma.
+In the paper's fit the scale error of the drive became part of the direction. In gtpin directions are unit vectors, and the scale is a separate parameter (`scale[2b]`).
 """
 
 COSTS = """## The two costs
 
-The paper minimises squared closure residuals, for each link separately (*closure cost*). This is fast and needs no forward kinematics. But the measured pose
-is part of the regressors: its noise, above all that of the orientation, biases the estimated joint positions. There are also no priors for parameters
-that the poses do not determine. gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*).
-Its estimates are not biased by noise, and the parameters have correct sigmas. `tests/paper_models` measures the bias with an orientation noise of a
-milliradian: about 0.8 mm in the joints of the plate, with tolerances of 1 mm. With the pose cost no significant bias is found. Use the closure cost to compare links with one another, as Table II does, and the pose cost to calibrate.
+The paper minimises squared closure residuals, for each link separately (*closure cost*). The measured pose is then part of the regressors: its noise, above all that of the orientation, biases the estimated joint positions. gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*). `tests/paper_models` measures the bias with an orientation noise of a
+milliradian: about 0.8 mm in the joints of the plate, with tolerances of 1 mm; with the pose cost none is found. Use the closure cost to compare links with one another, as Table II does, and the pose cost to calibrate.
 """
 
 
 def block(b: Block) -> str:
-    """A block as a Markdown table: printed / gtpin's, with its spread where it has one (ratio)."""
+    """A block as a Markdown table: printed / gtpin's, with its spread where it has one."""
     lines = [f"**{b.name}** ({b.unit}); relative deviations {100 * b.rms:.1f} % RMS, largest {100 * b.worst:.1f} %", ""]
     lines += ["| | " + " | ".join(b.columns) + " |", "|---" * (len(b.columns) + 1) + "|"]
     spreads = np.zeros_like(b.ours) if b.spread is None else b.spread
     for name, printed, ours, spread in zip(b.rows, b.printed, b.ours, spreads, strict=True):
         about = [f" ± {s:.2g}" if s else "" for s in spread]
-        cells = (f"{p:.3g} / {o:.3g}{s} ({o / p:.2f})" for p, o, s in zip(printed, ours, about, strict=True))
+        cells = (f"{p:.3g}/{o:.3g}{s}" for p, o, s in zip(printed, ours, about, strict=True))
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -170,7 +130,7 @@ def twin(draws: Draws, from_table2: float) -> str:
     for held in closures.held:
         if held.model in (3, 4) and held.closure_cost is not None:
             scaled = held.closure_cost * told.measurement.calibration_poses / len(held.position)
-            cells = (f"{p:.2g} / {o:.2g} ({o / p:.2f})" for p, o in zip(told.costs(held.model), scaled, strict=True))
+            cells = (f"{p:.2g}/{o:.2g} ({o / p:.2f})" for p, o in zip(told.costs(held.model), scaled, strict=True))
             lines.append(f"| {held.model} | " + " | ".join(cells) + " |")
     lines += [
         "",

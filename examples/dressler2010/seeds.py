@@ -137,7 +137,7 @@ def markdown(draws: Draws) -> str:
     paper = tables()
     lines = ["| model | 1 | 2 or 2a | 2b | 3 or 3a | 3b | 3c |", "|---" * 7 + "|"]
     for n, found in draws.rods.items():
-        cells = [f"{p:.0f} / {t:.0f}" for p, t in zip(printed_rods(n), found.mean(axis=0), strict=True)]
+        cells = [f"{p:.0f}/{t:.0f}" for p, t in zip(printed_rods(n), found.mean(axis=0), strict=True)]
         lines.append(f"| {n} | " + " | ".join(cells if n > 2 else [cells[0], cells[1], "", cells[2], "", ""]) + " |")
     lines += [
         "",
@@ -165,7 +165,7 @@ def markdown(draws: Draws) -> str:
     lines += ["", f"Number of draws, of {len(draws)}, {counted}", ""]
     lines += ["| seed | 1 | 2 | 3 | 4 | 5 |", "|---" * 6 + "|"]
     for seed, errors in enumerate(draws.pose):
-        lines.append(f"| {seed} | " + " | ".join(f"{mean:.1f} / {largest:.0f}" for mean, largest in errors) + " |")
+        lines.append(f"| {seed} | " + " | ".join(f"{mean:.1f}/{largest:.0f}" for mean, largest in errors) + " |")
     lines += ["", "Every draw, pose cost: mean / largest held-out error of each model, micrometres."]
     return "\n".join(lines) + "\n"
 

@@ -2,7 +2,7 @@
 
 Draws every effect at its typical size, scales it to the same whitened energy past geometry, and asks how much log evidence
 every other effect gains on it, as a share of its own. ``python examples/pages/refresh.py --measure imitators`` measures the
-table of docs/effects/index.md again.
+table of docs/effects.md again.
 """
 
 from __future__ import annotations

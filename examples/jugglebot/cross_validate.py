@@ -1,7 +1,7 @@
 """What is left of Jugglebot's legs, in the sample and on poses that were not fitted: python cross_validate.py DATASET [FOLDS].
 
 Every fold is calibrated and diagnosed anew, without the poses that it is judged by. Writes docs/figures/jugglebot.json;
-``python examples/pages/refresh.py`` makes the table of docs/machines.md of it.
+``python examples/pages/refresh.py`` makes the table of docs/real_arms.md of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The blind check of every machine but the Gantry-Tau, for docs/machines.md: python scores.py FOLDER [CASES [SEED]].
+"""The blind check of every machine but the Gantry-Tau, for docs/blind.md: python scores.py FOLDER [CASES [SEED]].
 
 Writes docs/figures/machines.json; ``python examples/pages/refresh.py`` makes the page's table of it.
 """

@@ -1,4 +1,4 @@
-"""What is said of data with mistakes in them: a bench, and the table of docs/mistakes.md.
+"""What is said of data with mistakes in them: a bench, and the table of docs/dataset.md.
 
 Machines are drawn by the plant, with and without an effect, written as files, spoiled, and diagnosed. Each ends in one of
 
@@ -10,7 +10,7 @@ Machines are drawn by the plant, with and without an effect, written as files, s
 
     python examples/mistakes/bench.py [--machines 5] [--only WORDS] [-o mistakes.csv]
 
-``python examples/pages/refresh.py --measure mistakes`` measures the table of docs/mistakes.md again.
+``python examples/pages/refresh.py --measure mistakes`` measures the table of docs/dataset.md again.
 """
 
 from __future__ import annotations
@@ -132,10 +132,14 @@ def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mist
 
 
 def table(records: pd.DataFrame) -> str:
-    """Answers by mistake."""
-    lines = ["| mistake |" + "".join(f" {a} |" for a in ANSWERS), "|---|" + "---|" * len(ANSWERS)]
+    """Answers by mistake; mistakes with the same counts share a row."""
+    lines = ["|" + "".join(f" {a} |" for a in ANSWERS) + " mistakes |", "|" + "---|" * (len(ANSWERS) + 1)]
+    shared: dict[tuple[int, ...], list[str]] = {}
     for name, rows in records.groupby("mistake", sort=False):
-        lines.append(f"| {name} |" + "".join(f" {int((rows['answer'] == a).sum())} |" for a in ANSWERS))
+        counts = tuple(int((rows["answer"] == a).sum()) for a in ANSWERS)
+        shared.setdefault(counts, []).append(str(name))
+    for counts, names in shared.items():
+        lines.append("|" + "".join(f" {n} |" for n in counts) + f" {'; '.join(names)} |")
     return "\n".join(lines)
 
 

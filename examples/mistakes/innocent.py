@@ -1,4 +1,4 @@
-"""How often good data are accused of a mistake: a table of docs/mistakes.md.
+"""How often good data are accused of a mistake: a table of docs/dataset.md.
 
 Machines are drawn by the plant and calibrated. Their data have no mistake, but everything else that makes residuals: effects of
 the catalogue up to an energy of 5,000, effects outside the catalogue, heavy tails, gross errors, rounding, an instrument that

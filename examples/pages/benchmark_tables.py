@@ -58,7 +58,7 @@ def cell(figure: Mapping[str, Any]) -> str:
     value, low, high = figure["value"], figure["low"], figure["high"]
     if value is None:
         return "–"
-    return f"{value:.2f}" if low is None else f"{value:.2f} ({low:.2f} .. {high:.2f})"
+    return f"{value:.2f}" if low is None else f"{value:.2f} ({low:.2f}..{high:.2f})"
 
 
 def _table(columns: Mapping[str, str]) -> str:
@@ -99,22 +99,8 @@ def arms() -> str:
     return "\n".join(lines)
 
 
-def blocks() -> str:
-    """Errors of prediction by machine and instrument."""
-    found = _read()
-    names = list(found["blocks"])
-    lines = ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for rival, words in RIVALS.items():
-        if rival in found["by_block"]:
-            row = found["by_block"][rival]
-            cells = (cell(row[name]) for name in names)
-            lines.append(f"| {words} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
 TABLES: dict[str, Callable[[], str]] = {
     "benchmark_naming": naming,
     "benchmark_safety": safety,
-    "benchmark_blocks": blocks,
     "benchmark_arms": arms,
 }

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/gallery.md: each example and notebook is run, and what it found is drawn.
+"""Draws the pictures of the gallery in docs/python.md: each example and notebook is run, and what it found is drawn.
 
     python examples/pages/gallery.py              # all, into docs/gallery
     python examples/pages/gallery.py own_effect   # one
@@ -84,9 +84,7 @@ def page() -> str:
     entries = []
     for name, path in sources().items():
         place = path.relative_to(ROOT).as_posix()
-        entries.append(
-            f"### {_title(path)}\n\n`{place}`\n\n![{captions[name]}](gallery/{name}.svg)\n\n{captions[name]}\n"
-        )
+        entries.append(f"`{place}`: {_title(path)}\n\n![{captions[name]}](gallery/{name}.svg)\n")
     return "\n".join(entries).rstrip()
 
 

@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md, each drawn from the variables that its example leaves; the docstring is the caption."""
+"""The pictures of docs/python.md, each drawn from the variables that its example leaves; the docstring is the caption."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 from gtpin.diagnosis import priors
@@ -10,7 +11,7 @@ from gtpin.effects import modulation
 
 
 def priors_listed() -> str:
-    """Name, value and source of each prior, as Markdown."""
+    """Name, value and source of each prior, as Markdown; those with the same source share a row."""
     return _listed(Path(priors.__file__), priors.PRIORS)
 
 
@@ -22,11 +23,19 @@ def modulation_listed() -> str:
 def _listed(file: Path, values: object) -> str:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     (numbers,) = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    lines = ["| number | value | what it is, and its source |", "|---|---|---|"]
+    shared: dict[str, list[str]] = {}
     for field, text in zip(numbers.body, numbers.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             assert isinstance(text, ast.Expr)
             assert isinstance(text.value, ast.Constant)
-            words = " ".join(str(text.value.value).split()).replace("|", "\\|")
-            lines.append(f"| `{field.target.id}` | {getattr(values, field.target.id):g} | {words} |")
-    return "\n".join(lines)
+            words = _source(" ".join(str(text.value.value).split())).replace("|", "\\|")
+            shared.setdefault(words, []).append(f"`{field.target.id}` {getattr(values, field.target.id):g}")
+    lines = ["| source | numbers, and their values |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {source} | {', '.join(names)} |" for source, names in shared.items())])
+
+
+def _source(text: str) -> str:
+    """The sentences that say where the number is from; what it is stands in the docstring, and in the reference."""
+    sentences = re.split(r"(?<=\.) (?=[A-Z])", text)
+    found = [sentence for sentence in sentences if sentence.startswith(("Assumed", "Derived", "Measured"))]
+    return " ".join(found or sentences[-1:])

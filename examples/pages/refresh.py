@@ -20,6 +20,7 @@ from installed import extras_table
 from installed import table as installed_table
 from priors_listed import modulation_listed, priors_listed
 from scores import (
+    blind_runs,
     chain_scores,
     instrument_checks,
     instrument_scores,
@@ -42,6 +43,7 @@ BLOCK = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)",
 TABLES: dict[str, Callable[[], str]] = {
     **{figure.name: figure.table for figure in FIGURES},
     **BENCHMARK,
+    "blind_runs": blind_runs,
     "gallery": gallery,
     "sealed_score": sealed_score,
     "sealed_sentence": sealed_sentence,

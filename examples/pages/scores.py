@@ -41,7 +41,7 @@ MACHINE = {
     TAKEN + UNKNOWN: "taken out: unknown",
     "95 % interval of shrinkage covers": "explained fraction covered",
 }
-"""The same for docs/machines.md."""
+"""The same for docs/blind.md."""
 INSTRUMENT: dict[str, tuple[str, str, float | None, float | None]] = {
     "detected": ("detected, E > 63", "", None, None),
     "in_class": ("class right, E > 63", "0.95 or more", 0.95, None),
@@ -57,7 +57,7 @@ INSTRUMENT: dict[str, tuple[str, str, float | None, float | None]] = {
     "95 % interval of shrinkage covers": ("95 % interval of the explained fraction covers", "", None, None),
     "shrinkage said less realised": ("explained fraction: predicted less realised", "", None, None),
 }
-"""Scores of a check of one instrument: how docs/instruments.md calls each, its goal in words, and the goal's bounds."""
+"""Scores of a check of one instrument: how docs/blind.md calls each, its goal in words, and the goal's bounds."""
 
 
 def _record(name: str) -> Any:
@@ -68,7 +68,7 @@ def value(row: dict[str, Any]) -> str:
     """A figure with its 95 % bounds."""
     if row["value"] is None:
         return "no case"
-    bounds = "" if row["low"] is None else f" ({row['low']:.2f} to {row['high']:.2f})"
+    bounds = "" if row["low"] is None else f" ({row['low']:.2f}..{row['high']:.2f})"
     return f"{row['value']:.2f}{bounds}"
 
 
@@ -77,6 +77,11 @@ def sealed_sentence() -> str:
     check = _record("blind.json")["check"]
     command = f"gtpin blind -o DIR --cases {check['cases']} --seed {check['seed']}"
     return f"On {check['cases']:,} sealed cases (`{command}`), with 95 % bounds:"
+
+
+def blind_runs() -> str:
+    """The log of all full runs, which examples/blind/page.py keeps."""
+    return (RECORDS / "blind_runs.md").read_text(encoding="utf-8").strip()
 
 
 def sealed_score() -> str:
@@ -88,12 +93,12 @@ def sealed_score() -> str:
 
 
 def machine_scores() -> str:
-    """The scores of the other machines with rods, as docs/machines.md has them."""
+    """The scores of the other machines with rods, as docs/blind.md has them."""
     return _scores("machines.json")
 
 
 def chain_scores() -> str:
-    """The scores of arms and loops, as docs/machines.md has them."""
+    """The scores of arms and loops, as docs/blind.md has them."""
     return _scores("chains.json")
 
 
@@ -107,7 +112,7 @@ def _scores(record: str) -> str:
 
 
 def instrument_scores() -> str:
-    """The scores of instruments other than a tracker, as docs/instruments.md has them, each beside its goal."""
+    """The scores of instruments other than a tracker, as docs/blind.md has them, each beside its goal."""
     found = _record("blind_instruments.json")
     heads = [f"{words} (goal: {goal})" if goal else words for words, goal, _, _ in INSTRUMENT.values()]
     lines = ["| instrument | failed | " + " | ".join(heads) + " |", "|---" * (len(heads) + 2) + "|"]
@@ -142,7 +147,7 @@ def instrument_checks() -> str:
 
 
 def jugglebot() -> str:
-    """What is found on Jugglebot's measurements, as docs/machines.md has it."""
+    """What is found on Jugglebot's measurements, as docs/real_arms.md has it."""
     found = _record("jugglebot.json")
     lines = ["| RMS, mm | calibrated geometry | with the named cause |", "|---|---|---|"]
     for key, words in (
@@ -215,7 +220,7 @@ def real_causes() -> str:
 
 
 def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
-    """Parameters with sigmas; lines of a turning joint as periods a turn and amplitudes, the largest first."""
+    """Parameters with sigmas; of lines of a turning joint their number and the three largest."""
     lines = [name for name in parameters if name.startswith("period")]
     if not lines or parameters[lines[0]][2] != "rad":
         return "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in parameters.items())
@@ -228,7 +233,7 @@ def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
         found.append(
             (amplitude, f"{turns:.2f} ± {turns * spread / period:.2f}: {1e3 * amplitude:.3f} ± {1e3 * sigma:.3f}")
         )
-    return "periods a turn, and their amplitudes, mrad: " + "; ".join(text for _, text in sorted(found, reverse=True))
+    return f"{len(found)} lines; " + "; ".join(text for _, text in sorted(found, reverse=True)[:3])
 
 
 def real_sign() -> str:

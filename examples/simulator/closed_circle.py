@@ -5,7 +5,7 @@ as a file that holds the effects that MJCF has means for, brought to rest at the
 and by ``commands_for_simulator``, with the file of the nominal robot. MuJoCo's poses are read with a laser tracker's noise,
 and diagnosed against the nominal robot and against the diagnosed model.
 
-``python examples/pages/refresh.py --measure closed_circle`` measures the table of docs/simulator.md again.
+``python examples/pages/refresh.py --measure closed_circle`` measures the table of docs/export.md again.
 """
 
 from __future__ import annotations

@@ -50,8 +50,7 @@ class Accuracy(Shown):
     Examples
     --------
     >>> import gtpin
-    >>> from gtpin.accuracy.analysis import analyse
-    >>> accuracy = analyse(gtpin.read_model("gantry_tau"))
+    >>> accuracy = gtpin.analyse(gtpin.read_model("gantry_tau"))
     >>> accuracy.to_dataframe().columns.tolist()
     ['parameter', 'link', 'position_mm', 'rotation_rad', 'cost_m4']
     """

@@ -9,10 +9,7 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.extrapolated import warn_of_extrapolation
-from gtpin.effects.lasting import lasts
-from gtpin.effects.where_measured import part_of_turn
+from gtpin.effects.active import ActiveEffect, lasts, part_of_turn, warn_of_extrapolation
 from gtpin.errors import ConvergenceError, DatasetError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.robot import Robot

@@ -15,8 +15,7 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.scatter import independent
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.noise.noise import SMALLEST
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats

@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.instruments.readings import VAGUE, Readings
-from gtpin.kinematics.alignment import alignment
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.frame_and_target import alignment
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
@@ -223,5 +222,5 @@ def measured_poses(dataset: Dataset) -> Measured:
 
 
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
-    """First guess of the base frame's pose in the instrument's frame: see :func:`~gtpin.kinematics.alignment.alignment`."""
+    """First guess of the base frame's pose in the instrument's frame, by ``alignment``."""
     return Frame(*alignment(predicted, measured.T, measured.R))

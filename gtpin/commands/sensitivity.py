@@ -9,14 +9,12 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.analysis import analyse
-from gtpin.accuracy.figures import FILES
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
-from gtpin.output.shown import present
-from gtpin.report.accuracy_text import accuracy_text
+from gtpin.report.accuracy import AccuracyPresentation
 
 WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")
 
@@ -34,7 +32,7 @@ def sensitivity(
 ) -> None:
     """Show how each parameter moves the TCP, and the expected error over the workspace."""
     with (
-        results_folder(output, (*FILES, "report.html"), force=force) as folder,
+        results_folder(output, AccuracyPresentation.files, force=force) as folder,
         progress_of("sensitivity") as progress,
     ):
         found = read_model(model, tcp=tcp)
@@ -46,10 +44,10 @@ def sensitivity(
             predict(replace(found, effects=()), given)
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))
-        accuracy = analyse(found, q, seed=seed)
-        present(accuracy).write(folder)
+        shown = AccuracyPresentation(analyse(found, q, seed=seed))
+        result = shown.write(folder)
     written = f"Written: {_named(output, WRITTEN)}\nOpen {output / 'report.html'}"
-    tell(accuracy.to_json(), f"{accuracy_text(accuracy)}\n{written}", as_json)
+    tell(result, f"{shown.terminal()}\n{written}", as_json)
 
 
 def _named(folder: Path, files: tuple[str, ...]) -> str:

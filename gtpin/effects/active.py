@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from gtpin.effects.basis import Basis
+from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import Column, References, Situation
-from gtpin.effects.where_measured import where_measured
-from gtpin.errors import ModelError
-from gtpin.kinematics.chunks import chunks
-from gtpin.kinematics.poses import Poses
+from gtpin.effects.situation import PARTS, TURN, Column, References, Situation
+from gtpin.errors import ModelError, warn
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.protocol import Kinematics
 from gtpin.kinematics.rotations import exp
+from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -35,7 +35,7 @@ class ActiveEffect:
         Further values of the nonlinear parameter. Each value has its own coefficients.
     only_measured
         For a deviation of a turning joint's travel: it is zero at angles that its fit did not have
-        (:func:`~gtpin.effects.where_measured.where_measured`).
+        (:func:`~gtpin.effects.active.where_measured`).
     """
 
     effect: Effect
@@ -144,3 +144,98 @@ def _displaced(
             twist += basis.twist @ c
     poses = kinematics.displaced(q, plain, commands, twists, lengths)
     return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
+
+
+def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:
+    """Index of the part of a turn that has each angle, rad; whole turns make no difference."""
+    return np.asarray(np.floor(angle / TURN * PARTS).astype(int) % PARTS)
+
+
+def where_measured(at: Situation, effect: Effect, site: str, values: tuple[float, ...]) -> Basis:
+    """The basis of a turning joint's deviation, as :meth:`~gtpin.effects.effect.Effect.basis_of`, for a new calibration.
+
+    The deviation is zero at angles that the fit did not have. The geometry absorbs a deviation of the form
+    p0 + p1 cos(q) + p2 sin(q), exactly or nearly; an earlier fit determines this part badly. It is subtracted by least squares
+    over the angles of the fit, so that the new geometry need not absorb it at these angles alone.
+    """
+    j = at.robot.sites.index(site)
+    lower, upper = (float(ends[j]) for ends in at.references.commands)
+    angles = _centres(at.references.angles[j], lower, upper)
+    columns = _columns(_at(at, j, angles), effect, site, values)
+    absorbed = np.linalg.lstsq(_absorbed(angles), columns, rcond=None)[0]
+    q = _within(at.q[:, j], lower, upper)
+    basis = effect.basis_of(replace(at, q=_with(at.q, j, q)), site, values)
+    assert basis.command is not None
+    kept = (basis.command[1] - _absorbed(q) @ absorbed) * at.references.angles[j][part_of_turn(at.q[:, j])][:, None]
+    return along_track(at, site, kept, basis.sigma)
+
+
+def _within(angle: Floats, lower: float, upper: float) -> Floats:
+    """Angles moved by whole turns into the range of the fit where possible, else as near to it as possible."""
+    middle = 0.5 * (lower + upper)
+    outside = (angle < lower) | (angle > upper)
+    nearest = angle - TURN * np.round((angle - middle) / TURN)
+    return np.where(outside, nearest, angle)
+
+
+def _centres(measured: npt.NDArray[np.bool_], lower: float, upper: float) -> Floats:
+    """The middles of the measured parts of a turn, in the range of the fit, rad."""
+    middles = TURN * (np.arange(PARTS) + 0.5) / PARTS
+    return np.clip(_within(middles[measured], lower, upper), lower, upper)
+
+
+def _absorbed(angle: Floats) -> Floats:
+    """(N, 3) 1, cos(q), sin(q)."""
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _columns(at: Situation, effect: Effect, site: str, values: tuple[float, ...]) -> Floats:
+    command = effect.basis_of(at, site, values).command
+    assert command is not None
+    return command[1]
+
+
+def _at(at: Situation, j: int, angles: Floats) -> Situation:
+    """The robot at home, with joint j at some angles, rad."""
+    q = _with(np.tile(at.robot.home_q, (len(angles), 1)), j, angles)
+    return replace(at, q=q, poses=at.kinematics.forward(q), covariates={}, fixed=at.references)
+
+
+def _with(q: Floats, j: int, angle: Floats) -> Floats:
+    changed = q.copy()
+    changed[:, j] = angle
+    return changed
+
+
+OF_ITS_DAY = frozenset(("session", "time"))
+"""Covariates on which an effect of the instrument does not hold on another day."""
+
+
+def lasts(active: ActiveEffect, robot: Robot) -> bool:
+    """Whether an effect is neither a drift of the instrument nor a shift of it between sessions."""
+    return not (active.site == "frame" and bool(OF_ITS_DAY & set(active.effect.covariates(robot, active.site))))
+
+
+MARGIN = 0.05
+"""Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""
+
+
+def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Robot, q: Floats) -> None:
+    """Warn of effects of an actuator's travel at commands q (N, n), m or rad, outside the range of their fit.
+
+    For robots with rods this range is not stored, and there is no warning.
+    """
+    for active in effects:
+        low, high = active.references.commands
+        if not active.effect.of_travel or active.only_measured or active.site not in robot.sites or not len(low):
+            continue
+        j = robot.sites.index(active.site)
+        margin = MARGIN * float(high[j] - low[j])
+        outside = int(((q[:, j] < low[j] - margin) | (q[:, j] > high[j] + margin)).sum())
+        if outside:
+            unit, factor = ("deg", 180.0 / np.pi) if robot.revolute[j] else ("m", 1.0)
+            fitted = f"{low[j] * factor:.4g} to {high[j] * factor:.4g} {unit}"
+            warn(
+                f"{outside} of {len(q)} commands of {active.site} are outside {fitted}, where {active.name} was fitted: "
+                "its deviation there is extrapolated, and can be wrong"
+            )

@@ -10,11 +10,10 @@ import numpy as np
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import cart_load, joint_frame, of_body
 from gtpin.effects.effect import Effect, Range, unit
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import wave
+from gtpin.effects.smooth import approach, wave
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

@@ -10,10 +10,10 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import own_load
 from gtpin.effects.effect import Effect, Range, unit
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats

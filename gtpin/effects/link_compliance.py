@@ -10,11 +10,11 @@ import numpy as np
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import beam, bending, of_tips, tip_loads, torsion
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.joint_compliance import no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links, links_at
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats

@@ -61,7 +61,7 @@ class References:
         sliding joints, and empty where it is not known.
     joints
         Robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N m, as in
-        :func:`~gtpin.kinematics.joint_loads.joint_loads`.
+        :func:`~gtpin.kinematics.statics.joint_loads`.
     """
 
     temperature: float

@@ -6,9 +6,8 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
-from gtpin.effects.frames import FREEDOMS, frame_twist
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines, span
+from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, span
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

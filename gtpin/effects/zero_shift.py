@@ -7,9 +7,9 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import Effect
-from gtpin.effects.sessions import session_columns
 from gtpin.effects.sites import carts
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import session_columns
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

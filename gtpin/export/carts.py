@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
-from gtpin.effects.hysteresis import approach
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach
 from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, Curve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring

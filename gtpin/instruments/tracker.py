@@ -12,8 +12,7 @@ from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.instruments.targets import AXES, Targets
-from gtpin.kinematics.alignment import alignment
-from gtpin.kinematics.frame_and_target import TURN, frame_and_target
+from gtpin.kinematics.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
 from gtpin.typing import Floats

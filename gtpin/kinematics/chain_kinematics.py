@@ -11,11 +11,11 @@ import pinocchio as pin
 
 from gtpin.errors import ClosureError, ConvergenceError
 from gtpin.kinematics.bodies import bodies, configurations, driven_twists, index_of, responses
-from gtpin.kinematics.joint_loads import joint_loads
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies, SmallError
 from gtpin.kinematics.rotations import twist_jacobian
+from gtpin.kinematics.statics import joint_loads
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -88,7 +88,7 @@ class ChainKinematics:
         return twist[3:] if joint.revolute else twist[:3]
 
     def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Floats:
-        """(N, J + 1, 6) loads on each joint and the TCP: :func:`~gtpin.kinematics.joint_loads.joint_loads`."""
+        """(N, J + 1, 6) loads on each joint and the TCP: :func:`~gtpin.kinematics.statics.joint_loads`."""
         return joint_loads(self.robot, q, force, payload)
 
     def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:

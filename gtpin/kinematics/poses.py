@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.rotations import log, to_quaternions
 from gtpin.output.results import result_file
 from gtpin.output.shown import Shown, present
@@ -125,3 +124,12 @@ class Poses(Shown):
         """Plot the positions, m, in a plane of their frame: ``xy``, ``xz`` or ``yz``."""
         figure: Figure = present(self).workspace(view)
         return figure
+
+
+CHUNK = 4096
+"""Number of poses in a chunk: large enough that the loop takes little time, small enough for a processor's cache."""
+
+
+def chunks(count: int) -> list[slice]:
+    """Slices of at most ``CHUNK`` rows that cover ``count`` rows in order."""
+    return [slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import RodEnds
-from gtpin.kinematics.seats import ArmJoint, CarrierJoint, FixedJoint, MeasuredJoint, TrackJoint, Turned
+from gtpin.kinematics.seats import ArmJoint, CarrierJoint, MeasuredJoint, TrackJoint, Turned
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.robot import Robot
@@ -68,7 +68,7 @@ class RodGeometry:
     @cached_property
     def v(self) -> Floats:
         """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        return np.array([getattr(seat, "v", np.zeros(3)) for seat in self.seats])
+        return np.array([seat.v for seat in self.seats])
 
     @cached_property
     def seats(self) -> tuple[CarrierJoint, ...]:
@@ -116,7 +116,7 @@ class RodGeometry:
     def _seat(self, i: int, rod: Rod) -> CarrierJoint:
         robot, C0 = self.geometry.robot, self.C0[i]
         if rod.carrier is None:
-            return FixedJoint(C0)
+            return TrackJoint(C0, np.zeros(3), Turned(np.eye(3), np.zeros(3)))
         actuator = robot.actuators[rod.carrier]
         turned = Turned(rotation_axes(actuator.axis), self._turns[i])
         track = self.geometry.track(i)

@@ -8,10 +8,9 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from gtpin.kinematics.chunks import chunks
 from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.first_guess import FirstGuess
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.protocol import Bodies, SmallError
 from gtpin.kinematics.rod_geometry import RodGeometry

@@ -16,6 +16,10 @@ from gtpin.typing import Floats
 class CarrierJoint(Protocol):
     """A joint on a carrier. Everything is in the base frame; ``travel`` (N,) is in m or rad."""
 
+    @property
+    def v(self) -> Floats:
+        """(3,) unit direction of the track or axis; zero where nothing moves the joint."""
+
     def position(self, travel: Floats) -> Floats:
         """(N, 3) the paper's C(q), m."""
 
@@ -55,27 +59,8 @@ class Turned:
 
 
 @dataclass(frozen=True)
-class FixedJoint:
-    """A joint on the base."""
-
-    C0: Floats
-
-    def position(self, travel: Floats) -> Floats:
-        return np.broadcast_to(self.C0, (len(travel), 3))
-
-    def by_travel(self, travel: Floats) -> Floats:
-        return np.zeros((len(travel), 3))
-
-    def by_joint(self, travel: Floats, component: int) -> Floats:
-        return np.broadcast_to(np.eye(3)[component], (len(travel), 3))
-
-    def by_turn(self, travel: Floats, component: int) -> Floats:
-        return np.zeros((len(travel), 3))
-
-
-@dataclass(frozen=True)
 class TrackJoint:
-    """A joint on a cart that slides along a straight track: C(q) = C0 + q v (eq. 2)."""
+    """A joint on a cart that slides along a straight track: C(q) = C0 + q v (eq. 2); with a zero axis, one on the base."""
 
     C0: Floats
     axis: Floats
@@ -140,7 +125,7 @@ class MeasuredJoint:
     track: MeasuredTrack
     turned: Turned
 
-    @property
+    @cached_property
     def v(self) -> Floats:
         """(3,) unit direction of the track's chord."""
         chord = self.turned.R @ (self.track.path[-1] - self.track.path[0])

@@ -63,7 +63,7 @@ class UnexplainedRecord(Record):
 
 
 class ModelFile(Record):
-    """The whole of ``model.json``; docs/model.md explains the keys."""
+    """The whole of ``model.json``; docs/export.md explains the keys."""
 
     optional = ("joint_covariance", "fit", "unexplained")  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")

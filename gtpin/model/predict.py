@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtpin.data import Commands, check_commands
-from gtpin.effects.extrapolated import warn_of_extrapolation
+from gtpin.effects.active import warn_of_extrapolation
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.kinematics.chunks import chunks
+from gtpin.kinematics.poses import chunks
 from gtpin.noise.sight import line_of_sight, sight_shape
 from gtpin.typing import Floats
 

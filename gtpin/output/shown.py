@@ -60,7 +60,7 @@ class Presentation(ABC):
 
 
 PRESENTATIONS = {
-    "Accuracy": "show.accuracy",
+    "Accuracy": "accuracy",
     "Calibration": "calibration",
     "Certificate": "certificate",
     "Comparison": "comparison",

@@ -15,7 +15,6 @@ from gtpin.report.embedded import Plot, escaped
 from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
 from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import pose_names
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import quantity, typeset
 
@@ -137,7 +136,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
                 "theta": np.rad2deg(trace.angle),
                 "r": factor * trace.deviation[layer],
                 "line": {"color": color, "width": 1.5},
-                "text": pose_names(residuals, trace.rows),
+                "text": residuals.names[trace.rows],
                 "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
             }
         )

@@ -18,7 +18,7 @@ from gtpin.errors import DatasetError, GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import Drawing, alone
+from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.palette import ACCENT, FIT, GOOD, INK, SOFT, WARN
 from gtpin.report.provenance import provenance
@@ -204,18 +204,10 @@ def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
     for held in turned:
         assert held.angles is not None
         rows = shown(len(held.position))
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": f"model {held.model}",
-                "x": rows,
-                "y": 1e3 * held.angles[rows, names.index(angle)],
-                "line": {"width": 1.2, "color": COLORS[held.model]},
-            }
-        )
-    titles = {"xaxis": "held-out pose, in the dataset's order", "yaxis": f"{angle} (mrad)"}
-    return Drawing(traces, {axis: {"title": {"text": text}} for axis, text in titles.items()})
+        look = {"width": 1.2, "color": COLORS[held.model]}
+        y = 1e3 * held.angles[rows, names.index(angle)]
+        traces.append(scatter("lines", rows, y, name=f"model {held.model}", line=look))
+    return Drawing(traces, titled("held-out pose, in the dataset's order", f"{angle} (mrad)"))
 
 
 def carts_drawing(carts: CartMeasurements) -> Drawing:
@@ -224,7 +216,7 @@ def carts_drawing(carts: CartMeasurements) -> Drawing:
     for j in range(carts.n_actuators):
         line = Linearity.of(carts, j + 1)
         rows = shown(len(line.q))
-        places = {"x": line.q[rows], "y": 1e6 * line.absolute[rows]}
-        traces.append({"type": "scatter", "mode": "lines", "name": f"cart {j + 1}"} | places)
-    off = {"title": {"text": "off a straight line (µm)"}, "rangemode": "tozero"}
-    return Drawing(traces, {"xaxis": {"title": {"text": "commanded position (m)"}}, "yaxis": off})
+        traces.append(scatter("lines", line.q[rows], 1e6 * line.absolute[rows], name=f"cart {j + 1}"))
+    layout = titled("commanded position (m)", "off a straight line (µm)")
+    layout["yaxis"]["rangemode"] = "tozero"
+    return Drawing(traces, layout)

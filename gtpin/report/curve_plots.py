@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.estimate import WIDE
 from gtpin.report.effect_curves import Curve, Line
 from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import Drawing
+from gtpin.report.figure import Drawing, scatter, titled
 from gtpin.report.palette import CURVES, DATA
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import POINTS, shown
 from gtpin.report.words import joined, quantity
-
-if TYPE_CHECKING:
-    pass
 
 MOST = 6
 """Largest number of curves that are drawn per effect."""
@@ -69,71 +67,51 @@ def curve_notes(found: Sequence[Curve]) -> list[str]:
 
 
 def reach(found: Sequence[Curve]) -> str:
-    """The largest displacement by an effect in each unit, as text."""
+    """The largest displacement by an effect in each unit, as text; for a robot without rods also its motion of the TCP."""
     words = []
     for unit in ("m", "rad"):
         ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}
-        if ranges:
-            most = max(ranges, key=lambda name: ranges[name])
-            words.append(f"{most}: {quantity(ranges[most], unit)} peak to peak{_at_tcp(found, most)}")
+        if not ranges:
+            continue
+        most = max(ranges, key=lambda name: ranges[name])
+        lever = next(curve.lever for curve in found if curve.name == most)
+        told = f"{most}: {quantity(ranges[most], unit)} peak to peak"
+        if lever is not None and not most.startswith("shift along"):  # such a shift is the TCP's own
+            told += f", {quantity(lever * ranges[most], 'm')} at the TCP"
+        words.append(told)
     return "; ".join(words)
 
 
-def _at_tcp(found: Sequence[Curve], name: str) -> str:
-    """Motion of the TCP by a quantity, for a robot without rods; empty where it is the quantity itself."""
-    curve = next(curve for curve in found if curve.name == name)
-    if curve.lever is None or curve.name.startswith("shift along"):
-        return ""
-    return f", {quantity(curve.lever * curve.range, 'm')} at the TCP"
-
-
-def _columns(line: Line, factor: float) -> Mapping[str, Any]:
-    rows, thin = shown(len(line.points_x)), shown(len(line.x))
-    texts = line.x.dtype == object
-    return {
-        "x": [escaped(str(s)) for s in line.x[thin]] if texts else line.x[thin],
-        "y": factor * line.y[thin],
-        "low": factor * (line.y - WIDE * line.sigma)[thin],
-        "high": factor * (line.y + WIDE * line.sigma)[thin],
-        "reach": factor * WIDE * line.sigma[thin],
-        "points x": [escaped(str(s)) for s in line.points_x[rows]] if texts else line.points_x[rows],
-        "points y": factor * line.points_y[rows],
-    }
+def _texts(x: npt.NDArray[np.generic]) -> Any:
+    """Values of x as plotly takes them: sessions are text."""
+    return [escaped(str(s)) for s in x] if x.dtype == object else x
 
 
 def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank: int) -> list[dict[str, Any]]:
-    several, columns = len(curve.lines) > 1, _columns(line, factor)
-    points = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": columns["points x"],
-        "y": columns["points y"],
-        "name": "measured",
-        "marker": POINTS | {"color": color if several else DATA},
-        "legendrank": rank + 1,
-        "showlegend": len(line.points_x) > 0,
-        "hoverinfo": "x+y",
-    }
-    effect = {
-        "type": "scatter",
-        "x": columns["x"],
-        "y": columns["y"],
-        "name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}",
-        "legendrank": rank,
-    }
+    rows, thin = shown(len(line.points_x)), shown(len(line.x))
+    x, y, reach = _texts(line.x[thin]), factor * line.y[thin], factor * WIDE * line.sigma[thin]
+    points = scatter(
+        "markers",
+        _texts(line.points_x[rows]),
+        factor * line.points_y[rows],
+        name="measured",
+        marker=POINTS | {"color": color if len(curve.lines) > 1 else DATA},
+        legendrank=rank + 1,
+        showlegend=len(line.points_x) > 0,
+        hoverinfo="x+y",
+    )
+    effect = {"name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}", "legendrank": rank}
     if not curve.smooth:
-        bars = {"type": "data", "array": columns["reach"], "color": color, "thickness": 1, "width": 0}
-        marks = {"mode": "markers", "marker": {"color": color, "size": 5}, "error_y": bars}
-        return [points, effect | marks]
+        bars = {"type": "data", "array": reach, "color": color, "thickness": 1, "width": 0}
+        return [points, scatter("markers", x, y, marker={"color": color, "size": 5}, error_y=bars, **effect)]
     # The band is filled in two parts, below and above the effect, so that the legend shows the effect on its band.
     filled = {"fill": "tonexty", "fillcolor": band}
-    edge = {"type": "scatter", "mode": "lines", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
-    look = {"mode": "lines", "line": {"color": color, "width": 2.2}}
+    edge = {"hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
     return [
         points,
-        edge | {"x": columns["x"], "y": columns["low"]},
-        effect | look | filled,
-        edge | filled | {"x": columns["x"], "y": columns["high"]},
+        scatter("lines", x, y - reach, **edge),
+        scatter("lines", x, y, line={"color": color, "width": 2.2}, **filled, **effect),
+        scatter("lines", x, y + reach, **edge, **filled),
     ]
 
 
@@ -144,21 +122,17 @@ def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
     inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)
-    order = {"categoryorder": "array", "categoryarray": _columns(curve.lines[0], factor)["x"]}
-    kind = {"type": "category", "automargin": "height"} | order if curve.categories else {}
-    return {
-        "title": {
-            "text": f"{escaped(curve.name)} ({unit})",
-            "font": {"size": 13},
-            "x": 0,
-            "xref": "container",
-            "yref": "container",
-            "y": 1,
-            "yanchor": "top",
-            "pad": {"t": 6},
-        },
-        "xaxis": {"title": {"text": escaped(curve.x_title)}} | kind,
-        "yaxis": {"range": [factor * (low - room), factor * (high + room)]},
-        "legend": {"traceorder": "normal"},
-        "margin": {"t": 58 if len(curve.lines) == 1 else 70},  # room for a legend of two rows
-    }
+    layout = titled(escaped(curve.x_title), "", legend={"traceorder": "normal"})
+    if curve.categories:
+        order = _texts(curve.lines[0].x)
+        layout["xaxis"] |= {
+            "type": "category",
+            "automargin": "height",
+            "categoryorder": "array",
+            "categoryarray": order,
+        }
+    layout["yaxis"] = {"range": [factor * (low - room), factor * (high + room)]}
+    place = {"x": 0, "xref": "container", "yref": "container", "y": 1, "yanchor": "top", "pad": {"t": 6}}
+    layout["title"] = {"text": f"{escaped(curve.name)} ({unit})", "font": {"size": 13}} | place
+    layout["margin"] = {"t": 58 if len(curve.lines) == 1 else 70}  # room for a legend of two rows
+    return layout

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.estimate import WIDE
-from gtpin.report.effect_motions import motions
-from gtpin.report.motion import Motion
+from gtpin.report.effect_motions import Motion, motions
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
 from gtpin.typing import Floats

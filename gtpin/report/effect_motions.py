@@ -1,48 +1,109 @@
-"""Quantities that an effect displaces: shifts of a cart along or across its track, its rotations, a link's length, the
-frame."""
+"""Quantities that an effect displaces: travels of actuators, shifts and rotations of carts, axes of joints and tips of links,
+lengths of rods, the frame."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis, along_track, of_lengths
+from gtpin.effects.chain_motions import beam, joint_frame, tip_to_joint
+from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.report import chain_effect_motions as of_chain
-from gtpin.report.motion import Motion
+from gtpin.report.words import travel_words
+from gtpin.robot.chain import joint_axis
+from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
 FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "turn about y", "turn about z")
-
-
 SMALLEST = 1e-9
 """Displacement by a coefficient of typical size, m or rad, up to which it is a rounding error."""
 
 
+@dataclass(frozen=True)
+class Carried:
+    """The load that does work along a displaced quantity of a robot without rods.
+
+    Parameters
+    ----------
+    what
+        The part on which it acts, and its direction, in words.
+    index, way
+        Index of the placement frame, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in this
+        frame.
+    """
+
+    what: str
+    index: int
+    way: Floats
+
+    @property
+    def words(self) -> str:
+        """Its name: ``force on ...`` or ``moment on ...``."""
+        return f"{'moment' if self.way[3:].any() else 'force'} on {self.what}"
+
+    @property
+    def unit(self) -> str:
+        """``N`` or ``N m``."""
+        return "N m" if self.way[3:].any() else "N"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One quantity that an effect displaces, at N poses.
+
+    Parameters
+    ----------
+    name, unit
+        Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
+    columns
+        (N, m) displacement of the quantity for a value of 1 of each of the effect's m coefficients.
+    tcp
+        (N, 6 + k) displacement of the TCP, base frame, m and rad, and of k measured joints, by one unit of the quantity.
+    rod
+        Index of the rod whose length it is; None for other quantities.
+    straightened
+        Whether geometry absorbs a straight line of the quantity along the track, not only its mean.
+    carried
+        For a robot without rods, the load along the quantity; None where there is none.
+    """
+
+    name: str
+    unit: str
+    columns: Floats
+    tcp: Floats
+    rod: int | None = None
+    straightened: bool = False
+    carried: Carried | None = None
+
+
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     """All quantities that an effect displaces by more than a rounding error."""
-    basis = active.basis(at)
-    found = [*(_of_rods(active, at, basis) if at.robot.rods else _of_chain(active, at, basis)), *_twist(at, basis)]
-    return [motion for motion in found if np.abs(motion.columns * basis.sigma).max(initial=0.0) > SMALLEST]
-
-
-def _of_rods(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
-    return [*_travel(at, basis), *_carrier_joints(active, at, basis), *_lengths(at, basis)]
-
-
-def _of_chain(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
-    return [*of_chain.travel(at, basis), *of_chain.placements(at, active.site, basis)]
+    basis, site = active.basis(at), active.site
+    if at.robot.rods:
+        found = [*_travel(at, basis), *_carrier_joints(active, at, basis), *_lengths(at, basis)]
+    else:
+        found = [*_travel(at, basis), *placements(at, site, basis)]
+    return [m for m in [*found, *_twist(at, basis)] if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
 def _travel(at: Situation, basis: Basis) -> list[Motion]:
+    """The motion of an actuator along or about its own axis."""
     if basis.command is None:
         return []
-    actuator, columns = basis.command
+    number, columns = basis.command
     robot = at.robot
-    site, turns = robot.sites[actuator], robot.actuators[actuator].revolute
-    one = along_track(at, site, np.ones((len(at), 1)), np.ones(1))
-    return [Motion(f"travel of {site}", "rad" if turns else "m", columns, one.displacement(at)[:, :, 0])]
+    site, actuator = robot.sites[number], robot.actuators[number]
+    one = along_track(at, site, np.ones((len(at), 1)), np.ones(1)).displacement(at)[:, :, 0]
+    carried, place = None, "about its axis" if actuator.revolute else "along its axis"
+    if not robot.rods:
+        way = joint_axis(robot.model, actuator.joint_id)
+        carried = Carried(f"{site} {place}", actuator.joint_id - 1, way)
+    unit = "rad" if actuator.revolute else "m"
+    return [Motion(travel_words(robot, site), unit, columns, one, carried=carried)]
 
 
 def _carrier_joints(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
@@ -105,3 +166,53 @@ def _towards(direction: Floats) -> str:
     """The base axis that a direction is nearest to, with its sign."""
     k = int(np.argmax(np.abs(direction)))
     return f"{'−' if direction[k] < 0.0 else '+'}{'xyz'[k]}"
+
+
+def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
+    """Motions of a joint's axis, or of the tips of links; those that move the TCP most are first."""
+    found = []
+    for index, twists in basis.placements:
+        link = None if site in at.robot.sites else _link(at, site, index)
+        owner, ways = _ways(at, site, link)
+        frame, moved = index, np.broadcast_to(np.eye(6), (len(at), 6, 6))
+        if link is not None and link.tip != index:  # a link of a loop: the whole link moves
+            frame, moved = link.tip, tip_to_joint(at, link)
+        own = np.linalg.solve(moved, twists) if frame != index else twists
+        for place, way in ways:
+            motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
+            tcp = at.bodies.by_twist(index, (moved @ way)[:, :, None])[:, :, 0]
+            columns = np.einsum("nim,i->nm", own, way)
+            found.append(
+                Motion(
+                    f"{motion} of {owner} {place}", unit, columns, tcp, carried=Carried(f"{owner} {place}", frame, way)
+                )
+            )
+
+    def at_tcp(motion: Motion) -> float:
+        return float(np.abs((motion.columns * basis.sigma)[:, None] * motion.tcp[:, :3, None]).max(initial=0.0))
+
+    return sorted(found, key=lambda motion: -at_tcp(motion))
+
+
+def _link(at: Situation, site: str, index: int) -> MovingLink:
+    """The link of a site whose tip has the index; in a robot with loops, whose own placement frame has it."""
+    found = links_at(at.robot, site)
+    if at.robot.constraints:
+        return next(link for link in found if link.joint_id - 1 == index)
+    return next(link for link in found if link.tip == index)
+
+
+def _ways(at: Situation, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:
+    """Name of the part that is displaced, and six directions, as twists (6,), with their names."""
+    if link is None:
+        frame = joint_frame(at, site)
+        owner, along, (a, b), it = f"the axis of {site}", frame.axis, frame.across, "itself"
+    else:
+        length = beam(at, link)
+        size = float(np.linalg.norm(length))
+        along = length / size if size > 0.0 else np.eye(3)[0]
+        owner, (a, b), it = f"the tip of {link.name}", rotation_axes(along)[:2], "the link"
+    names = (("along", it, along), ("across it, along", "a", a), ("across it, along", "b", b))
+    shifts = [(f"{how} {what}", np.concatenate([axis, np.zeros(3)])) for how, what, axis in names]
+    turns = [(f"about {what}", np.concatenate([np.zeros(3), axis])) for _, what, axis in names]
+    return owner, shifts + turns

@@ -58,6 +58,16 @@ class Drawing:
         return Figure(data=list(self.traces), layout=self.layout)
 
 
+def scatter(mode: str, x: Any, y: Any, **look: Any) -> dict[str, Any]:
+    """A trace of points or lines; ``mode``: ``markers`` or ``lines``."""
+    return {"type": "scatter", "mode": mode, "x": x, "y": y} | look
+
+
+def titled(x: str, y: str, **layout: Any) -> dict[str, Any]:
+    """A layout with the titles of its axes."""
+    return {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}}} | layout
+
+
 def alone(made: Figure, title: str) -> Figure:
     """A figure for use outside a page, with its own layout and title."""
     made.update_layout(template={"layout": LOOK}, margin={"t": 80})

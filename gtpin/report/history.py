@@ -14,7 +14,7 @@ from gtpin.errors import GtpinError
 from gtpin.health.history import Entry, HistoryFiles, read_history, written_history
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
-from gtpin.report.figure import Drawing
+from gtpin.report.figure import Drawing, scatter
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
 from gtpin.report.words import counted, length, quantity
@@ -95,8 +95,7 @@ def history_drawing(entries: Sequence[Entry]) -> Drawing:
     """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
 
     def trace(some: Sequence[Entry], mode: str, key: str = "position_rms", **look: Any) -> dict[str, Any]:
-        y = [1e6 * getattr(entry, key) for entry in some]
-        return {"type": "scatter", "mode": mode, "x": [entry.date for entry in some], "y": y} | look
+        return scatter(mode, [entry.date for entry in some], [1e6 * getattr(entry, key) for entry in some], **look)
 
     traces = [
         trace(entries, "lines", showlegend=False, hoverinfo="skip", line={"color": LINE, "width": 1}),

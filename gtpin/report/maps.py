@@ -9,11 +9,11 @@ import numpy as np
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Choice, Plot
-from gtpin.report.figure import Drawing, alone
+from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.poses import VIEWS
 from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import pose_names, shown
+from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
 from gtpin.typing import Floats
 
@@ -141,43 +141,27 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
     rows = mine[shown(len(mine))]
     T = residuals.poses.T[rows]
     a, b = "xyz".index(view[0]), "xyz".index(view[1])
-    said = pose_names(residuals, rows)
+    said = residuals.names[rows]
     if len(names) > 1:
         said = np.array([f"{words}, {names[i]}" for words, i in zip(said, of[rows], strict=True)], dtype=object)
-    points = {
-        "x": T[:, a],
-        "y": T[:, b],
-        "type": "scatter",
-        "mode": "markers",
-        "marker": {
-            "size": 6,
-            "line": {"color": ZERO, "width": 0.5},
-            "colorscale": SCALE,
-            "cmin": 0,
-            "cmax": scale.top,
-            "color": scale.factor * sizes(residuals, after)[rows],
-        },
-        "text": said,
-        "hovertemplate": f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>",
+    marker = {
+        "size": 6,
+        "line": {"color": ZERO, "width": 0.5},
+        "colorscale": SCALE,
+        "cmin": 0,
+        "cmax": scale.top,
+        "color": scale.factor * sizes(residuals, after)[rows],
     }
-    layout = {
-        "xaxis": {"title": {"text": f"{view[0]} (m)"}, "constrain": "domain"},
-        "yaxis": {"title": {"text": f"{view[1]} (m)"}, "scaleanchor": "x", "constrain": "domain"},
-        "showlegend": False,
-        "margin": {"t": 10},
-    }
-    if not scale.magnified:
-        return Drawing([points], layout)
-    # Residuals are in the instrument's frame, the map is in the base frame.
-    left = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
-    ends, gap = T + scale.magnified * left, np.full(len(T), np.nan)
-    arrows = {
-        "x": np.stack([T[:, a], ends[:, a], gap], axis=1).ravel(),
-        "y": np.stack([T[:, b], ends[:, b], gap], axis=1).ravel(),
-        "type": "scatter",
-        "mode": "lines",
-        "line": {"color": ZERO, "width": 1.2},
-        "hoverinfo": "skip",
-        "connectgaps": False,
-    }
-    return Drawing([arrows, points], layout)
+    hover = f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>"
+    traces = [scatter("markers", T[:, a], T[:, b], marker=marker, text=said, hovertemplate=hover)]
+    if scale.magnified:
+        # Residuals are in the instrument's frame, the map is in the base frame.
+        left = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
+        ends, gap = T + scale.magnified * left, np.full(len(T), np.nan)
+        x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in (a, b))
+        look = {"color": ZERO, "width": 1.2}
+        traces.insert(0, scatter("lines", x, y, line=look, hoverinfo="skip", connectgaps=False))
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", showlegend=False, margin={"t": 10})
+    layout["xaxis"]["constrain"] = "domain"
+    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    return Drawing(traces, layout)

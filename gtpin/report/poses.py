@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ import pandas as pd
 from gtpin.errors import GtpinError
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import escaped
-from gtpin.report.figure import Drawing, alone
+from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.palette import DATA, SCALE, ZERO
 from gtpin.typing import Floats
 
@@ -85,17 +85,9 @@ def position_map(
     if color is not None:
         bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": color_title, "side": "right"}}
         marker |= {"color": color, "colorscale": SCALE, "showscale": True, "colorbar": bar}
-    trace = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": T[:, "xyz".index(view[0])],
-        "y": T[:, "xyz".index(view[1])],
-        "text": [escaped(str(name)) for name in names],
-        "hovertemplate": "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>",
-        "marker": marker,
-    }
-    layout = {
-        "xaxis": {"title": {"text": f"{view[0]} (m)"}},
-        "yaxis": {"title": {"text": f"{view[1]} (m)"}, "scaleanchor": "x"},
-    }
-    return alone(Drawing([trace], layout).figure(), title)
+    x, y = (T[:, "xyz".index(axis)] for axis in view)
+    told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
+    told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)")
+    layout["yaxis"]["scaleanchor"] = "x"
+    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], layout).figure(), title)

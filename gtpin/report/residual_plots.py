@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.report.embedded import Choice, Plot, escaped
-from gtpin.report.figure import Drawing, alone
+from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.palette import DATA, DIVERGING, FIT, INK, ZERO
 from gtpin.report.residual_columns import Column, View, column, columns, commanded, view
 from gtpin.report.residuals import Residuals, evenly
@@ -114,27 +114,15 @@ def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], c
     rows = _drawn(seen)
     bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": seen.title, "side": "right"}}
     color = {"colorscale": DIVERGING, "cmid": 0, "color": seen.after[rows], "showscale": True, "colorbar": bar}
-    trace = {
-        "x": q[a][rows],
-        "y": q[b][rows],
-        "type": "scatter",
-        "mode": "markers",
-        "marker": {"size": 8, "line": {"color": ZERO, "width": 0.5}} | color,
-        "text": pose_names(residuals, rows),
-        "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>",
-    }
-    titles = {"xaxis": {"title": {"text": f"{a} (m)"}}, "yaxis": {"title": {"text": f"{b} (m)"}}}
-    return Drawing([trace], {**titles, "margin": {"t": 10}})
+    marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}} | color
+    hover = "%{marker.color:.3g}<br>pose %{text}<extra></extra>"
+    trace = scatter("markers", q[a][rows], q[b][rows], marker=marker, text=residuals.names[rows], hovertemplate=hover)
+    return Drawing([trace], titled(f"{a} (m)", f"{b} (m)", margin={"t": 10}))
 
 
 def _drawn(seen: View) -> npt.NDArray[np.intp]:
     """The rows with a component that plots show."""
     return seen.rows[shown(len(seen.rows))]
-
-
-def pose_names(residuals: Residuals, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.object_]:
-    """(M,) ids of the poses of some rows, as plotly takes text."""
-    return residuals.names[rows]
 
 
 def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Drawing:
@@ -153,13 +141,9 @@ def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, af
             traces.append(_means(against, seen.rows, left))
         axis = {"hoverformat": ".4g"}
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
-    layout = {
-        "xaxis": {"title": {"text": against.title}} | axis,
-        "yaxis": {"title": {"text": seen.title}, "hoverformat": ".3g"},
-        "showlegend": False,
-        "boxmode": "group",
-        "margin": {"t": 10},
-    }
+    layout = titled(against.title, seen.title, showlegend=False, boxmode="group", margin={"t": 10})
+    layout["xaxis"] |= axis
+    layout["yaxis"]["hoverformat"] = ".3g"
     return Drawing(traces, layout)
 
 
@@ -170,45 +154,35 @@ def _dots(
     left: npt.ArrayLike,
     made: npt.ArrayLike | None,
 ) -> list[Any]:
-    trace: dict[str, Any] = {"type": "scatter", "mode": "markers", "text": pose_names(residuals, rows)}
-    trace["x"] = against.values[rows]
-    trace["hovertemplate"] = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
-    traces = [trace | {"y": left, "name": "residual", "marker": POINTS | {"color": DATA}}]
-    if made is not None:
-        traces.append(trace | {"y": made, "name": "predicted from the causes", "marker": POINTS | {"color": FIT}})
-    return traces
+    hover = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
+    layers = [(left, "residual", DATA), (made, "predicted from the causes", FIT)]
+    return [
+        scatter("markers", against.values[rows], y, name=name, marker=POINTS | {"color": color})
+        | {"text": residuals.names[rows], "hovertemplate": hover}
+        for y, name, color in layers
+        if y is not None
+    ]
 
 
 def _boxes(against: Column, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
     trace: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
-    name = "residuals of one value: median, quartiles, ends"
-    traces = [trace | {"y": left, "name": name, "marker": {"color": DATA}}]
-    if made is not None:
-        traces.append(trace | {"y": made, "name": "predicted from the causes", "marker": {"color": FIT}})
-    return traces
+    layers = [
+        (left, "residuals of one value: median, quartiles, ends", DATA),
+        (made, "predicted from the causes", FIT),
+    ]
+    return [trace | {"y": y, "name": name, "marker": {"color": color}} for y, name, color in layers if y is not None]
 
 
 def _cause_line(against: Column, seen: View) -> dict[str, Any]:
     assert against.line is not None
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "hoverinfo": "skip",
-        "name": "the same along the column, all else constant",
-        "x": against.line.x,
-        "y": seen.factor * against.line.fit[seen.name],
-        "line": {"color": FIT, "width": 1.4},
-    }
+    name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
+    y = seen.factor * against.line.fit[seen.name]
+    return scatter("lines", against.line.x, y, name=name, hoverinfo="skip", line=look)
 
 
 def _means(against: Column, rows: npt.NDArray[np.intp], left: npt.NDArray[np.float64]) -> dict[str, Any]:
     values, groups = against.values.astype(float), against.groups(rows)
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "hoverinfo": "skip",
-        "name": "mean of neighbouring poses",
-        "x": np.array([values[group].mean() for group in groups]),
-        "y": np.array([left[group].mean() for group in groups]),
-        "line": {"color": INK, "width": 1.6},
-    }
+    x, y = (np.array([of[group].mean() for group in groups]) for of in (values, left))
+    return scatter(
+        "lines", x, y, name="mean of neighbouring poses", hoverinfo="skip", line={"color": INK, "width": 1.6}
+    )

@@ -163,7 +163,8 @@ class Residuals:
 
         ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
         """
-        sigma = self.sigma[0] if self.of_poses else self.sigma  # of poses, those of all rows are equal
+        # Of poses, all rows have the same noise, and so have the points of a line of the causes, which are no rows.
+        sigma = self.sigma[0] if self.of_poses else self.sigma
         u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
         power = np.einsum("nc,nc->n", u, u)
         return np.asarray(np.einsum("nc,nc->n", u, residual / sigma) / np.maximum(power, 1e-300))

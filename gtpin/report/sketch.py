@@ -51,7 +51,7 @@ def drawing(
     site_share, rod_share, causes
         See :func:`sketch`; by default no part has a share.
     """
-    machine = skeleton(model, None if model.robot.rods else q)
+    machine = skeleton(model, None if model.robot.rod_sites else q)
     if machine is None:
         return None
     places = InstrumentPlaces.of(model.instruments)

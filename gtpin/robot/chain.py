@@ -14,9 +14,8 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, Description
-from gtpin.robot.followers import folded, followers, put
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
-from gtpin.robot.resting import moving_model, neutral
+from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
 
 FARTHEST = 1e5

@@ -7,13 +7,15 @@ import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import IO, Any
 
+import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import Description
-from gtpin.robot.followers import put
+from gtpin.robot.tree import Mimic
 from gtpin.typing import Floats
 
 LINK = "link: "
@@ -129,3 +131,60 @@ def build_model(xml: str, source: str) -> Any:
         reason = errors[0].strip() if errors else failure
         raise RobotError(f"not a valid URDF ({reason})", file=source, hint="mend the URDF")
     return model
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A joint whose coordinate is ``multiplier * master + offset``, m or rad.
+
+    ``index_q``, ``index_v``: its first index in a Pinocchio configuration and in a velocity. ``master_v``: the master's index
+    in a velocity. ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine.
+    """
+
+    index_q: int
+    index_v: int
+    master_v: int
+    multiplier: float
+    offset: float
+    continuous: bool
+
+    def put(self, configuration: Floats, master: float) -> None:
+        """Write its coordinate, from that of its master, into a Pinocchio configuration (nq,)."""
+        put(configuration, self.index_q, self.multiplier * master + self.offset, self.continuous)
+
+
+def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
+    """The followers among the joints of a Pinocchio model."""
+    found = []
+    for mimic in mimics:
+        if model.existJointName(mimic.joint):
+            joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
+            found.append(
+                Follower(
+                    int(model.idx_qs[joint]),
+                    int(model.idx_vs[joint]),
+                    int(model.idx_vs[master]),
+                    mimic.multiplier,
+                    mimic.offset,
+                    model.nqs[joint] == 2,
+                )
+            )
+    return tuple(found)
+
+
+def put(configuration: Floats, index: int, value: float, continuous: bool) -> None:
+    """Write a joint's coordinate into a Pinocchio configuration (nq,); of a continuous joint it has the cosine and sine."""
+    if continuous:
+        configuration[index : index + 2] = np.cos(value), np.sin(value)
+    else:
+        configuration[index] = value
+
+
+def folded(derivative: Floats, followers: Sequence[Follower]) -> Floats:
+    """A derivative (..., nv) by Pinocchio velocities: each follower's column times its multiplier is added to its master's."""
+    if not followers:
+        return derivative
+    total = derivative.copy()
+    for follower in followers:
+        total[..., follower.master_v] += follower.multiplier * derivative[..., follower.index_v]
+    return total

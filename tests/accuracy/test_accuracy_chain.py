@@ -1,4 +1,4 @@
-"""Workspace and dexterity of robots without rods."""
+"""Accuracy of arms and of loops that are no rods."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.figures import write_accuracy
 from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
-from gtpin.report.sensitivity_page import sensitivity_page
+from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.workspace_maps import slices
 from gtpin.robot.description import Description
 
@@ -133,6 +133,17 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
     }
     assert ("condition number" in [name for name, _ in slices(found)[0].options]) == bounded
     assert "Expect a position error" in sensitivity_page(found)
+
+
+@pytest.mark.filterwarnings("ignore:changes of orientation are left out")
+@pytest.mark.parametrize("name", ["scara", "five_bar", "gantry_tau"])
+def test_a_finite_step_moves_any_robot_as_its_derivative_says(name: str) -> None:
+    """What is left is of second order: eight steps (four poses, both signs) of (5e-5)^2 m each, times some levers."""
+    model = SCARA if name == "scara" else gtpin.read_model(str(FIVE_BAR) if name == "five_bar" else name)
+    found = gtpin.analyse(model, default_commands(model, 4)).sensitivity
+    exact, linear = found.exact.position, found.linear.position
+    assert_allclose(exact, linear, rtol=2e-3, atol=8 * 5 * 5e-5**2)
+    assert np.nanmax(exact) > 8 * 4e-5
 
 
 def test_an_unreachable_pose_is_told() -> None:

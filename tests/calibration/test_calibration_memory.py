@@ -17,7 +17,7 @@ from gtpin.calibration import robust_fit
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
-from gtpin.kinematics import chunks
+from gtpin.kinematics.poses import chunks
 from gtpin.noise.repeats import contrasts
 
 linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of addresses are Linux's")

@@ -73,7 +73,7 @@ def test_the_pages_build_without_a_warning_and_are_all_in_the_navigation(tmp_pat
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", ROOT / "docs/site/mkdocs.yml", "-d", tmp_path]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stdout + built.stderr
-    told = (tmp_path / "api.html").read_text(encoding="utf-8")
+    told = (tmp_path / "python.html").read_text(encoding="utf-8")
     assert "Probability of naming a cause where there is none" in told
 
 

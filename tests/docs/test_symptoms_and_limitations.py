@@ -65,7 +65,7 @@ def test_a_wrong_command_would_be_noticed(wrong: str, why: str) -> None:
 
 
 def test_every_effect_of_the_catalogue_has_a_symptom() -> None:
-    linked = set(re.findall(r"\[`(\w+)`\]\(effects/\1\.md\)", SYMPTOMS))
+    linked = set(re.findall(r"\[`(\w+)`\]\(effects\.md#\1\)", SYMPTOMS))
     assert linked == {effect.id for effect in gtpin.catalogue()}
 
 

@@ -1,4 +1,4 @@
-"""Every effect has a page that tells its parameters as the code has them."""
+"""Every effect has a section on the page of the effects that gives its parameters as the code has them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from chain_places import ARM
 from effect_places import EFFECTS, FIT, ROBOT, SETTINGS, some
 
 ROOT = Path(__file__).parents[2]
-PAGES = ROOT / "docs" / "effects"
+PICTURES = ROOT / "docs" / "effects"
+PAGE = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+SECTIONS = {part.split("`")[1]: part for part in PAGE.split("\n## ")[1:] if part.startswith("<a id=")}
 LARGEST = 60_000
 
 
@@ -29,18 +31,16 @@ def told(name: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_a_page_has_the_effects_title_parameters_and_units(name: str) -> None:
-    page = (PAGES / f"{name}.md").read_text(encoding="utf-8")
-    title = page.splitlines()[0]
-    assert title == f"# `{name}`: {EFFECTS[name].title.split(' (')[0]}"
-    assert dict(re.findall(r"^\| `([^`]+)` \| ([^|]+) \|", page, re.MULTILINE)) == told(name)
-    for part in ("Equation", "What happens", "Sites", "Typical size", "Mistaken for", "How to distinguish"):
-        assert f"**{part}.**" in page
+def test_a_section_has_the_effects_title_parameters_and_units(name: str) -> None:
+    title, section = SECTIONS[name].split("\n", 1)
+    assert title == f'<a id="{name}"></a>`{name}`: {EFFECTS[name].title.split(" (")[0]}'
+    assert dict(re.findall(r"^- `([^`]+)`, ([^:]+):", section, re.MULTILINE)) == told(name)
+    for part in ("Equation", "What happens", "Typical size", "Mistaken for", "How to distinguish"):
+        assert f"**{part}.**" in section
 
 
-def test_the_index_lists_every_effect_with_its_covariate() -> None:
-    index = (PAGES / "index.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| \[`(\w+)`\]\(\w+\.md\) (\|.*)$", index, re.MULTILINE))
+def test_the_table_lists_every_effect_with_its_covariate() -> None:
+    rows = dict(re.findall(r"^\| \[`(\w+)`\]\(#\1\) (\|.*)$", PAGE, re.MULTILINE))
     assert list(rows) == list(EFFECTS)
     for name, effect in EFFECTS.items():
         if not effect.sites(ROBOT):
@@ -52,10 +52,10 @@ def test_the_index_lists_every_effect_with_its_covariate() -> None:
             assert f"`{covariate}`" in rows[name]
 
 
-def test_every_page_has_its_picture() -> None:
+def test_every_section_has_its_picture() -> None:
     for name in EFFECTS:
-        assert f"({name}.svg)" in (PAGES / f"{name}.md").read_text(encoding="utf-8")
-        assert 1_000 < (PAGES / f"{name}.svg").stat().st_size < LARGEST
+        assert f"(effects/{name}.svg)" in SECTIONS[name]
+        assert 1_000 < (PICTURES / f"{name}.svg").stat().st_size < LARGEST
 
 
 @pytest.mark.slow

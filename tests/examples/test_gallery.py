@@ -31,7 +31,7 @@ def test_each_example_and_notebook_has_a_picture_and_a_caption() -> None:
     names = set(gallery.sources())
     assert names == set(gallery.pictures())
     assert names == {file.stem for file in gallery.FOLDER.glob("*.svg")}
-    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     for name, function in gallery.pictures().items():
         assert f"![{' '.join(str(function.__doc__).split())}](gallery/{name}.svg)" in page
 

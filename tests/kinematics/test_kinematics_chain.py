@@ -11,7 +11,7 @@ import pytest
 import gtpin
 from gtpin.kinematics.bodies import bodies, configurations
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.joint_loads import joint_loads
+from gtpin.kinematics.statics import joint_loads
 from gtpin.robot.chain import joint_axis
 
 ARM = gtpin.load_robot(Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf")

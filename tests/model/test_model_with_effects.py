@@ -18,8 +18,8 @@ from gtpin.effects import catalogue as catalogue_module
 from gtpin.effects.basis import along_track
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect, unit
-from gtpin.effects.frames import frame_twist
 from gtpin.effects.sites import carts
+from gtpin.effects.smooth import frame_twist
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 
 Q, COLUMNS = circumstances(12, seed=7)

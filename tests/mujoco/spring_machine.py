@@ -50,7 +50,7 @@ class SpringMachine:
         self.data = mujoco.MjData(self.model)
         self.frames = _rod_frames(machine)
         self.floats = self.model.joint("floats").qposadr[0]
-        self.rods = [self.model.joint(f"pitch{i}").qposadr[0] for i in range(machine.n_rods)]
+        self.rods = [self.model.joint(f"pitch{i}").qposadr[0] for i in range(len(machine.rod_masses))]
         self.load = self.model.body("payload").id
 
     def at_rest(self, q: Array, start: Poses, payload: Array, force: Array) -> Poses:
@@ -119,7 +119,7 @@ def _xml(machine: RodMachine, springs: Springs) -> str:
         out.append(f'<inertial pos="0 0 {L / 4.0!r}" {half}/><body name="end{i}" pos="0 0 {L / 2.0!r}">{stretch}')
         out.append(f'<inertial pos="0 0 {L / 4.0!r}" {half}/><site name="tip{i}" pos="0 0 {L / 2.0!r}"/></body></body>')
     out.append("</body></worldbody><equality>")
-    out += [f'<connect site1="tip{i}" site2="seat{i}"/>' for i in range(machine.n_rods)]
+    out += [f'<connect site1="tip{i}" site2="seat{i}"/>' for i in range(len(machine.rod_masses))]
     return "".join([*out, "</equality></mujoco>"])
 
 

@@ -9,7 +9,7 @@ import gtpin
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.report.chain_effect_motions import placements
+from gtpin.report.effect_motions import placements
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gtpin import Geometry, Model, load_robot
-from gtpin.accuracy import analysis
+from gtpin.accuracy import workspace
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
+from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.comparison import comparison_page
-from gtpin.report.sensitivity_page import sensitivity_page
 
 ROBOT = load_robot("gantry_tau")
 
@@ -74,11 +74,9 @@ def test_a_comparison_of_a_dataset_with_carts_shows_their_tracks():
 def accuracy() -> Accuracy:
     q = np.random.default_rng(0).uniform(-0.4, 0.4, (15, 3))
     found = analyse(Model(Geometry.nominal(ROBOT)), q)
-    counts, analysis.COUNTS = analysis.COUNTS, (3, 6, 6)
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workspace, "COUNTS", (3, 6, 6))
         assert found.space.q.size
-    finally:
-        analysis.COUNTS = counts
     return found
 
 

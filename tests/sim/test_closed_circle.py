@@ -21,7 +21,7 @@ LARGER = 1.5
 SLACK = 1.0
 """um: MuJoCo's own error, and what first order leaves."""
 ONLY_IN_LAYER = ("ur5", "joint_compliance@shoulder_lift_joint")
-"""Where the circle is known not to close by a file: springs of MJCF do not stiffen with the load (docs/simulator.md)."""
+"""Where the circle is known not to close by a file: springs of MJCF do not stiffen with the load (docs/export.md)."""
 SAID = 0.05
 """Largest difference of the explained fraction in MuJoCo from the stated one: the goal of the blind check for its mean."""
 

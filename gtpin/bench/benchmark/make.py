@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.bench.benchmark.public_set import PublicSet, Published
-from gtpin.bench.blind.draw import Draft, made, measured, truth_of
-from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
+from gtpin.bench.blind.draw import Draft, written
 from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of
-from gtpin.bench.simulator.truth import Case, InstrumentCase
+from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.output.ownership import MARKER
 from gtpin.threads import in_one_thread
@@ -45,23 +44,15 @@ class Made:
 @in_one_thread
 def make(draft: Draft, folder: Path) -> Made:
     """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
-    left_out: tuple[LeftOut, ...] = ()
-    case: Case | InstrumentCase = measured(draft) if draft.instruments else made(draft)
-    if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case)
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
-    case.dataset.write(place)
-    case.commands.write(place / "commands.csv")
-    for touches in left_out:
-        touches.write(place)
+    case, truth = written(draft, place)
     if isinstance(case, InstrumentCase):
         _write_what_is_read(case, place)
     _take_robot_in(Path(draft.robot), place)
     for file in place.glob("*.csv"):
         round_table(file)
     (place / MARKER).unlink(missing_ok=True)  # it describes the files as they were before rounding
-    truth = truth_of(case, draft.kind, left_out)
     content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
     (folder / TRUTHS).mkdir(exist_ok=True)
     (folder / TRUTHS / f"{draft.name}.json").write_bytes(content)

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from gtpin.bench.blind.seen import NumberedRows, Seen, SeenPoses
+from gtpin.bench.blind.seen import Seen
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.data import Dataset
 from gtpin.effects.basis import Basis
@@ -61,20 +61,11 @@ class Best:
 
 @dataclass(frozen=True)
 class Difficulty:
-    """Computes E and D of displacements at a dataset's rows.
+    """Computes E and D of displacements at a dataset's rows."""
 
-    Parameters
-    ----------
-    situation
-        The poses at which something was measured.
-    seen
-        How displacements of these poses change what was measured.
-    row
-        (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset.
-    """
-
-    situation: Situation
-    seen: Seen
+    situation: Situation  # The poses at which something was measured
+    seen: Seen  # How displacements of these poses change what was measured
+    # (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset
     row: Indices | None = None
 
     @staticmethod
@@ -87,7 +78,7 @@ class Difficulty:
             (6,) or (N, 6) the instrument's noise, m and rad.
         """
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
-        return Difficulty(_situation(dataset, Model(geometry)), SeenPoses(measured))
+        return Difficulty(_situation(dataset, Model(geometry)), Seen.of_poses(measured))
 
     @staticmethod
     def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration) -> Difficulty:
@@ -98,8 +89,8 @@ class Difficulty:
         noise
             By the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
         """
-        rows = NumberedRows.of(dataset, baseline, noise)
-        return Difficulty(_situation(rows.dataset, baseline.model), rows.seen(baseline), rows.row)
+        rows, row, seen = Seen.of_readings(dataset, baseline, noise)
+        return Difficulty(_situation(rows, baseline.model), seen, row)
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from gtpin.bench.blind.left_out_touches import ONE_IN, LeftOut, jitter
-from gtpin.bench.blind.truth import Kind, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
+from gtpin.bench.blind.left_out_touches import ONE_IN, LeftOut, jitter, without_some_touches
+from gtpin.bench.blind.truth import Kind, Truth
 from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
@@ -17,7 +18,6 @@ from gtpin.bench.simulator.instruments.build import build_measured
 from gtpin.bench.simulator.instruments.choice import TOUCHED
 from gtpin.bench.simulator.recipe import Noise, Recipe
 from gtpin.bench.simulator.truth import Case, InstrumentCase
-from gtpin.typing import Floats
 
 ROBOT = "gantry_tau"
 SHARES: dict[Kind, float] = {
@@ -115,60 +115,46 @@ def _recipe(draft: Draft) -> Recipe:
     return drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
+def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
+    """Make a case and write its dataset, its commands and the touches that are left out to a folder."""
+    left_out: tuple[LeftOut, ...] = ()
+    case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
+    if isinstance(case, InstrumentCase):
+        case, left_out = without_some_touches(case)
+    case.dataset.write(place)
+    case.commands.write(place / "commands.csv")
+    for touches in left_out:
+        touches.write(place)
+    return case, truth_of(case, draft.kind, left_out)
+
+
 def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut] = ()) -> Truth:
-    """The truth of a case, to be sealed.
+    """The truth of a case, to be sealed; ``left_out`` are the touches that are not in the case.
 
     Where other instruments than a tracker alone measured, it has true readings in place of true poses, because readings alone
-    do not determine where the base is. ``left_out`` are the touches that are not in the case.
+    do not determine where the base is: at the held-out commands, for touching instruments at the touches that were left out. It
+    also has the noise of every number in the instruments' tables, their own and that of the machine's repeatability, with which
+    E is computed.
     """
-    noise = Noise()
-    alone = isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]
-    sigma = (noise.position_sigma,) * 3 + (noise.orientation_sigma,) * 3
-    return Truth(
-        kind=kind,
-        effects=tuple(
-            TrueEffect(
-                effect=t.effect,
-                site=t.site,
-                energy=t.energy,
-                amplitude=t.amplitude,
-                displacement=tuple(map(tuple, t.displacement.tolist())),
-            )
-            for t in case.effects
-        ),
-        poses=TruePoses(
-            pose=tuple(case.commands.pose.tolist()),
-            position=tuple(map(tuple, case.truth.T.tolist())),
-            orientation=tuple(map(tuple, case.truth.quaternions.tolist())),
-        )
-        if alone
-        else None,
-        readings=() if isinstance(case, Case) or alone else true_readings(case, left_out),
-        sigma=sigma if isinstance(case, Case) else None,
-        noise=() if isinstance(case, Case) or case.recipe is None else true_noise(case),
-    )
-
-
-def true_readings(case: InstrumentCase, left_out: Sequence[LeftOut]) -> tuple[TrueReadings, ...]:
-    """Readings without noise: at the held-out commands; for touching instruments, at the touches that were left out."""
-    touches = {one.name: (one.values, one.sigma) for one in left_out}
-    return tuple(
-        TrueReadings(name=name, values=_rows(values), sigma=_rows(sigma))
-        for name, (values, sigma) in {**case.held, **touches}.items()
-    )
-
-
-def true_noise(case: InstrumentCase) -> tuple[TrueNoise, ...]:
-    """The noise of every number in the instruments' tables: the instrument's own, and that of the machine's repeatability.
-
-    E is computed with this noise.
-    """
-    moves, found = jitter(case), []
-    for gauge in case.gauges:
-        scattered = gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop])
-        found.append(TrueNoise(name=gauge.name, sigma=_rows(scattered)))
-    return tuple(found)
-
-
-def _rows(values: Floats) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, values.tolist()))
+    effects = [vars(effect) | {"displacement": effect.displacement.tolist()} for effect in case.effects]
+    truth: dict[str, object] = {"kind": kind, "effects": effects}
+    if isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]:
+        poses = {"position": case.truth.T.tolist(), "orientation": case.truth.quaternions.tolist()}
+        truth["poses"] = {"pose": case.commands.pose.tolist(), **poses}
+    if isinstance(case, Case):
+        usual = Noise()
+        truth["sigma"] = (usual.position_sigma,) * 3 + (usual.orientation_sigma,) * 3
+        return Truth.model_validate(truth)
+    if "poses" not in truth:
+        readings = case.held | {one.name: (one.values, one.sigma) for one in left_out}
+        truth["readings"] = [
+            {"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in readings.items()
+        ]
+    if case.recipe is not None:
+        moves = jitter(case)
+        scattered = [
+            (gauge.name, gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop]))
+            for gauge in case.gauges
+        ]
+        truth["noise"] = [{"name": name, "sigma": sigma.tolist()} for name, sigma in scattered]
+    return Truth.model_validate(truth)

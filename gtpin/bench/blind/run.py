@@ -10,18 +10,16 @@ from statistics import median
 from typing import Any, Protocol
 
 from gtpin.bench.blind.claim import CLAIM, claimed
-from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, measured, truth_of
+from gtpin.bench.blind.draw import ROBOT, Draft, drafts, written
 from gtpin.bench.blind.folder import CheckFolder, Settings, compared, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.left_out_touches import LeftOut, without_some_touches
 from gtpin.bench.blind.others import given, source_digest, take_in
 from gtpin.bench.blind.spread import check_cluster, spread, workers
 from gtpin.bench.blind.truth import SealError, Truth, digest_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
 from gtpin.bench.simulator.instruments.choice import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest
-from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.errors import GtpinError, warn
 from gtpin.threads import in_one_thread
 
@@ -126,17 +124,10 @@ def check_given(
 def _make(root: Path, draft: Draft) -> None:
     """Make a case: its dataset, the digest of its truth, and its truth, last."""
     folder = CheckFolder(root)
-    left_out: tuple[LeftOut, ...] = ()
-    case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
-    if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case)
     place = folder.case(draft.name)
     shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
-    case.dataset.write(place)
-    case.commands.write(place / "commands.csv")
-    for touches in left_out:
-        touches.write(place)
-    seal(truth_of(case, draft.kind, left_out), place, folder.sealed(draft.name))
+    _, truth = written(draft, place)
+    seal(truth, place, folder.sealed(draft.name))
 
 
 def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch, address: str | None) -> Checked:

@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.lasting import lasts
+from gtpin.effects.active import ActiveEffect, lasts, with_effects
 from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ModelError, unheard
 from gtpin.kinematics.poses import Poses

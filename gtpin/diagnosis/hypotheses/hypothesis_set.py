@@ -92,6 +92,11 @@ class HypothesisSet:
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
     @property
+    def long(self) -> bool:
+        """Whether models can be long, as for robots without rods: joints have many lines, and all links many coefficients."""
+        return not self.design.situation.robot.rods
+
+    @property
     def named(self) -> tuple[Hypothesis, ...]:
         """All effects at their sites; those with a nonlinear parameter without a value of it."""
         return (*self.linear, *self.scanned)
@@ -214,7 +219,7 @@ class HypothesisSet:
         best = self.scan(hypothesis).best(model, others)
         term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
         room = hypothesis.effect.most_values - 1 - len(others)
-        if self.design.situation.robot.rods or room < 1:
+        if not self.long or room < 1:
             return Gain(best.gain, term)
         worth = [line for line in best.others if line[2] > self.priors.line][:room]
         more = sum(gain - self.priors.line for _, _, gain in worth)

@@ -38,7 +38,7 @@ def further_lines(
     they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
     computed again.
     """
-    if hypotheses.design.situation.robot.rods:
+    if not hypotheses.long:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
     last = {} if last is None else last

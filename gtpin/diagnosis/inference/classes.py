@@ -82,7 +82,7 @@ def _with_lines(
 ) -> dict[Hypothesis, Gain]:
     """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
     found: dict[Hypothesis, Gain] = {}
-    if hypotheses.design.situation.robot.rods:
+    if not hypotheses.long:
         return found
     for hypothesis, gain in gains.items():
         if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
@@ -127,7 +127,7 @@ def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
 
     A search that adds one explanation at a time can end with one cause where two are true.
     """
-    if not hypotheses.design.situation.robot.rods or len(model.terms) >= most(hypotheses):
+    if hypotheses.long or len(model.terms) >= most(hypotheses):
         return model
     for cause in causes(model):
         rest = without(hypotheses.groups, model, cause, sweeps=1)
@@ -144,7 +144,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Model, classes: Classes) 
     of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
     it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
     """
-    if not hypotheses.design.situation.robot.rods:
+    if hypotheses.long:
         return classes
     found = dict(classes)
     for cause, members in classes.items():

@@ -62,7 +62,7 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
     """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    start = NOTHING if hypotheses.design.situation.robot.rods else guess
+    start = guess if hypotheses.long else NOTHING
     named = search(hypotheses, hypotheses.named, alone, start=hypotheses.only(start, causes(start)))
     mixed = search(hypotheses, hypotheses.every, alone, start=start)
     needed = smooth_terms(mixed)
@@ -140,7 +140,7 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
     Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them.
     """
     robot = hypotheses.design.situation.robot
-    if cause.further and not robot.rods:
+    if cause.further and hypotheses.long:
         return False
     return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
 

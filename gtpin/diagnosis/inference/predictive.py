@@ -55,7 +55,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
     """Whitened displacements (N c, m) at each pose as predicted by a model that was fitted without the pose's block.
 
     A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
-    :func:`~gtpin.effects.sessions.session_columns`. ``columns``: (N c, m) displacements for coefficients of typical size.
+    :func:`~gtpin.effects.smooth.session_columns`. ``columns``: (N c, m) displacements for coefficients of typical size.
     """
     at = design.situation
     if "session" not in cause.covariates(at.robot) or not at.has("session"):

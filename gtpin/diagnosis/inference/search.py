@@ -20,8 +20,7 @@ MOST = 5
 
 def most(hypotheses: HypothesisSet) -> int:
     """Largest number of explanations in a model."""
-    robot = hypotheses.design.situation.robot
-    return MOST if robot.rods else MOST + robot.n_actuators
+    return MOST + hypotheses.design.situation.robot.n_actuators if hypotheses.long else MOST
 
 
 def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
@@ -40,7 +39,7 @@ def guess_of_outliers(hypotheses: HypothesisSet) -> Model:
     For a robot without rods, it has at most ``MOST`` effects and no smooth terms: terms of all its links have hundreds of
     coefficients, and a search among them for the cause of gross errors takes a hundred times as long as a diagnosis.
     """
-    terms = hypotheses.every if hypotheses.design.situation.robot.rods else hypotheses.named
+    terms = hypotheses.named if hypotheses.long else hypotheses.every
     return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1, largest=MOST)
 
 
@@ -86,7 +85,7 @@ def _anew(hypotheses: HypothesisSet, before: Model) -> Model:
     """An earlier model with this noise: its explanations that these hypotheses have, without those that reduce the worth."""
     known = set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
-    if hypotheses.design.situation.robot.rods or not terms:
+    if not hypotheses.long or not terms:
         return NOTHING
     return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
 
@@ -121,7 +120,7 @@ def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
     Where a joint has many lines, its smooth deviation gains more than any single line, and no single line in addition is worth
     its prior odds.
     """
-    if hypotheses.design.situation.robot.rods:
+    if not hypotheses.long:
         return model
     present = {cause.place for cause in causes(model)}
     for term in model.terms:
@@ -142,7 +141,7 @@ def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -
 
     Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
     """
-    if not model.terms or hypotheses.design.situation.robot.rods:
+    if not model.terms or not hypotheses.long:
         return terms
     room = hypotheses.priors.most_coefficients * hypotheses.design.count - len(model.mean)
     groups = hypotheses.groups
@@ -173,20 +172,19 @@ def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> 
 
 def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
     """The explanations that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
-    robot = hypotheses.design.situation.robot
-    if robot.rods:
+    robot, own = hypotheses.design.situation.robot, explained_by(term)
+    if not hypotheses.long:
         return terms
-    own = explained_by(term)
     return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
 
 
 def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
     """The model without the explanations that reduce its worth."""
-    groups, robot = hypotheses.groups, hypotheses.design.situation.robot
+    groups = hypotheses.groups
     while model.terms:
         worth = hypotheses.worth(model)
         terms = model.terms
-        if not robot.rods:  # such models are large: new scales are computed only where a removal loses little worth
+        if hypotheses.long:  # such models are large: new scales are computed only where a removal loses little worth
             margin = max(MARGIN, MARGIN_SHARE * abs(worth))
             terms = tuple(t for t in terms if hypotheses.worth(without(groups, model, t)) > worth - margin)
         smaller = [without(groups, model, t, sweeps=1) for t in terms]

@@ -13,8 +13,8 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
 from gtpin.effects.basis import Basis
-from gtpin.effects.frames import frame_twist
 from gtpin.effects.situation import References, Situation
+from gtpin.effects.smooth import frame_twist
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.robot.robot import Robot

@@ -16,7 +16,7 @@ from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.urdf import Frame
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.joint_loads import joint_loads
+from gtpin.kinematics.statics import joint_loads
 
 NAMES = tuple(ROBOTS)
 

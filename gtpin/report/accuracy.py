@@ -1,0 +1,183 @@
+"""An accuracy analysis as text, table, figures and page: expected errors over the workspace, and the influence of each
+parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from gtpin.accuracy.analysis import Accuracy
+from gtpin.accuracy.figures import FILES, write_accuracy
+from gtpin.output.shown import Presentation
+from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.provenance import provenance
+from gtpin.report.sketch import drawing
+from gtpin.report.words import quantity
+from gtpin.report.workspace_maps import slices, workspace_map
+from gtpin.typing import Floats
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+MEANINGS = {
+    "position_gain": ("TCP position per command", "m/m or m/rad"),
+    "rotation_gain": ("TCP rotation per command", "rad/m or rad/rad"),
+    "condition": ("condition number of TCP position by commands", ""),
+    "position_amplification": ("TCP position per rod length error", "m/m"),
+    "rotation_amplification": ("TCP rotation per rod length error", "rad/m"),
+    "singularity": ("distance from singularity, {one_at}", ""),
+    "limit": ("distance of the nearest actuator from its limit", "m or rad"),
+}
+ONE_AT = {"home": "1 as at home", "best": "1 at the best of these poses"}
+WITHIN = {
+    False: "Slices of the box that the poses span, about {volume} m³ of it within reach; blank where the robot can't reach.",
+    True: "Slices of the workspace, about {volume} m³, from {postures:,} postures that fill the joints' ranges: a cell has the "
+    "median over the postures that bring the TCP there; blank where none does.",
+}
+"""Text on what the maps show: whether postures fill the workspace, or a box has one in each cell."""
+LEGEND = {
+    False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
+    "direction of the track.",
+    True: "(m, or rad for r) in the placement of each joint in its parent, and of the tool on the last link (platform), in "
+    "their own axes.",
+}
+"""Text on the rows of the table: of rods, and of placements."""
+ERRORS = (("position", "m"), ("orientation", "rad"))
+
+
+@dataclass(frozen=True)
+class AccuracyPresentation(Presentation):
+    """An accuracy analysis; its table is that of the sensitivity."""
+
+    accuracy: Accuracy
+    files = (*FILES, "report.html")
+
+    def short(self) -> str:
+        """The expected errors over the workspace."""
+        values = self.accuracy.to_json()
+        lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
+        for what, unit in ERRORS:
+            error = values["expected"][what]
+            if error is None:
+                lines.append(f"  {what:<12} constant: the arm is reduced")
+                continue
+            mean, p95, largest = (f"{error[key] * 1e6:.1f} u{unit}" for key in ("mean", "p95", "maximum"))
+            lines.append(
+                f"  {what:<12} mean {mean}; 95 % of machines and poses below {p95}; largest of a machine, on average, "
+                f"{largest}"
+            )
+        return "\n".join(lines)
+
+    def text(self) -> str:
+        """The expected errors, and the sensitivity to each parameter."""
+        return f"{self.short()}\n\n{self.table().to_string(index=False)}\n"
+
+    def terminal(self) -> str:
+        """The expected errors."""
+        return self.short()
+
+    def table(self) -> pd.DataFrame:
+        """The columns of sensitivity.csv."""
+        return self.accuracy.sensitivity.to_table()
+
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin sensitivity``; return the content of the JSON."""
+        write_accuracy(self.accuracy, folder)
+        (folder / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
+        return self.accuracy.to_json()
+
+    def parameters(self) -> Figure:
+        """The report's table of steps."""
+        title = f"Mean change of the TCP's position, µm, by a step of {self.accuracy.sensitivity.step:g}"
+        return _steps(self.accuracy).figure(title)
+
+    def workspace(self, quantity: str) -> Figure:
+        """Slices of the workspace, coloured by a quantity."""
+        return workspace_map(self.accuracy, quantity)
+
+
+present = AccuracyPresentation
+
+
+def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
+    """The whole report of an accuracy analysis as one self-contained HTML file; ``seed``: that of the analysis, to be
+    recorded."""
+    model, values, space, steps = found.model, found.to_json(), found.space, found.sensitivity
+    mean = quantity(values["expected"]["position"]["mean"], "m")
+    headline = f"Expect a position error of {mean} on average over the workspace, from {values['uncertainty']}."
+    numbers = []
+    for what, unit in ERRORS:
+        if error := values["expected"][what]:
+            numbers += [
+                (quantity(error["mean"], unit), f"{what} error, mean"),
+                (quantity(error["p95"], unit), "95 % of machines and poses have less"),
+                (quantity(error["maximum"], unit), "largest of a machine, on average"),
+            ]
+    quantities, plots = slices(found)
+    within = WITHIN[space.filled].format(volume=f"{space.volume:.3g}", postures=len(space.q))
+    legend = LEGEND["rx" in steps.parameters]
+    return report(
+        f"Accuracy of {model.robot.name}",
+        Lead(
+            f"Accuracy of {model.robot.name} · {values['poses']} poses",
+            headline,
+            [_greatest(found)],
+            numbers,
+            sketch=drawing(model),
+        ),
+        [
+            Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
+            Section(
+                "parameters",
+                "What moves the TCP",
+                [f"Mean change of the TCP's position, µm, by a step of {steps.step} {legend}", _steps(found)],
+            ),
+            Section("dexterity", "Dexterity", [_dexterity(values["dexterity"], ONE_AT[space.dexterity.one_at])]),
+        ],
+        provenance(None, model.robot, seed),
+    )
+
+
+def _mean_step(found: Accuracy) -> Floats:
+    """(p, k) mean change of the TCP's position by a step, m: the sum over both signs and all poses by their number."""
+    return found.sensitivity.exact.position / (2.0 * found.sensitivity.poses)
+
+
+def _greatest(found: Accuracy) -> str:
+    """The parameter whose step moves the TCP most."""
+    steps, by_step = found.sensitivity, np.nan_to_num(_mean_step(found), nan=0.0)
+    p, i = np.unravel_index(int(np.argmax(by_step)), by_step.shape)
+    parameter, step = steps.parameters[p], steps.step
+    by = f"{step:.0e}" if parameter.startswith("v") else quantity(step, "rad" if parameter.startswith("r") else "m")
+    site = "" if "rx" in steps.parameters else "link "
+    name, far = f"{parameter} of {site}{steps.links[i]}", quantity(float(by_step[p, i]), "m")
+    return f"{name} moves the TCP most: by {far} for a step of {by}, on average."
+
+
+def _steps(found: Accuracy) -> Table:
+    """Mean change of the TCP's position for a step, by parameter and link, µm; the colours are relative to the largest."""
+    steps, by_step = found.sensitivity, _mean_step(found)
+    shades = np.nan_to_num(by_step, nan=0.0) / max(float(np.nanmax(by_step)), 1e-300)
+    rows = [
+        [name, *("" if np.isnan(v) else f"{v:.2f}" for v in 1e6 * row)]
+        for name, row in zip(steps.parameters, by_step, strict=True)
+    ]
+    numbers = range(1, 1 + len(steps.links))
+    return Table(("parameter", *steps.links), rows, numbers, [[0.0, *row] for row in shades.tolist()])
+
+
+def _dexterity(values: dict[str, Any], one_at: str) -> Table:
+    rows = []
+    for name, measure in values.items():
+        title, unit = MEANINGS[name]
+        title = title.format(one_at=one_at)
+        several = isinstance(measure["median"], list)
+        for k in range(len(measure["median"])) if several else (None,):
+            cells = [measure[key] if k is None else measure[key][k] for key in ("least", "median", "most")]
+            shown = ["infinite" if value is None else f"{value:.3g}" for value in cells]
+            rows.append([title if k is None else f"{title}, {k + 1}", *shown, unit])
+    return Table(("measure", "least", "median", "most", "unit"), rows, (1, 2, 3))
