@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
+from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.readable_readings import Misfit, check_fitted, check_readable, explained
 from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
 from gtpin.calibration.checks.rejected_rows import check_used, poses_of
@@ -19,8 +20,7 @@ from gtpin.calibration.readings_result import ReadingsCalibration, calibration_o
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
-from gtpin.data.duplicates import counted_once
-from gtpin.data.sane import check_extremes, sane_rows
+from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.instruments.up import up_of
@@ -28,25 +28,10 @@ from gtpin.kinematics.kinematics import Solver
 from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Mask
 
 MISFIT = 10.0
 """Size of the residuals, in units of the noise, from which there is a warning."""
-
-
-def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
-    """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
-
-    These positions serve to divide the poses into regions. A row that the nominal robot can't reach gets the position of the
-    first row that it can reach.
-    """
-    if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
-        return dataset
-    T = Model(Geometry.nominal(robot)).kinematics.forward(dataset.q).T.copy()
-    reached = np.isfinite(T[:, 0])
-    T[~reached] = T[reached][0] if reached.any() else 0.0
-    return replace(dataset, position=T)
 
 
 def calibrate_readings(
@@ -69,8 +54,7 @@ def calibrate_readings(
     robot = measuring(geometry.robot, dataset)
     geometry = replace(geometry, robot=robot)
     nominal = Model(geometry, solver=kinematics)
-    check_extremes(dataset)
-    dataset = counted_once(with_positions(dataset, robot))
+    dataset = prepared(dataset, nominal)
     check_sockets(dataset, robot)
     whole = single(dataset, robot)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)

@@ -164,7 +164,16 @@ class Dataset(Shown):
 
     def place(self, index: int) -> tuple[Path | None, int]:
         """File, and line in it, of the row with this index (counted from 0)."""
-        return (self.file, int(self.row[index])) if self.readings is None else self.readings.place(index)
+        return self.rows.place(index)
+
+    @cached_property
+    def rows(self) -> InstrumentRows:
+        """What was measured, as rows of instruments: ``readings``, or the poses of one tracker, which has no name."""
+        if self.readings is not None:
+            return self.readings
+        rows = InstrumentRows.of_tracker(self.position, self.orientation, self.row)
+        declared = {key: getattr(self.instrument, key) for key in ("position_sigma", "orientation_sigma", "station")}
+        return replace(rows, tables=(rows.tables[0].model_copy(update=declared),), files=(self.file,))
 
     @property
     def robot_reference(self) -> str | Path:

@@ -61,10 +61,7 @@ def copies(dataset: Dataset) -> NDArray[np.bool_]:
     their scatter between visits; or every row of the table is there twice, or three times, and so on.
     """
     time = [dataset.covariates["time"]] if "time" in dataset.covariates else []
-    readings = dataset.readings
-    if readings is None:
-        read = [*dataset.position.T, *([] if dataset.orientation is None else dataset.orientation.T)]
-        return _copies([*dataset.q.T, *time], read)
+    readings = dataset.rows
     found = np.zeros(len(dataset), dtype=bool)
     for index in range(len(readings.tables)):
         mine = readings.rows_of(index)

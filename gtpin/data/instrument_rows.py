@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable
+from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
+from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
+from gtpin.typing import Floats
 
 Rows = NDArray[np.bool_] | NDArray[np.integer[Any]] | slice | list[int]
 
@@ -40,6 +42,15 @@ class InstrumentRows:
     component: NDArray[np.int64]
     known: tuple[Mapping[str, tuple[str, ...]], ...]
     kinds: Mapping[str, type[Any]] = field(default_factory=dict)
+
+    @staticmethod
+    def of_tracker(T: Floats, quaternions: Floats | None, line: NDArray[np.int64]) -> InstrumentRows:
+        """Poses that a tracker without a name has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,)."""
+        columns = dict(zip(POSITION, T.T, strict=True))
+        if quaternions is not None:
+            columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
+        table, of = TrackerTable.model_construct(name="", kind="tracker"), np.zeros(len(T), dtype=np.int64)
+        return InstrumentRows((table,), (None,), of, line, columns, np.full(len(T), -1), ({},))
 
     def __len__(self) -> int:
         return len(self.of)

@@ -15,7 +15,6 @@ from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against.check import check
-from gtpin.diagnosis.against.readings import reading_model
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
@@ -168,7 +167,9 @@ def diagnose(
             found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report)
         else:
             check_same_robot(against.robot, trusted)
-            earlier = reading_model(against, trusted)
+            geometry, earlier = against.geometry, against
+            if trusted.readings is not None:  # with the passive joints measured that encoders read
+                earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
             scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
@@ -231,6 +232,7 @@ def _diagnosis(
     return Diagnosis(
         verdict=found.verdict,
         causes=fitted.causes,
+        also=fitted.also,
         candidates=considered(hypotheses, found, settled.proposal.untested, fitted.unexplained.could_be),
         where=where(hypotheses, found.alone, regions),
         gap=fitted.gap,

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 SURE = 0.95
 """Probability from which a cause is reported as sure. It is fixed, because it defines the verdicts."""
+UNDECIDED = 0.5
+"""Probability of a class's leader below which a weak cause is told apart from the causes. It is fixed for the same reason."""
 CLASS_SHARE = 0.05
 """Share of the leader's probability from which a hypothesis belongs to its class. It is fixed for the same reason."""
 
@@ -107,6 +109,9 @@ class Priors:
     restless: float = 6.0
     """Standard deviations by which the scatter of an actuator must exceed the noise before it is not attributed to noise.
     Assumed."""
+    weak: float = 0.1
+    """Share of the chi-square beyond noise below which an undecided cause is told apart from the causes, and a flexible family
+    without a mechanism's form makes no doubt. Assumed."""
     core_leaves: float = 0.15
     """Largest share of the explained energy that may remain because real causes differ from the equations of their cores.
     Assumed."""

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Cause, Considered, Doubt, Question, Smallest, Unexplained, Verdict
+from gtpin.diagnosis.inference.findings import (
+    Cause,
+    Considered,
+    Doubt,
+    Question,
+    Smallest,
+    Undecided,
+    Unexplained,
+    Verdict,
+)
 from gtpin.diagnosis.inference.shown_noise import Source
 from gtpin.diagnosis.inference.where import Where
 from gtpin.diagnosis.linear.cross_validation import Gap
@@ -43,6 +52,7 @@ class Findings:
     seed: int = 0
     doubts: tuple[Doubt, ...] = ()
     warnings: tuple[str, ...] = ()
+    also: tuple[Undecided, ...] = ()
 
     def effect(self, name: str) -> Effect:
         """The effect with the id ``name``, of those that were tried; raises `ModelError` where there is none."""
@@ -101,6 +111,8 @@ class Diagnosis(Findings, Shown):
         Seed of the random numbers.
     warnings
         Texts of all warnings, also of those when the dataset was read.
+    also
+        What is weak and undecided beside the causes, and does not change the verdict.
     doubts
         Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
 

@@ -17,6 +17,8 @@ HARMONICS, DECAY = 4, 1.0
 """Number of harmonics of a turning joint's angle, and the power p: the size of harmonic k is proportional to k^-p."""
 ORDERS = 6
 """Number of cosines along the travel of a sliding joint."""
+LOWEST = 3
+"""Number of lowest cosines along a sliding joint's travel that are a bent guide's form. Assumed."""
 SHIFT, TILT = 2e-5, 8e-5
 """Typical sizes of shifts, m, and tilts, rad."""
 
@@ -39,6 +41,7 @@ class AxisMotion(Effect):
     """
 
     id = "axis_motion"
+    nature = "description"
     title = "the axis of a joint moves as the joint moves"
     clause = "the axis of {site} moves as the joint moves"
     remedy = "Check the bearing and its seat for run-out; or use the corrected model."
@@ -65,6 +68,14 @@ class AxisMotion(Effect):
         sizes = [SHIFT, SHIFT, SHIFT if turns(at.robot, site) else TILT, TILT, TILT]
         columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
         return of_joint(at, site, ways, columns, unit(np.outer(sizes, relative).ravel(), 1.0))
+
+    def forms(self, robot: Robot, site: str) -> list[list[int]]:
+        """One harmonic, or the lowest cosines along a sliding joint's travel, of one kind of error motion."""
+        motions = ((0, 1), (2,), (3, 4))
+        if turns(robot, site):
+            waves = [(k, k + HARMONICS) for k in range(HARMONICS)]
+            return [[2 * HARMONICS * m + w for m in ms for w in wave] for ms in motions for wave in waves]
+        return [[ORDERS * m + w for m in ms for w in range(LOWEST)] for ms in motions]
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Sizes of the error motions: root mean squares over a turn."""

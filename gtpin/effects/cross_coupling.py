@@ -29,6 +29,8 @@ SINGLE, PAIR, OWN, NEAREST = 5, 4, 1, 6
 along the own joint, and number of the other joints, the nearest in the robot's order, that form products and vary along the
 own joint. What couples joints (gears that pass through each other, belts, cables) lies between two or three of them that follow
 each other, so there are no products of three, and none of joints that are far away. Assumed."""
+LOWEST = 3
+"""Number of lowest cosines that together are nearly proportional to another command, or a beam's bend. Assumed."""
 DECAY, STEEP = 1.5, 2.0
 """The power p: the size of a product with the sum of orders k is proportional to k^-p. The second value holds with ``SINGLE``
 and ``PAIR``: otherwise the many products of high order would be the largest part of f."""
@@ -53,6 +55,7 @@ class CrossCoupling(Effect):
     """
 
     id = "cross_coupling"
+    nature = "description"
     title = "deviation along the track that depends on where the other carts are"
     clause = "{site} shifts along its track with where the other carts are"
     of_chains = ChainWords(
@@ -87,6 +90,11 @@ class CrossCoupling(Effect):
         size = np.concatenate([size, MODULATION.own_track * size[lower]])
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
+
+    def forms(self, robot: Robot, site: str) -> list[list[int]]:
+        """The lowest cosines of one other actuator: gears that pass through each other, a beam that another cart bends."""
+        chosen = _products(robot.n_actuators - 1, bool(robot.rods), robot.sites.index(site))
+        return [[k * chosen.single + order for order in range(LOWEST)] for k in range(chosen.others)]
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Change of the mean of f from the lower to the upper end of each other actuator's range."""

@@ -16,6 +16,10 @@ from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
+Nature = Literal["mechanism", "profile", "description"]
+"""What an effect says about a machine: a mechanism with few parameters and a physical size; a profile, the own error of a drive
+or a track over its own travel; or a description, a family that fits any smooth function of several coordinates or motions."""
+
 
 class Range(NamedTuple):
     """A range of a parameter: lowest and highest value in the parameter's unit, and ``why``, a clause that reports quote."""
@@ -108,6 +112,8 @@ class Effect(ABC):
     """A short description."""
     coefficient: tuple[str, str]
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
+    nature: ClassVar[Nature] = "mechanism"
+    """Its nature. A description is a cause only where one of its :meth:`forms` explains as much."""
     clause: str = ""
     """What it does, as a clause in which ``{site}`` stands for the site: ``{site} has backlash``. If empty, it is made
     from ``title``."""
@@ -192,6 +198,10 @@ class Effect(ABC):
         ``others`` are values of the same cause that are in a model already. By default all values are distinguished.
         """
         return np.ones(len(values), dtype=bool)
+
+    def forms(self, robot: Robot, site: str) -> Sequence[Sequence[int]]:
+        """Of a description: the columns of B of each form that a mechanism with few parameters has."""
+        return ()
 
     def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
         """Commands, m or rad, at which the displacement along a track is discontinuous; correction tables have points there."""

@@ -29,6 +29,7 @@ class Linearity(Effect):
     """
 
     id = "linearity"
+    nature = "profile"
     title = "smooth deviation along the track (EXX)"
     clause = "{site} departs smoothly from where it should be along its track"
     of_chains = ChainWords(

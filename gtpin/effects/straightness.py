@@ -31,6 +31,7 @@ class Straightness(Effect):
     """
 
     id = "straightness"
+    nature = "profile"
     title = "smooth deviation across the track (EYX, EZX)"
     clause = "the track of {site} is not straight"
     remedy = "Realign the guideway by the curve below, or use the corrected model."

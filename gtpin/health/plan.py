@@ -200,18 +200,27 @@ def plan(
         information = Information(best.nats, others[0], best.error, others[1])
         commands = _commands(some, best.rows, purpose)
         return PosePlan(purpose, commands, model, noise, where, information=information)
-    how = Conditions(noise, free, unexplained=left)
-    if not (given or left.noise_known):  # the noise of the fit is what it left
-        least = replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
-        how = replace(how, noise=least, noise_known=False)
+    known = given or left.noise_known
+    # Otherwise the noise of the fit is what it left.
+    used = noise if known else replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
-    hypotheses = _possible(Earlier(model), some, how, scope, orientation).proposal.hypotheses
+
+    def possible(some: Candidates) -> Changes:
+        """The changes that measuring candidates could test."""
+        earlier = Earlier(model)
+        seen = model.seen(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
+        measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, model.robot)
+        rows = used.rows(len(some), measured.components)
+        how = Conditions(rows, free, unexplained=left, noise_known=known)
+        return Changes.of(earlier, measured, some.covariates, how, scope)
+
+    hypotheses = possible(some).proposal.hypotheses
     words = checked_first() if purpose == "health" else tuple(between)
     wanted = [h for h in hypotheses.linear if not words or h.effect.id in words or str(h) in words]
     for word in words:
         if not any(word in (h.effect.id, str(h)) for h in wanted):
-            known = ", ".join(dict.fromkeys(h.effect.id for h in hypotheses.linear))
-            raise ModelError(f"no poses of {model.robot.name} tell {word}", hint=f"what they can tell: {known}")
+            able = ", ".join(dict.fromkeys(h.effect.id for h in hypotheses.linear))
+            raise ModelError(f"no poses of {model.robot.name} tell {word}", hint=f"what they can tell: {able}")
     choice = _choice(hypotheses.design, wanted, VAGUE if purpose == "health" else 1.0)
     rows = choice.best(poses)
     commands = _commands(some, rows, purpose)
@@ -219,23 +228,10 @@ def plan(
         random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
         told = tuple(_told(hypotheses.design, choice, wanted, rows, random))
         return PosePlan(purpose, commands, model, noise, where, told=told)
-    sampler = _possible(Earlier(model), some.take(rows), how, scope, orientation).sampler
+    sampler = possible(some.take(rows)).sampler
     level = threshold(sampler, PRIORS.named_alarms * false_alarm, DRAWS, rng)
     smallest = smallest_changes(sampler, level, POWER, rng)
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)
-
-
-def _possible(earlier: Earlier, some: Candidates, how: Conditions, scope: Scope, orientation: bool) -> Changes:
-    """The changes that measuring candidates could test."""
-    kinematics = earlier.model.kinematics
-    seen = earlier.model.seen(earlier.predicted(some.q, some.covariates, kinematics.forward(some.q)))
-    return Changes.of(
-        earlier,
-        Readings.of_poses(some.q, seen.T, seen.R if orientation else None, earlier.model.robot),
-        some.covariates,
-        how,
-        scope,
-    )
 
 
 def checked_first() -> tuple[str, ...]:

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from gtpin.data.dataset import Dataset
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import TrackerTable
-from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import DatasetError
 from gtpin.instruments import BUILT_IN
 from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
@@ -63,13 +62,13 @@ class Readings:
         DatasetError
             For impossible readings.
         """
-        found = Readings(dataset.q, rows_of(dataset), robot, np.zeros(0))
+        found = Readings(dataset.q, dataset.rows, robot, np.zeros(0))
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
 
     @staticmethod
     def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Robot) -> Readings:
         """Poses of a lone tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
-        rows = _of_tracker(T, None if R is None else to_quaternions(R), np.arange(len(q)))
+        rows = InstrumentRows.of_tracker(T, None if R is None else to_quaternions(R), np.arange(len(q)))
         return Readings(q, rows, robot, np.zeros(0))
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
@@ -337,24 +336,6 @@ class Readings:
             found[self._rows[i]] = mine
         assert found is not None
         return found
-
-
-def rows_of(dataset: Dataset) -> InstrumentRows:
-    """What was measured, as the rows of instruments: those of schema 2, or the poses of one tracker, which has no name."""
-    if dataset.readings is not None:
-        return dataset.readings
-    rows, given = _of_tracker(dataset.position, dataset.orientation, dataset.row), dataset.instrument
-    declared = {key: getattr(given, key) for key in ("position_sigma", "orientation_sigma", "station")}
-    return replace(rows, tables=(rows.tables[0].model_copy(update=declared),), files=(dataset.file,))
-
-
-def _of_tracker(T: Floats, quaternions: Floats | None, line: npt.NDArray[np.int64]) -> InstrumentRows:
-    """Poses that a tracker without a name has read in lines (N,) of a table: T (N, 3), m, and (N, 4) or None."""
-    columns = dict(zip(POSITION, T.T, strict=True))
-    if quaternions is not None:
-        columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
-    table, of = TrackerTable.model_construct(name="", kind="tracker"), np.zeros(len(T), dtype=np.int64)
-    return InstrumentRows((table,), (None,), of, line, columns, np.full(len(T), -1), ({},))
 
 
 def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset

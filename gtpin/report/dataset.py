@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.data.names import ORIENTATION, POSITION, command_names
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of

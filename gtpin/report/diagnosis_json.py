@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from gtpin.diagnosis.inference.findings import Member
 from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
 from gtpin.diagnosis.linear.hold_out import TOGETHER
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
@@ -24,14 +26,16 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 "effect": c.effect,
                 "site": c.site,
                 "probability": c.probability,
-                "class": [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in c.members],
+                "class": _class(c.members),
                 "parameters": {
                     n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
                 },
                 "shrinkage": c.shrinkage,
+                "nature": c.nature,
             }
             for c in d.causes
         ],
+        "also": [{"site": one.site, "rms": one.rms, "class": _class(one.members)} for one in d.also],
         "candidates": [
             {
                 "effect": c.effect,
@@ -64,6 +68,10 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 {"site": site, "covariate": coordinates, "p_value": p}
                 for site, coordinates, p in d.unexplained.correlates
             ],
+            "descriptions": [
+                {"effect": t.effect, "site": t.site, "over": list(t.over), "rms": t.rms, "probability": t.probability}
+                for t in d.unexplained.descriptions
+            ],
             "could_be": [{"effect": effect, "site": site} for effect, site in d.unexplained.could_be],
             "questions": [
                 {
@@ -83,6 +91,10 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
         "next_experiment": [e.to_json() for e in d.next_experiment],
         "warnings": list(d.warnings),
     }
+
+
+def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
+    return [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in members]
 
 
 def _errors(gap: Gap) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup, escape
 
-from gtpin.calibration.calibrate_readings import with_positions
+from gtpin.calibration.checks.prepared import with_positions
 from gtpin.compensation.corrections import correctable
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Cause, Considered, Member

@@ -32,6 +32,10 @@ REASONS = {
 }
 """Why an effect can't be tested, by kind."""
 DOUBTS = {
+    "description": (
+        "What moves {site} follows {columns} as any smooth motion could: this describes the error, and is no cause. Left-out "
+        "regions and another site or column tell whether a mechanism is behind it."
+    ),
     "restless": "{site} errs from pose to pose by more than repeated visits let it scatter.",
     "held_out": (
         "Poses that were left out of the fit are farther off than the noise that was declared or that repeated visits show, "

@@ -60,9 +60,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
 def _distinct(dataset: Dataset) -> int:
     """Number of different rows: a row repeats another one with the same commands and, for readings, of the same instrument,
     station or target."""
-    if dataset.readings is None:
-        return len(np.unique(dataset.visits))
-    return len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
+    return len(np.unique(np.column_stack([dataset.rows.read, dataset.visits]), axis=0))
 
 
 def _misspelt(dataset: Dataset) -> list[str]:

@@ -163,8 +163,7 @@ class Residuals:
 
         ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
         """
-        # The points of a line of the causes are no rows of the dataset: the noise of the first row is that of all.
-        sigma = self.sigma if len(motion) == len(self) else self.sigma[:1]
+        sigma = self.sigma[0] if self.of_poses else self.sigma  # of poses, those of all rows are equal
         u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
         power = np.einsum("nc,nc->n", u, u)
         return np.asarray(np.einsum("nc,nc->n", u, residual / sigma) / np.maximum(power, 1e-300))
@@ -181,7 +180,7 @@ class Residuals:
         """
         if name in self._read:
             rows, k, _ = self._read[name]
-            if len(residual) != len(self):  # points of a line of the causes, which have every number of a pose
+            if self.of_poses:  # at other poses too
                 return np.asarray(residual[:, k])
             found = np.full(len(residual), np.nan)
             found[rows] = residual[rows, k]

@@ -13,7 +13,7 @@ from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
-from gtpin.instruments.readings import Readings, instruments_of, rows_of, single
+from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.words import quantity
@@ -169,7 +169,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         warn(f"left out, can't be reached: poses {names}")
     kept, seen, frame = dataset.take(reached), predicted[reached], model.frame
     based = seen.moved(-frame.T @ frame.R, frame.R.T)
-    rows, known = rows_of(kept), {name: value for one in fitted for name, value in one.unknowns.items()}
+    rows, known = kept.rows, {name: value for one in fitted for name, value in one.unknowns.items()}
     count = len(kept)
     T, error, value, whitened = based.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     name, unit, share = np.empty(count, dtype=object), np.empty(count, dtype=object), {}

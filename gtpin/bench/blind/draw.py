@@ -40,7 +40,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Draft:
-    """A case to be made: kind, seed of the plant, effects (sites are drawn), number of poses if fixed, robot, instruments."""
+    """A case to be made: kind, seed, effects (sites are drawn), number of poses if fixed, robot, instruments."""
 
     name: str
     kind: Kind
@@ -55,7 +55,7 @@ def drafts(cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ..
     """The cases of a check; a larger check of the same seed begins with the cases of a smaller one.
 
     Kinds have their shares in any sequence of cases. Single effects are used in turn, so that each has about as many cases.
-    The plant draws sites, energies, poses, measurement conditions and the effects' shapes. Effects are those that the
+    The simulator draws sites, energies, poses, measurement conditions and the effects' shapes. Effects are those that the
     robot's parts can have.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
@@ -88,17 +88,17 @@ def drafts(cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ..
 
 
 def made(draft: Draft) -> Case:
-    """Make a case by the plant, measured by a tracker."""
+    """Make a case by the simulator, measured by a tracker."""
     return build(recipe(draft))
 
 
 def measured(draft: Draft) -> InstrumentCase:
-    """Make a case by the plant, measured by the draft's instruments."""
+    """Make a case by the simulator, measured by the draft's instruments."""
     return build_measured(recipe(draft), draft.instruments)
 
 
 def recipe(draft: Draft) -> Recipe:
-    """The recipe from which the plant makes a case. Where only touching instruments measure, touches are added for those that
+    """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.left_out_touches.without_some_touches` leaves out.
     """
     found = _recipe(draft)

@@ -88,7 +88,7 @@ def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> Lef
 
 
 def _measured_again(case: InstrumentCase) -> tuple[Truth, ...]:
-    """The effects of a case with E computed as by the plant, for the rows that the case has; the largest E first."""
+    """The effects of a case with E computed as by the simulator, for the rows that the case has; the largest E first."""
     used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
     gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
     poses = case.true[used]

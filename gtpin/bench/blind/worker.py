@@ -1,7 +1,7 @@
 """Diagnoses one case in a separate process that has no information on how the case was made.
 
 It receives the files of a dataset's folder and writes them into a folder that contains nothing else. It must not import
-the plant, and it stops with an error if the plant is already imported.
+the simulator, and it stops with an error if that is already imported.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
             masses.append((0.0, np.zeros(3)))
             frame = Frame(len(bodies) - 1, np.eye(3), np.zeros(3))
         elif kind != "fixed" and kind not in still:
-            raise RobotError(f"joint {name} is {kind}", hint="the plant moves joints that turn or slide")
+            raise RobotError(f"joint {name} is {kind}", hint="the simulator moves joints that turn or slide")
         frames[child] = frame
         if frame.joint >= 0:
             mass, centre = _inertia(inertials.get(child))

@@ -12,6 +12,8 @@ from gtpin.data.sane import check_extremes
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Model
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 SAME = 1e-12
@@ -21,7 +23,7 @@ TURNS = 1e-5
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
-    """The dataset without copies of rows, and without a constant orientation where the robot must turn.
+    """The dataset with positions, without copies of rows, and without a constant orientation where the robot must turn.
 
     Raises
     ------
@@ -34,12 +36,26 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
         Says what is left out.
     """
     check_extremes(dataset)
-    dataset = counted_once(dataset)
+    dataset = counted_once(with_positions(dataset, nominal.robot))
     if dataset.orientation is None or not _same(dataset.orientation) or not _turns(dataset, nominal):
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
     warn(f"{dataset.file}: {text}" if dataset.file else text)
     return replace(dataset, orientation=None)
+
+
+def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
+    """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
+
+    These positions serve to divide the poses into regions. A row that the nominal robot can't reach gets the position of the
+    first row that it can reach.
+    """
+    if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
+        return dataset
+    T = Model(Geometry.nominal(robot)).kinematics.forward(dataset.q).T.copy()
+    reached = np.isfinite(T[:, 0])
+    T[~reached] = T[reached][0] if reached.any() else 0.0
+    return replace(dataset, position=T)
 
 
 def _same(orientation: Floats) -> bool:

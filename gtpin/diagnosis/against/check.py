@@ -22,6 +22,7 @@ from gtpin.diagnosis.inference.causes import cause
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import gaps
+from gtpin.diagnosis.inference.shown_noise import floor_of
 from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
 from gtpin.diagnosis.inference.verdict import Conclusion, considered
 from gtpin.diagnosis.inference.where import where
@@ -32,7 +33,6 @@ from gtpin.distributions import chi2
 from gtpin.effects.situation import Column
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
 from gtpin.typing import Floats
 
 POWER = 0.95
@@ -144,7 +144,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     causes = []
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
-        one = cause(replace(model, effects=(own,)), hypothesis, found.classes[hypothesis])
+        one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis)
         causes.append(replace(one, shrinkage=takes[hypothesis.place]))
     assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
@@ -197,8 +197,6 @@ def _floor(tried: _Tried, earlier: Model) -> Floats:
     if not design.tracked:
         return np.ones((len(tried.data.dataset), design.components))
     noise = how.noise if how.noise_known else how.expected(design.measured)
-    if earlier.fit is not None and isinstance(noise, Noise):
-        # What the drives are assumed to scatter at least is no noise.
+    if earlier.fit is not None:  # what the drives are assumed to scatter at least is no noise
         noise = replace(noise, repeatability=min(noise.repeatability, earlier.fit.drives))
-    covariance = noise.covariance(design.command_jacobian, design.components)
-    return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
+    return floor_of(noise, design)

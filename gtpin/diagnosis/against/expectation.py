@@ -9,13 +9,19 @@ import numpy as np
 
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.readings import with_unknowns
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.situation import Column, Situation
-from gtpin.instruments.readings import Readings
+from gtpin.errors import ConvergenceError
+from gtpin.instruments.readings import VAGUE, Readings
+from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import EXPLAINED, Unexplained
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
+
+STEPS = 20
+"""Most Gauss-Newton steps of the instruments' unknowns. Measured: a station that was declared half a metre off takes four."""
+SETTLED = 1e-3
+"""Change of the unknowns, in standard deviations of their priors, that ends the steps; less than the check's other errors."""
 
 
 @dataclass(frozen=True)
@@ -29,23 +35,17 @@ class Conditions:
     ``unexplained``.
     """
 
-    noise: Noise | ReadingNoise
+    noise: ReadingNoise
     free_frame: bool
     temperature: float = 20.0
     unexplained: Unexplained = EXPLAINED
     noise_known: bool = True
 
-    def expected(self, measured: Readings) -> Noise | ReadingNoise:
+    def expected(self, measured: Readings) -> ReadingNoise:
         """Noise and unexplained errors together, as if these were independent from pose to pose."""
         left, noise = self.unexplained, self.noise
         if left.none:
             return noise
-        if isinstance(noise, Noise):
-            return replace(
-                noise,
-                position_sigma=float(np.hypot(noise.position_sigma, left.position)),
-                orientation_sigma=float(np.hypot(noise.orientation_sigma, left.orientation)),
-            )
         more = np.where(measured.group_turns, left.orientation, left.position)
         return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
@@ -76,7 +76,7 @@ def expectation(
     c, noise = measured.components, how.expected(measured)
     if how.free_frame:
         model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
-    elif isinstance(noise, ReadingNoise):
+    else:
         measured = with_unknowns(measured, noise, at.command_jacobian, poses)
     W = noise.whitening(measured.seen(at.command_jacobian, model, poses), c)
     by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
@@ -86,6 +86,36 @@ def expectation(
     y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
     y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
     return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(how.free_frame), measured)
+
+
+def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Poses) -> Readings:
+    """The readings with the values of the instruments' unknowns that fit them best where the robot is at ``poses``.
+
+    The linear problem of a check is about these values, because the unknown place of an instrument may be off by decimetres.
+
+    ``J``: (N, 6 + k, n) derivative of the poses, base frame, by the commands. ``poses``: (N) poses that the earlier model
+    predicts, base frame.
+
+    Raises `ConvergenceError` if they have not converged.
+    """
+    found = readings.at(readings.start(poses))
+    if not len(found.sigma):
+        return found
+    sigma = np.where(np.isfinite(found.sigma), found.sigma, VAGUE)
+    prior = np.isfinite(found.sigma).astype(float)
+    for _ in range(STEPS):
+        W = noise.whitening(np.asarray(found.by_motion(poses) @ J), found.components)
+        columns = (W @ found.by_unknown(poses)).reshape(-1, len(sigma)) * sigma
+        left = np.einsum("nij,nj->ni", W, found.minus(poses)).ravel()
+        right = columns.T @ left - prior * found.deviation
+        step = np.linalg.lstsq(columns.T @ columns + np.diag(prior), right, rcond=None)[0]
+        found = found.at(found.u + sigma * step)
+        if np.abs(step).max() < SETTLED:
+            return found
+    raise ConvergenceError(
+        "the unknowns of the instruments have not converged",
+        hint="check their stations, planes, sockets and targets in dataset.toml",
+    )
 
 
 def share_unexplained(design: Design, how: Conditions) -> float:

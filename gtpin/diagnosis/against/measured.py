@@ -1,24 +1,26 @@
-"""The poses of a check that can be used, and their noise."""
+"""The rows of a check that can be used, and their noise."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.known_noise import known_noise
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.prepared import prepared, with_positions
+from gtpin.calibration.checks.readable_sockets import check_sockets
 from gtpin.calibration.checks.usable_rows import plausible_rows
-from gtpin.data import Dataset
-from gtpin.data.sane import sane_rows
+from gtpin.data import Dataset, check_commands
+from gtpin.data.duplicates import counted_once
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.expectation import Conditions
-from gtpin.diagnosis.against.readings import noise_of_readings, usable_readings
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.drives import RIM
 from gtpin.errors import DatasetError, ModelError, warn
-from gtpin.instruments.readings import Readings
+from gtpin.instruments.readings import Readings, single
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
 from gtpin.noise.noise import SMALLEST, Noise
@@ -30,7 +32,7 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Usable:
-    """The usable poses of a check, and how they were measured."""
+    """The usable rows of a check, and how they were measured."""
 
     dataset: Dataset
     measured: Readings
@@ -38,11 +40,8 @@ class Usable:
 
     def without(self, row: int) -> Usable:
         """The same without the row with the index ``row``; of a reading with several components, without all of them."""
-        kept = np.any(self.places != self.places[row], axis=1)
-        noise = self.how.noise
-        if isinstance(noise, ReadingNoise):
-            noise = noise.take(kept)
-        return Usable(self.dataset.take(kept), self.measured.take(kept), replace(self.how, noise=noise))
+        kept, where = np.any(self.places != self.places[row], axis=1), self.how
+        return Usable(self.dataset.take(kept), self.measured.take(kept), replace(where, noise=where.noise.take(kept)))
 
     @property
     def places(self) -> npt.NDArray[np.int64]:
@@ -60,53 +59,91 @@ def places(dataset: Dataset) -> npt.NDArray[np.int64]:
 def usable(dataset: Dataset, model: Model) -> Usable:
     """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
-    Raises `DatasetError` if the dataset does not match the model, or has too few poses.
+    Noise is the declared one, else that of the model's fit; that of the actuators, at least :func:`least_scatter`, is the
+    fit's. All sigmas are multiplied by the fit's ratio of residuals to noise, ``misfit``. What the model left unexplained is
+    not in it; noise that is known from nowhere but the residuals of the earlier fit is none.
+
+    Raises `DatasetError` if the dataset does not match the model, or has too few poses, and `ModelError` if the model was
+    measured in another frame.
     """
     check_actuators(model.robot, dataset)
+    left, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
+    free, known = dataset.readings is None and dataset.instrument.frame == "free", True
+    if fit is not None:
+        drives = max(fit.drives, drives)
     if dataset.readings is not None:
-        return _readings(dataset, model)
-    free = _free_frame(dataset, model)
+        kept, measured = _usable_readings(dataset, model)
+        declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
+        unknown = np.zeros(len(declared), dtype=bool)
+        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives)
+        if fit is not None:
+            noise = noise.scaled(fit.misfit)
+    else:
+        kept, measured = _usable_poses(dataset, model, free)
+        own = noise_of(dataset, model)
+        lacking = [
+            name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
+        ]
+        known = left.noise_known or not lacking
+        if not known:
+            none: dict[str, Any] = dict.fromkeys(lacking, SMALLEST)
+            own = replace(own, **none)
+        noise = own.rows(len(kept), measured.components)
+    return Usable(kept, measured, Conditions(noise, free, dataset.conditions.reference_temperature, left, known))
+
+
+def _usable_poses(dataset: Dataset, model: Model, free: bool) -> tuple[Dataset, Readings]:
+    if not free and not model.frame.is_base:
+        raise ModelError(
+            'the model was measured in a frame of the instrument, and the check in the base frame (frame = "robot")',
+            file=dataset.file,
+            column="instrument.frame",
+            hint='set frame = "free" under [instrument]',
+        )
     geometry = Model(model.geometry)
     recorded = prepared(dataset, geometry)
     kept = recorded.take(sane_rows(recorded))
-    _check_count(kept)
-    poses = geometry.kinematics.forward(kept.q)
-    kept = kept.take(plausible_rows(kept, geometry, poses)).in_order()
-    _check_count(kept)
-    measured = Readings.of(replace(kept, orientation=None) if model.geometry.reduced else kept, model.robot)
-    return Usable(kept, measured, _conditions(dataset, model, noise_of(dataset, model), free))
+    _check_count(kept, len(kept))
+    kept = kept.take(plausible_rows(kept, geometry, geometry.kinematics.forward(kept.q))).in_order()
+    _check_count(kept, len(kept))
+    return kept, Readings.of(replace(kept, orientation=None) if model.geometry.reduced else kept, model.robot)
 
 
-def _readings(dataset: Dataset, model: Model) -> Usable:
-    kept, readings = usable_readings(dataset, model)
-    if len(np.unique(kept.visits)) < FEWEST:
-        _check_count(kept.take(np.unique(kept.visits, return_index=True)[1]))
-    known = model.fit
-    scatter = least_scatter(model) if known is None else max(known.drives, least_scatter(model))
-    noise = noise_of_readings(readings, scatter).scaled(1.0 if known is None else known.misfit)
-    return Usable(kept, readings, _conditions(dataset, model, noise, False))
-
-
-def _conditions(dataset: Dataset, model: Model, noise: Noise | ReadingNoise, free: bool) -> Conditions:
-    """How a check was measured. Noise that is known from nowhere but the residuals of the earlier fit is none."""
-    left, declared = model.unexplained or EXPLAINED, dataset.instrument
-    lacking = declared.position_sigma is None, declared.orientation_sigma is None
-    unknown = isinstance(noise, Noise) and not left.noise_known and any(lacking)
-    if isinstance(noise, Noise) and unknown:
-        noise = replace(
-            noise,
-            position_sigma=SMALLEST if lacking[0] else noise.position_sigma,
-            orientation_sigma=SMALLEST if lacking[1] else noise.orientation_sigma,
+def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
+    """As :func:`usable`, one row for each reading. Their noise must be declared: a check has too few to estimate it."""
+    robot = model.robot
+    check_extremes(dataset)
+    dataset = counted_once(with_positions(dataset, robot))
+    check_sockets(dataset, robot)
+    whole = single(dataset, robot)
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    assert whole.readings is not None
+    kept = whole.take(sane_rows(whole) & whole.readings.countable)
+    reached = model.kinematics.forward(kept.q).reached
+    if not reached.all():
+        warn(f"set aside, for the robot can't reach them: {', '.join(map(str, dict.fromkeys(kept.pose[~reached])))}")
+    kept = kept.take(reached).in_order()
+    readings = Readings.of(kept, robot)
+    declared = np.array([sigma is not None for sigma in readings.declared])
+    lacking = ~declared[readings.group] & ~np.isfinite(readings.row_sigma)
+    if lacking.any():
+        name = readings.rows.tables[int(readings.rows.of[lacking.any(axis=1)][0])].name
+        raise DatasetError(
+            f"the noise of {name} is not declared, and a check has too few readings to estimate it",
+            file=dataset.file,
+            hint=f"give the sigma of {name} in dataset.toml",
         )
-    return Conditions(noise, free, dataset.conditions.reference_temperature, left, not unknown)
+    _check_count(kept, len(np.unique(kept.visits)))
+    return kept, readings
+
+
+def _check_count(dataset: Dataset, poses: int) -> None:
+    if poses < FEWEST:
+        raise DatasetError(f"{poses} usable poses", file=dataset.file, hint=f"a check needs {FEWEST}, and better ten")
 
 
 def noise_of(dataset: Dataset, model: Model) -> Noise:
-    """The noise of a check: the instrument's declared sigmas, else those of the model's fit; and the actuators' in that fit.
-
-    The actuators' noise is at least :func:`least_scatter`. All sigmas are multiplied by the fit's ratio of residuals to noise,
-    ``misfit``. What the model left unexplained is not in it.
-    """
+    """The noise of measured poses for :func:`usable`, also where it is known from residuals alone."""
     declared, known = dataset.instrument, model.fit
     position, turns = declared.position_sigma, declared.orientation_sigma
     if known is None:
@@ -125,22 +162,3 @@ def least_scatter(model: Model) -> float:
     """Smallest noise of each actuator, m or rad, that a check expects."""
     least = PRIORS.least_scatter
     return least / RIM if not model.robot.rods and bool(np.any(model.robot.revolute)) else least
-
-
-def _free_frame(dataset: Dataset, model: Model) -> bool:
-    free = dataset.instrument.frame == "free"
-    if not free and not model.frame.is_base:
-        raise ModelError(
-            'the model was measured in a frame of the instrument, and the check in the base frame (frame = "robot")',
-            file=dataset.file,
-            column="instrument.frame",
-            hint='set frame = "free" under [instrument]',
-        )
-    return free
-
-
-def _check_count(dataset: Dataset) -> None:
-    if len(dataset) < FEWEST:
-        raise DatasetError(
-            f"{len(dataset)} usable poses", file=dataset.file, hint=f"a check needs {FEWEST}, and better ten"
-        )

@@ -11,9 +11,9 @@ from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect
-from gtpin.instruments.readings import VAGUE, Readings
+from gtpin.instruments.readings import VAGUE
 from gtpin.kinematics.rotations import exp
-from gtpin.model.model import FittedInstrument, Frame, Model, inverse_root
+from gtpin.model.model import Frame, Model, inverse_root
 from gtpin.typing import Floats
 
 
@@ -77,14 +77,11 @@ def updated(
         earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[design.n_prior : after])
     )
     if not design.measured.tracked:
-        model = replace(model, instruments=_instruments(design.measured, found.mean[k:after]))
+        readings, unknowns = design.measured, found.mean[k:after]
+        unknowns = unknowns * np.where(np.isfinite(readings.sigma), readings.sigma, VAGUE)
+        model = replace(model, instruments=readings.at(unknowns).fitted)
     effects = (*model.effects, *active)
     return replace(model, effects=effects, joint_covariance=covariance if effects else None), tuple(active)
-
-
-def _instruments(readings: Readings, mean: Floats) -> tuple[FittedInstrument, ...]:
-    """The instruments with the unknowns (k,) in units of their prior sigmas, VAGUE where there is no prior."""
-    return readings.at(mean * np.where(np.isfinite(readings.sigma), readings.sigma, VAGUE)).fitted
 
 
 def _frame(design: Design, change: Floats) -> Frame:

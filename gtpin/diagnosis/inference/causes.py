@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.findings import Cause, Member
-from gtpin.diagnosis.inference.verdict import Contender
+from gtpin.diagnosis.inference.findings import Cause
+from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.effects.active import ActiveEffect
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model as FittedModel
@@ -20,15 +20,13 @@ WITHIN = 0.6827
 """Share of the draws that differ from the value by less than sigma: as of a normal distribution."""
 
 
-def cause(model: FittedModel, hypothesis: Hypothesis, members: tuple[Contender, ...]) -> Cause:
-    """A cause with its parameters from the fitted model; its ``shrinkage`` is 0 until it is computed."""
+def cause(model: FittedModel, hypothesis: Hypothesis, found: Conclusion, named: Hypothesis) -> Cause:
+    """A cause ``named`` in a conclusion, with its parameters from the fitted model; ``shrinkage`` is 0 until it is computed."""
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
-    own = next(m for m in members if m.hypothesis.place == hypothesis.place)
+    own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
     parameters = _parameters(model.robot, active, [sigma for _, sigma in hypothesis.lines])
-    reported = tuple(
-        Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None) for m in members
-    )
-    return Cause(*hypothesis.place, own.probability, reported, parameters, 0.0)
+    nature = "mechanism" if hypothesis.effect.nature == "description" else hypothesis.effect.nature  # it has its form
+    return Cause(*hypothesis.place, own.probability, found.members(named), parameters, 0.0, nature)
 
 
 def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[float]) -> dict[str, Estimate]:

@@ -67,7 +67,14 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
             by_proxy.add(proxy.hypothesis)
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
-    dear = {s: priors.unnamed + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own) for s in against}
+    # An effect of time or session alone has no form of its own: another part that moves with it is as common.
+    drivers = cause.drivers(hypotheses.design.situation.robot)
+    clocked = drivers if drivers <= {"time", "session"} else None
+    dear = {
+        s: (0.0 if frozenset(s.over) == clocked else priors.unnamed)
+        + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own)
+        for s in against
+    }
     smooth = {s: (gain.value - dear[s]) / heat for s, gain in against.items()}
     whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}

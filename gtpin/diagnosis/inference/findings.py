@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from gtpin.effects.effect import Nature
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
 
@@ -43,6 +44,8 @@ class Cause:
         The parameters of the leader, by name.
     shrinkage
         Explained fraction of the gap's power, given the other causes.
+    nature
+        The nature of the leader's effect: :attr:`gtpin.effects.effect.Effect.nature`.
     """
 
     effect: str
@@ -51,6 +54,30 @@ class Cause:
     members: tuple[Member, ...]
     parameters: dict[str, Estimate]
     shrinkage: float
+    nature: Nature = "mechanism"
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """What is weak and undecided: the site of the leader of its class, the size at the TCP (root mean square, m), the class."""
+
+    site: str
+    rms: float
+    members: tuple[Member, ...]
+
+
+@dataclass(frozen=True)
+class Description:
+    """A flexible family that fits, but is no cause: it says where the error is and over what, not why.
+
+    ``rms`` is its root mean square at the TCP, m, and ``probability`` that of the family among all hypotheses.
+    """
+
+    effect: str
+    site: str
+    over: tuple[str, ...]
+    rms: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -109,16 +136,19 @@ class Unexplained:
     probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
     that correlate with the residuals; five at most. ``could_be``: effect and site of untestable effects whose proxies explain
     the residuals about as well as the best smooth term.
+    ``descriptions``: flexible families that explain a part of them and are no causes.
     """
 
     share: float
     p_value: float
     correlates: tuple[tuple[str, str, float], ...]
     could_be: tuple[tuple[str, str], ...] = ()
+    descriptions: tuple[Description, ...] = ()
 
 
 Reason = Literal[
     "smooth_term",
+    "description",
     "restless",
     "impossible",
     "held_out",
@@ -133,6 +163,8 @@ Reason = Literal[
 
 ``smooth_term``
     Smooth nonparametric terms are likelier than the named causes alone (``infer.py``).
+``description``
+    Only a flexible family explains an error (``descriptions.py``).
 ``restless``
     Errors of an actuator differ from pose to pose by more than repeated visits scatter (``reestimate_noise.py``).
 ``impossible``

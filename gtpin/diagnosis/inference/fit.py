@@ -11,7 +11,8 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.lines import strongest_first
 from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Unexplained
+from gtpin.diagnosis.inference.descriptions import described, undecided, without_undecided
+from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
@@ -40,14 +41,16 @@ class Fitted:
     """The final conclusion, with the fitted causes.
 
     ``conclusion``: the conclusion, with the doubts that the fit and left-out poses raise. ``model``: the geometry and the
-    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``gap``: errors on
-    left-out poses, without and with the causes. ``unexplained``: what the causes do not explain. ``questions``: parameters
-    whose values are not plausible or not usual. ``noise_source``: where the noise floor comes from.
+    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``also``: what is weak and
+    undecided beside them. ``gap``: errors on left-out poses, without and with the causes. ``unexplained``: what the causes do
+    not explain. ``questions``: parameters whose values are not plausible or not usual. ``noise_source``: where the noise floor
+    comes from.
     """
 
     conclusion: Conclusion
     model: Model
     causes: tuple[Cause, ...]
+    also: tuple[Undecided, ...]
     gap: Gap
     unexplained: Unexplained
     questions: tuple[Question, ...]
@@ -63,7 +66,7 @@ def fit(
     """
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
-    found = without_idle(hypotheses, found, neighbours)
+    found = described(hypotheses, without_idle(hypotheses, found, neighbours))
     if hypotheses.design.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
@@ -91,6 +94,7 @@ def fit(
 
     checked, takes = gaps_by("region")
     whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
+    found = without_undecided(hypotheses, found)
     causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
@@ -98,13 +102,15 @@ def fit(
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
+    small = {c.place for c in found.also}
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
     return Fitted(
         conclusion=found,
         model=model,
-        causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
+        causes=tuple(sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.shrinkage)),
+        also=undecided(hypotheses, found),
         gap=whole,
-        unexplained=replace(remaining, could_be=could_be),
+        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
         questions=tuple(asked),
         noise_source=shown.source,
     )
@@ -127,7 +133,7 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
-    return model, [cause(model, own, found.classes[c]) for c, own in zip(named, ordered, strict=True)]
+    return model, [cause(model, own, found, c) for c, own in zip(named, ordered, strict=True)]
 
 
 def _floor(settled: Settled) -> Floats:

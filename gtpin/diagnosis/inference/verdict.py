@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.inference.findings import Considered, Doubt, Verdict
+from gtpin.diagnosis.inference.findings import Considered, Description, Doubt, Member, Verdict
 from gtpin.diagnosis.priors import SURE
 
 
@@ -33,6 +33,8 @@ class Conclusion:
     ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
     first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
     of every hypothesis and smooth term as the only one. ``beside``: smooth terms that are needed beside the causes.
+    ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
+    fit and are no causes.
     """
 
     model: Model
@@ -40,13 +42,15 @@ class Conclusion:
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
     beside: tuple[SmoothTerm, ...] = ()
+    also: tuple[Hypothesis, ...] = ()
+    descriptions: tuple[Description, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
         """The verdict: the first of ``unknown``, ``ambiguous``, ``explained`` and ``none`` that applies."""
         if self.doubts:
             return "unknown"
-        if len(self.sure()) < len(self.classes):
+        if len(self.sure()) < len(self.classes) - len(self.also):
             return "ambiguous"
         return "explained" if self.classes else "none"
 
@@ -63,6 +67,13 @@ class Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
+
+    def members(self, cause: Hypothesis) -> tuple[Member, ...]:
+        """The class of a cause, as it is reported."""
+        return tuple(
+            Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None)
+            for m in self.classes[cause]
+        )
 
     def sure(self) -> list[Hypothesis]:
         """Causes that lead their class with a probability of 0.95 or more."""

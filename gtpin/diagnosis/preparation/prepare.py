@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.calibrate_readings import with_positions
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.free_target import with_free_target
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
-from gtpin.data.duplicates import counted_once
-from gtpin.data.sane import check_extremes, sane_rows
+from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
@@ -70,20 +67,19 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     GtpinError
         If the data can't be those of this robot.
     """
-    if dataset.readings is not None:
-        return _prepared_readings(dataset, nominal, progress, priors)
     geometry = with_free_target(Geometry.nominal(nominal), dataset)
     recorded = prepared(dataset, Model(geometry))
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
-    _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
+    if dataset.readings is None:
+        _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
     baseline = calibrate(usable, nominal, progress=progress)
     # Random draws of rows must not depend on the order of the file.
-    instrument = baseline.instrument
-    turning = (instrument.orientation_sigma,) if usable.orientation is not None else ()
-    dataset = replace(usable, instrument=instrument).in_order()
-    return Prepared(recorded, dataset, baseline, (instrument.position_sigma, *turning))
+    own = single(replace(usable, instrument=baseline.instrument), nominal).in_order()
+    declared = Readings.of(own, baseline.model.robot).declared
+    sigmas = zip(declared, np.atleast_1d(baseline.noise.estimated), strict=False)
+    return Prepared(recorded, own, baseline, tuple(None if estimated else sigma for sigma, estimated in sigmas))
 
 
 def _check_size(dataset: Dataset, parameters: int) -> None:
@@ -98,20 +94,6 @@ def _check_size(dataset: Dataset, parameters: int) -> None:
             file=dataset.file,
             hint=f"for a diagnosis, measure at least {parameters // components + 1} poses",
         )
-
-
-def _prepared_readings(dataset: Dataset, nominal: Robot, progress: Progress | None, priors: Priors) -> Prepared:
-    """As :func:`prepare`, for readings of several instruments."""
-    check_extremes(dataset)
-    recorded = counted_once(with_positions(dataset, nominal))
-    usable = without_frozen(
-        without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
-    )
-    baseline = calibrate(usable, nominal, progress=progress)
-    own = single(usable, nominal).in_order()
-    assert isinstance(baseline, ReadingsCalibration)
-    sigmas = zip(Readings.of(own, baseline.model.robot).declared, baseline.noise.estimated, strict=True)
-    return Prepared(recorded, own, baseline, tuple(None if estimated else sigma for sigma, estimated in sigmas))
 
 
 def without_filled_in(dataset: Dataset) -> Dataset:

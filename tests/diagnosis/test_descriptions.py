@@ -1,0 +1,114 @@
+"""A flexible family that fits is a cause only where a mechanism's form explains as much; else it is told as a description."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gtpin
+from gtpin.bench.simulator import simulate
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.inference import descriptions
+from gtpin.diagnosis.inference.descriptions import without_undecided
+from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.priors import SURE
+from gtpin.effects.catalogue import catalogue, effect_of
+from gtpin.typing import Floats
+
+
+def diagnosed(robot: str, joint: int, ahead: Callable[[Floats], Floats]) -> gtpin.Diagnosis:
+    """The diagnosis of a machine without effects, one of whose joints is ahead of its command by a function of all commands."""
+    data = simulate(gtpin.load_robot(robot), robot, poses=150, held_out=10, seed=31).dataset
+    q = data.q.copy()
+    q[:, joint] -= ahead(data.q)
+    return gtpin.diagnose(replace(data, q=q))
+
+
+@pytest.mark.slow
+def test_a_joint_that_follows_one_other_joint_is_a_mechanism() -> None:
+    found = diagnosed("ur5", 4, lambda q: 5e-4 * q[:, 3])  # gears of a wrist: in proportion
+    cause = found.causes[0]
+    assert (cause.effect, cause.site, cause.nature) == ("cross_coupling", "wrist_2_joint", "mechanism")
+    assert found.unexplained.descriptions == ()
+
+
+@pytest.mark.slow
+def test_a_beam_that_another_cart_bends_is_a_mechanism() -> None:
+    found = diagnosed("gantry_tau", 2, lambda q: 2e-4 * (q[:, 1] - q[:, 1].mean()) ** 2)
+    assert [(c.effect, c.site, c.nature) for c in found.causes] == [("cross_coupling", "cart3", "mechanism")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "joint", "site"), [("ur5", 4, "wrist_2_joint"), ("gantry_tau", 2, "cart3")], ids=["ur5", "gantry_tau"]
+)
+def test_a_smooth_error_over_several_commands_is_described_and_not_named(robot: str, joint: int, site: str) -> None:
+    def wavy(q: Floats) -> Floats:
+        a, b = ((x - x.mean()) / x.std() for x in (q[:, 0], q[:, 1]))
+        return np.asarray(1.5e-4 * np.sin(1.6 * a + 0.5) * np.cos(1.9 * b - 0.3))
+
+    found = diagnosed(robot, joint, wavy)
+    assert found.verdict == "unknown"
+    assert not [cause for cause in found.causes if cause.effect == "cross_coupling"]
+    assert site in [told.site for told in found.unexplained.descriptions] or site in [d.site for d in found.doubts]
+
+
+def concluded(probabilities: dict[str, float]) -> tuple[Conclusion, dict[str, Hypothesis]]:
+    causes = {site: Hypothesis(effect_of(catalogue(), "backlash"), site) for site in probabilities}
+    other = Hypothesis(effect_of(catalogue(), "linearity"), "cart3")
+    classes = {
+        cause: (Contender(cause, probabilities[site]), Contender(other, 1.0 - probabilities[site]))
+        for site, cause in causes.items()
+    }
+    return Conclusion(NOTHING, classes, (), {}), causes
+
+
+@pytest.mark.parametrize(
+    ("leader", "weak", "verdict"),
+    [(0.27, True, "explained"), (0.27, False, "ambiguous"), (0.6, True, "ambiguous")],
+    ids=["weak and undecided", "undecided", "weak"],
+)
+def test_only_what_is_weak_and_undecided_leaves_the_verdict_alone(
+    leader: float, weak: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, causes = concluded({"cart1": 0.99, "cart2": leader})
+    monkeypatch.setattr(descriptions, "weak", lambda hypotheses, model, cause: weak and cause == causes["cart2"])
+    told = without_undecided(None, found)  # type: ignore[arg-type]
+    assert told.verdict == verdict
+    assert set(told.also) == ({causes["cart2"]} if verdict == "explained" else set())
+
+
+def test_what_is_weak_and_undecided_alone_stays_a_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, _ = concluded({"cart2": 0.3})
+    monkeypatch.setattr(descriptions, "weak", lambda *_: True)
+    assert without_undecided(None, found).verdict == "ambiguous"  # type: ignore[arg-type]
+
+
+def test_each_form_of_a_description_is_part_of_the_family() -> None:
+    robot = gtpin.load_robot("ur5")
+    for effect in catalogue():
+        forms = effect.forms(robot, "elbow_joint")
+        assert bool(forms) == (effect.nature == "description")
+        assert all(len(form) == len(set(form)) for form in forms)
+
+
+@pytest.mark.slow
+def test_a_target_that_creeps_is_no_certain_drift_of_the_instrument() -> None:
+    """Over the small rotations of a platform on rods, both move the readings in nearly the same way."""
+    data = simulate(gtpin.load_robot("gantry_tau"), "gantry_tau", poses=150, held_out=10, seed=47).dataset
+    time = 20.0 * np.arange(len(data))
+    assert data.orientation is not None
+    w, x, y, z = data.orientation.T
+    along = np.stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1
+    )  # the platform's z axis
+    creep = 3e-5 * np.log1p(time / 300.0)
+    found = gtpin.diagnose(
+        replace(data, position=data.position + creep[:, None] * along, covariates=data.covariates | {"time": time})
+    )
+    assert not [c for c in found.causes if c.site == "frame" and c.probability >= SURE]
+    assert found.verdict in ("ambiguous", "unknown")
