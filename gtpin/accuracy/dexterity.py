@@ -16,27 +16,20 @@ from gtpin.typing import Floats
 class Dexterity:
     """Measures at N poses of a robot with n actuators.
 
-    Parameters
-    ----------
-    position_gain
-        (N, min(3, n)) singular values, descending, of the derivative of the TCP's position by the commands: m/m, or m/rad for
-        actuators that turn.
-    rotation_gain
-        (N, min(3, n)) singular values of the derivative of the TCP's rotation by the commands: rad/m, or rad/rad.
-    condition
-        (N,) largest of ``position_gain`` divided by the smallest.
-    position_amplification, rotation_amplification
-        (N,) largest displacement and rotation of the TCP by rod length errors of unit root sum of squares, m/m and rad/m; None
-        for a robot without rods.
-    singularity
-        (N,) relative distance from a singularity, 0 at one. With rods: the smallest singular value of the closures' Jacobian,
-        whose rows are the rod's unit vector u and (r x u) / l, with r the vector from the mean of the joints on the platform to
-        the rod's joint, and l the root mean square length of all r. Without rods: that of the derivative of the TCP's pose by
-        the commands; rotations are multiplied by the reach, the root mean square distance of the TCP from its mean position.
-    one_at
-        Where ``singularity`` is 1: ``home`` with rods; the ``best`` of the N poses without.
-    limit
-        (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
+    - ``position_gain``: (N, min(3, n)) singular values, descending, of the derivative of the TCP's position by the
+      commands: m/m, or m/rad for actuators that turn.
+    - ``rotation_gain``: (N, min(3, n)) singular values of the derivative of the TCP's rotation by the commands: rad/m, or
+      rad/rad.
+    - ``condition``: (N,) largest of ``position_gain`` divided by the smallest.
+    - ``position_amplification``, ``rotation_amplification``: (N,) largest displacement and rotation of the TCP by rod
+      length errors of unit root sum of squares, m/m and rad/m; None for a robot without rods.
+    - ``singularity``: (N,) relative distance from a singularity, 0 at one. With rods: the smallest singular value of the
+      closures' Jacobian, whose rows are the rod's unit vector u and (r x u) / l, with r the vector from the mean of the
+      joints on the platform to the rod's joint, and l the root mean square length of all r. Without rods: that of the
+      derivative of the TCP's pose by the commands; rotations are multiplied by the reach, the root mean square distance of
+      the TCP from its mean position.
+    - ``one_at``: where ``singularity`` is 1: ``home`` with rods; the ``best`` of the N poses without.
+    - ``limit``: (N,) distance of the nearest actuator from the end of its range, m or rad; negative beyond it.
     """
 
     position_gain: Floats
@@ -65,15 +58,9 @@ class Dexterity:
 def dexterity(model: Model, q: Floats, poses: Poses | None = None) -> Dexterity:
     """The dexterity at commands q (N, n).
 
-    Parameters
-    ----------
-    poses
-        (N) the poses there, base frame, where they are known.
+    ``poses``: (N) the poses there, base frame, where they are known.
 
-    Raises
-    ------
-    UnreachableError
-        If the commands can't be reached.
+    Raises `UnreachableError` if the commands can't be reached.
     """
     kinematics, robot = model.kinematics, model.robot
     poses = reached_poses(kinematics, q) if poses is None else poses

@@ -45,12 +45,8 @@ class Uncertainty:
 class Response:
     """Response of the TCP to independent standard normal causes.
 
-    Parameters
-    ----------
-    fixed
-        (N, c, a) response to causes that are the same at all poses of a machine, m and rad.
-    fresh
-        (N, c, b) response to causes that are independent from pose to pose, m and rad.
+    ``fixed``: (N, c, a) response to causes that are the same at all poses of a machine, m and rad. ``fresh``: (N, c, b)
+    response to causes that are independent from pose to pose, m and rad.
     """
 
     fixed: Floats
@@ -66,18 +62,12 @@ class Response:
 class Error:
     """The length of an error vector, m or rad.
 
-    Parameters
-    ----------
-    at
-        (N,) expected length at each pose.
-    mean
-        Mean of ``at`` over the poses.
-    p95
-        95th percentile of the length over random machines and poses.
-    maximum
-        Mean over random machines of the largest length over the visited poses.
-    mean_spread, maximum_spread
-        Standard deviations, from machine to machine, of the mean and of the largest over the visited poses.
+    - ``at``: (N,) expected length at each pose.
+    - ``mean``: mean of ``at`` over the poses.
+    - ``p95``: 95th percentile of the length over random machines and poses.
+    - ``maximum``: mean over random machines of the largest length over the visited poses.
+    - ``mean_spread``, ``maximum_spread``: standard deviations, from machine to machine, of the mean and of the largest over
+      the visited poses.
     """
 
     at: Floats
@@ -92,13 +82,8 @@ class Error:
 class ExpectedError:
     """The error to expect of a machine, relative to its model, at a set of poses.
 
-    Parameters
-    ----------
-    position, orientation
-        Lengths of the position error, m, and of the error's rotation vector, rad; the latter None for a
-        reduced arm.
-    visits
-        Number of visited poses of ``maximum``.
+    ``position``, ``orientation``: lengths of the position error, m, and of the error's rotation vector, rad; the latter
+    None for a reduced arm. ``visits``: number of visited poses of ``maximum``.
     """
 
     position: Error
@@ -118,12 +103,8 @@ def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floa
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
     """The TCP's response at commands q (N, n), base frame, to the causes of an uncertainty.
 
-    Raises
-    ------
-    ModelError
-        If the uncertainty does not have the model's number of parameters, or has closures for a robot without rods.
-    UnreachableError
-        If the commands can't be reached.
+    Raises `ModelError` if the uncertainty does not have the model's number of parameters, or has closures for a robot
+    without rods. `UnreachableError` if the commands can't be reached.
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
@@ -157,15 +138,9 @@ def expected_of(response: Response, *, visits: int | None = None, draws: int = 2
 
     Means are in closed form (see :func:`mean_length`); percentiles and largest errors are from random machines.
 
-    Parameters
-    ----------
-    visits
-        Number of visited poses over which each machine's largest error is taken. They are drawn from the N poses, without
-        repetition unless there are more visits than poses. By default all N.
-    draws
-        Number of random machines.
-    seed
-        Seed of the random numbers.
+    ``visits``: number of visited poses over which each machine's largest error is taken. They are drawn from the N poses,
+    without repetition unless there are more visits than poses. By default all N. ``draws``: number of random machines.
+    ``seed``: seed of the random numbers.
     """
     count = len(response.fixed)
     visits = count if visits is None else visits

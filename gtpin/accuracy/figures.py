@@ -108,12 +108,7 @@ def sensitivity_bars(result: Sensitivity) -> Figure:
 def workspace_map(space: Workspace, values: Floats, title: str, unit: str) -> Figure:
     """Slices of a workspace, coloured by values; blank out of reach.
 
-    Parameters
-    ----------
-    values
-        (M,) values at the reachable points.
-    title, unit
-        Name and unit of the values.
+    ``values``: (M,) values at the reachable points. ``title``, ``unit``: name and unit of the values.
     """
     a, b = (i for i in range(3) if i != space.across)
     names, along = "xyz", space.axes[space.across]

@@ -28,10 +28,7 @@ def best_poses(signal: Signal, count: int) -> Rows:
     An exchange replaces one pose by the pose with the largest gain (Fedorov 1972). At the end no exchange of a single pose
     improves the result; this need not be the global optimum.
 
-    Raises
-    ------
-    ModelError
-        If there are not that many poses.
+    Raises `ModelError` if there are not that many poses.
     """
     if not 0 < count <= len(signal.B):
         raise ModelError(
@@ -69,19 +66,12 @@ def _gains(signal: Signal, chosen: list[int]) -> Floats:
 class Plan:
     """The best poses out of candidates, compared with random poses.
 
-    Parameters
-    ----------
-    rows
-        (count,) the chosen candidates.
-    nats, random_nats
-        log det(I + B'B) of the chosen poses, and (draws,) of random choices of as many.
-    error, random_error
-        Root mean square error, m, of the positions that the model predicts at other commands after a calibration: with the
-        chosen poses, and (draws,) with random ones.
-    learned
-        (p,) variance reduction of each parameter with the chosen poses.
-    observability
-        Variance reduction by direction, and the indices O1 to O5.
+    - ``rows``: (count,) the chosen candidates.
+    - ``nats``, ``random_nats``: log det(I + B'B) of the chosen poses, and (draws,) of random choices of as many.
+    - ``error``, ``random_error``: root mean square error, m, of the positions that the model predicts at other commands
+      after a calibration: with the chosen poses, and (draws,) with random ones.
+    - ``learned``: (p,) variance reduction of each parameter with the chosen poses.
+    - ``observability``: variance reduction by direction, and the indices O1 to O5.
     """
 
     rows: Rows
@@ -108,25 +98,13 @@ def plan_poses(
 ) -> Plan:
     """Choose the best poses for a calibration.
 
-    Parameters
-    ----------
-    candidates
-        (N, n) commands to choose from, m or rad.
-    count
-        Number of poses to choose.
-    noise, orientation, free_frame
-        See :func:`~gtpin.accuracy.signal.signal`.
-    at
-        (M, n) commands, m or rad, at which the errors of the calibrated model are computed.
-    draws, seed
-        Number of random choices to compare with, and their seed.
+    ``candidates``: (N, n) commands to choose from, m or rad. ``count``: number of poses to choose. ``noise``,
+    ``orientation``, ``free_frame``: see :func:`~gtpin.accuracy.signal.signal`. ``at``: (M, n) commands, m or rad, at which
+    the errors of the calibrated model are computed. ``draws``, ``seed``: number of random choices to compare with, and
+    their seed.
 
-    Raises
-    ------
-    ModelError
-        If there are fewer candidates than are to be chosen.
-    UnreachableError
-        If commands can't be reached.
+    Raises `ModelError` if there are fewer candidates than are to be chosen. `UnreachableError` if commands can't be
+    reached.
     """
     candidate_signal = signal(model, candidates, noise, orientation=orientation, free_frame=free_frame)
     rows = best_poses(candidate_signal, count)

@@ -20,12 +20,8 @@ def rod_kinematics(model: Model) -> RodKinematics:
 def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
     """Poses (N), base frame, at commands q (N, n).
 
-    Raises
-    ------
-    ModelError
-        If there are no commands, or they do not have that shape.
-    UnreachableError
-        If one can't be reached; the message names its row, counted from 0.
+    Raises `ModelError` if there are no commands, or they do not have that shape. `UnreachableError` if one can't be
+    reached; the message names its row, counted from 0.
     """
     robot = kinematics.geometry.robot
     poses = kinematics.forward(q)

@@ -51,19 +51,13 @@ class Sums:
 class Sensitivity:
     """The sensitivity of a model at given commands.
 
-    Parameters
-    ----------
-    parameters, links
-        Names of the p parameters and k parts. Rods have those of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; the placements
-        of joints (named by the joint), of the tool (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
-    poses
-        Number of commands that were summed over.
-    step
-        The step, m, or rad for ``rx ry rz``, or m/m for directions.
-    exact
-        Changes from the forward kinematics, solved again after the step.
-    linear
-        Changes from the Jacobian.
+    - ``parameters``, ``links``: names of the p parameters and k parts. Rods have those of
+      :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; the placements of joints (named by the joint), of the tool
+      (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
+    - ``poses``: number of commands that were summed over.
+    - ``step``: the step, m, or rad for ``rx ry rz``, or m/m for directions.
+    - ``exact``: changes from the forward kinematics, solved again after the step.
+    - ``linear``: changes from the Jacobian.
     """
 
     parameters: tuple[str, ...]
@@ -193,17 +187,11 @@ class _Costs:
 def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
 
-    Parameters
-    ----------
-    q, poses
-        (N, n) commands, m or rad, and (N) their poses, base frame.
-    parameters
-        Some of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
+    ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
+    :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
 
-    Returns
-    -------
-    position, rotation
-        (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ angles.
+    Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
+    angles.
     """
     kinematics = rod_kinematics(model)
     ends = kinematics.ends(q)
@@ -223,10 +211,7 @@ def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ..
 def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodStep, sigma: float, step: float) -> Floats:
     """(3,) exact sums of :class:`Sums` over poses (N) and both signs of a step of any change of one rod.
 
-    Parameters
-    ----------
-    sigma
-        Standard deviation of the rod's closure residual, m^2.
+    ``sigma``: standard deviation of the rod's closure residual, m^2.
     """
     ends = kinematics.ends(q)
     size = kinematics.geometry.robot.size

@@ -24,13 +24,8 @@ FREE = 1.0
 class Signal:
     """Information from poses: derivatives of their whitened measurements by standard normal unknowns.
 
-    Parameters
-    ----------
-    B
-        (N, c, size) derivatives of the c whitened numbers of each pose: by the geometry in units of the tolerances, then by the
-        pose of a free instrument in units of ``FREE``.
-    names
-        Names of the geometry's p parameters.
+    ``B``: (N, c, size) derivatives of the c whitened numbers of each pose: by the geometry in units of the tolerances, then
+    by the pose of a free instrument in units of ``FREE``. ``names``: names of the geometry's p parameters.
     """
 
     B: Floats
@@ -68,19 +63,10 @@ class Signal:
 def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, free_frame: bool = False) -> Signal:
     """Information from measuring at commands q (N, n), with the geometry's tolerances as priors.
 
-    Parameters
-    ----------
-    noise
-        Noise of the poses. Where it has a line of sight, this must be that of the same poses.
-    orientation
-        Whether orientations are measured too.
-    free_frame
-        Whether the instrument's pose is identified too.
+    ``noise``: noise of the poses. Where it has a line of sight, this must be that of the same poses. ``orientation``:
+    whether orientations are measured too. ``free_frame``: whether the instrument's pose is identified too.
 
-    Raises
-    ------
-    UnreachableError
-        If the commands can't be reached.
+    Raises `UnreachableError` if the commands can't be reached.
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)

@@ -18,15 +18,10 @@ from gtpin.typing import Floats
 class Stiffness:
     """Stiffness at N poses, at the TCP, in the axes of the base frame.
 
-    Parameters
-    ----------
-    matrix
-        (N, 6, 6) force, N, and moment, N m, by displacement, m, and rotation vector, rad.
-    principal
-        (N, 3) stiffness for a force at the TCP along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m):
-        eigenvalues of the inverse of the compliance's position block. The platform is free to rotate.
-    directions
-        (N, 3, 3) these directions, one per column.
+    ``matrix``: (N, 6, 6) force, N, and moment, N m, by displacement, m, and rotation vector, rad. ``principal``: (N, 3)
+    stiffness for a force at the TCP along the three principal directions, ascending, N/m (1 N/um = 1e6 N/m): eigenvalues of
+    the inverse of the compliance's position block. The platform is free to rotate. ``directions``: (N, 3, 3) these
+    directions, one per column.
     """
 
     matrix: Floats
@@ -42,22 +37,12 @@ def stiffness(
     J is the derivative of the distances between the rods' joints by the TCP's pose, B that by the commands. A rod and its drive
     are springs in series, and rods on one cart share the drive.
 
-    Parameters
-    ----------
-    rod
-        Stiffness along a rod with its joints, N/m: one number, or (k,).
-    drive
-        Stiffness of an actuator along its command, N/m, or N m/rad where it turns: one number, or (n,); infinite for a rigid
-        drive.
-    poses
-        (N) the poses there, base frame, where they are known.
+    ``rod``: stiffness along a rod with its joints, N/m: one number, or (k,). ``drive``: stiffness of an actuator along its
+    command, N/m, or N m/rad where it turns: one number, or (n,); infinite for a rigid drive. ``poses``: (N) the poses
+    there, base frame, where they are known.
 
-    Raises
-    ------
-    ModelError
-        If a stiffness is not positive or the robot has no rods.
-    UnreachableError
-        If the commands can't be reached.
+    Raises `ModelError` if a stiffness is not positive or the robot has no rods. `UnreachableError` if the commands can't be
+    reached.
     """
     kinematics = rod_kinematics(model)
     count = len(kinematics.L0)

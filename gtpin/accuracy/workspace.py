@@ -42,21 +42,14 @@ SMALLEST_BOX = 1.0 / 64.0
 class Workspace:
     """A box of cells, and M reachable postures with the cells of their TCPs.
 
-    Parameters
-    ----------
-    axes
-        Coordinates, m, of the cells' middles along x, y and z of the base frame; nx, ny and nz of them.
-    across
-        Index of the axis that slices are orthogonal to.
-    cell
-        (M, 3) indices of the cell in which each posture's TCP is.
-    q, poses, dexterity
-        (M, n) commands of the postures, m or rad, their poses, base frame, and their dexterity.
-    volume
-        Volume, m^3, of the cells in which some posture's TCP is.
-    filled
-        Whether the postures fill the ranges of the commands, several to a cell; False: one posture has its TCP in the middle of
-        each reachable cell of a given box.
+    - ``axes``: coordinates, m, of the cells' middles along x, y and z of the base frame; nx, ny and nz of them.
+    - ``across``: index of the axis that slices are orthogonal to.
+    - ``cell``: (M, 3) indices of the cell in which each posture's TCP is.
+    - ``q``, ``poses``, ``dexterity``: (M, n) commands of the postures, m or rad, their poses, base frame, and their
+      dexterity.
+    - ``volume``: volume, m^3, of the cells in which some posture's TCP is.
+    - ``filled``: whether the postures fill the ranges of the commands, several to a cell; False: one posture has its TCP in
+      the middle of each reachable cell of a given box.
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -89,19 +82,9 @@ class Workspace:
 def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int, int] = (5, 15, 15)) -> Workspace:
     """Find the reachable points of a box; the orientation is free.
 
-    Parameters
-    ----------
-    lower, upper
-        (3,) corners of the box, base frame, m.
-    counts
-        Points along x, y and z.
+    ``lower``, ``upper``: (3,) corners of the box, base frame, m. ``counts``: points along x, y and z.
 
-    Raises
-    ------
-    ModelError
-        If the corners give no box.
-    UnreachableError
-        If the robot can reach no point of the box.
+    Raises `ModelError` if the corners give no box. `UnreachableError` if the robot can reach no point of the box.
     """
     if min(counts) < 1 or not (np.asarray(lower) <= np.asarray(upper)).all():
         raise ModelError(
@@ -124,10 +107,7 @@ def workspace(model: Model, lower: Floats, upper: Floats, counts: tuple[int, int
 def filled_workspace(model: Model, seed: int = 0) -> Workspace:
     """The cells in which the TCP is, for many postures that fill the ranges of the commands.
 
-    Raises
-    ------
-    UnreachableError
-        If no posture can be reached.
+    Raises `UnreachableError` if no posture can be reached.
     """
     endless = len(model.robot.constraints) > 0 and not np.isfinite(model.robot.upper - model.robot.lower).all()
     q = _filling(model, ENDLESS if endless else POSTURES, seed)
@@ -159,17 +139,9 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
     at home; where it reaches hardly any combination of these commands, the ranges are reduced around home. Of other robots,
     commands that can't be reached or, with loops, are near a singularity are left out of ``count``.
 
-    Parameters
-    ----------
-    count
-        By default 180, or 200 for a robot without rods.
-    seed
-        Seed of the commands of a robot without rods.
+    ``count``: by default 180, or 200 for a robot without rods. ``seed``: seed of the commands of a robot without rods.
 
-    Raises
-    ------
-    UnreachableError
-        If a robot with rods reaches hardly any of its range even near home.
+    Raises `UnreachableError` if a robot with rods reaches hardly any of its range even near home.
     """
     robot = model.robot
     if not robot.rod_sites:

@@ -40,14 +40,8 @@ def places_of(measured: Readings) -> Groups:
 def mean_power(whitened: Floats, places: Groups, weight: Floats | None = None) -> float:
     """Sum of squares of the mean residuals of all places, each in units of the noise of such a mean.
 
-    Parameters
-    ----------
-    whitened
-        (M,) residuals in units of the noise of a single visit.
-    places
-        (M,) index of the place of each.
-    weight
-        (M,) weights of a robust fit; None: 1.
+    ``whitened``: (M,) residuals in units of the noise of a single visit. ``places``: (M,) index of the place of each.
+    ``weight``: (M,) weights of a robust fit; None: 1.
     """
     weight = np.ones(len(whitened)) if weight is None else weight
     sums, weights = np.bincount(places, weight * whitened), np.bincount(places, weight)
@@ -75,18 +69,10 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     fitted.
     One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
 
-    Parameters
-    ----------
-    fit
-        The fit of N rows with c numbers each.
-    errors
-        (N, c) its residuals, m and rad.
-    variance
-        (N, c) variance of the noise of each number, m^2 or rad^2.
-    known
-        Whether the noise was declared, or repeated visits showed it. Otherwise all residuals count as unexplained.
-    dof
-        Degrees of freedom of the noise; infinite where it was declared.
+    ``fit``: the fit of N rows with c numbers each. ``errors``: (N, c) its residuals, m and rad. ``variance``: (N, c)
+    variance of the noise of each number, m^2 or rad^2. ``known``: whether the noise was declared, or repeated visits showed
+    it. Otherwise all residuals count as unexplained. ``dof``: degrees of freedom of the noise; infinite where it was
+    declared.
     """
     measured = fit.problem.measured
     counted = measured.counted > 0.0

@@ -189,14 +189,9 @@ def calibrate_geometry(
 ) -> Calibration:
     """Identify the parameters of a given geometry. A reduced arm is fitted to positions only.
 
-    Parameters
-    ----------
-    dataset, progress, kinematics
-        As for :func:`calibrate`.
-    geometry
-        The nominal geometry, with the parameters to identify.
-    lacking
-        Whether the geometry leaves out known causes of deviations: see :class:`~gtpin.calibration.robust_fit.RobustFit`.
+    ``dataset``, ``progress``, ``kinematics``: as for :func:`calibrate`. ``geometry``: the nominal geometry, with the
+    parameters to identify. ``lacking``: whether the geometry leaves out known causes of deviations: see
+    :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
 

@@ -39,17 +39,8 @@ def calibrate_readings(
 ) -> ReadingsCalibration:
     """Identify the geometry, with the instruments' unknowns, from a dataset of schema 2.
 
-    Raises
-    ------
-    DatasetError
-        If the readings can't be those of this robot, or are too few.
-    ConvergenceError
-        If the fit does not converge.
-
-    Warns
-    -----
-    GtpinWarning
-        Names poses whose rows are rejected, and warns of residuals that are much larger than noise.
+    Raises `DatasetError` if the readings can't be those of this robot, or are too few. `ConvergenceError` if the fit does
+    not converge. Warns: names poses whose rows are rejected, and warns of residuals that are much larger than noise.
     """
     robot = measuring(geometry.robot, dataset)
     geometry = replace(geometry, robot=robot)

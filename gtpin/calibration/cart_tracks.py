@@ -34,19 +34,11 @@ def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool
     is that of the nominal tracks, and about this direction so that their positions fit best. A calibration identifies the
     remaining rotation.
 
-    Parameters
-    ----------
-    robot
-        The nominal robot.
-    carts
-        The measured cart poses.
-    orientations
-        Whether the tracks also have the measured orientations of the carts.
+    ``robot``: the nominal robot. ``carts``: the measured cart poses. ``orientations``: whether the tracks also have the
+    measured orientations of the carts.
 
-    Raises
-    ------
-    DatasetError
-        If a cart was not measured at two or more commands around zero, or if orientations are wanted but not measured.
+    Raises `DatasetError` if a cart was not measured at two or more commands around zero, or if orientations are wanted but
+    not measured.
     """
     paths = [_path(robot, carts, i, orientations) for i in range(robot.n_actuators)]
     nominal = [np.mean([rod.C for rod in robot.rods if rod.carrier == i], axis=0) for i in range(robot.n_actuators)]
@@ -107,14 +99,8 @@ def _unit(vector: Floats) -> Floats:
 class Linearity:
     """Residuals of a linear function of the command fitted to one cart's positions (Dressler et al. 2010, eq. 2, figs. 5, 6).
 
-    Parameters
-    ----------
-    q
-        (K,) commands, ascending, m.
-    along
-        (K,) residual along the fitted track, m.
-    across
-        (K,) distance of the measured point from the fitted track, m.
+    ``q``: (K,) commands, ascending, m. ``along``: (K,) residual along the fitted track, m. ``across``: (K,) distance of the
+    measured point from the fitted track, m.
     """
 
     q: Floats
@@ -125,10 +111,7 @@ class Linearity:
     def of(carts: CartMeasurements, cart: int) -> Linearity:
         """The residuals of cart number ``cart``, from 1; its positions may be in any frame.
 
-        Raises
-        ------
-        DatasetError
-            If the cart was measured at fewer than three places.
+        Raises `DatasetError` if the cart was measured at fewer than three places.
         """
         rows = np.flatnonzero(carts.cart == cart)
         rows = rows[np.argsort(carts.q[rows], kind="stable")]

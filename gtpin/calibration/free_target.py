@@ -32,16 +32,9 @@ FEWEST, ROWS = 6, 100
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """The geometry with the TCP moved to a first guess of the target and with wide tolerances, if the dataset's target is free.
 
-    Raises
-    ------
-    DatasetError
-        If the robot has rods, for which these parameters do not exist; if it has another number of actuators; or if the
-        measured quaternions fit a target on the platform only in another order of their numbers.
-
-    Warns
-    -----
-    GtpinWarning
-        Says what the poses can't determine of the target, and what is assumed.
+    Raises `DatasetError` if the robot has rods, for which these parameters do not exist; if it has another number of
+    actuators; or if the measured quaternions fit a target on the platform only in another order of their numbers. Warns:
+    says what the poses can't determine of the target, and what is assumed.
     """
     if dataset.instrument.target != "free":
         return geometry

@@ -62,20 +62,12 @@ P = TypeVar("P", bound=LeastSquares)
 class Fit(Generic[P]):
     """A converged fit.
 
-    Parameters
-    ----------
-    problem
-        The problem that was fitted.
-    point
-        Minimum of the cost.
-    residual
-        (N, c) whitened measured less predicted.
-    weight
-        (N,) weights of the poses at the end.
-    information
-        (size, size) J'WJ of the data alone, with J the whitened derivative and W the weights.
-    iterations
-        Number of steps.
+    - ``problem``: the problem that was fitted.
+    - ``point``: minimum of the cost.
+    - ``residual``: (N, c) whitened measured less predicted.
+    - ``weight``: (N,) weights of the poses at the end.
+    - ``information``: (size, size) J'WJ of the data alone, with J the whitened derivative and W the weights.
+    - ``iterations``: number of steps.
     """
 
     problem: P
@@ -126,35 +118,19 @@ def fit(
 ) -> Fit[P]:
     """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
-    Parameters
-    ----------
-    problem
-        The problem to fit.
-    weigh
-        Weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
-    x
-        Start of the iterations; nominal (zeros) by default.
-    progress
-        Called with the iteration and the root mean square of the weighted residuals.
-    near
-        Poses of a geometry near the start, base frame, as first guess of the forward kinematics; None: it finds its own.
-    decrease
-        The fit has converged when a step is expected to decrease the cost by less than this fraction of the cost.
-    enough
-        Number of steps after which the fit stops without an error, converged or not.
-    left_out
-        Expected decrease of the cost by the undamped step with which the fit still counts as converged, where no step lowers
-        the cost; with a gradient by differences a tenth of it is enough. It is for a problem whose derivative leaves out small
-        terms. 0: rounding errors only.
-    inexact
-        Number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and more than
-        ``left_out`` is expected, the gradient by them is computed by central differences from there on: near the minimum small
-        terms are as large as the gradient. A fit that ends before that is not checked so.
+    ``problem``: the problem to fit. ``weigh``: weights (N,) of the poses from whitened residuals (N, c): iteratively
+    reweighted least squares. ``x``: start of the iterations; nominal (zeros) by default. ``progress``: called with the
+    iteration and the root mean square of the weighted residuals. ``near``: poses of a geometry near the start, base frame,
+    as first guess of the forward kinematics; None: it finds its own. ``decrease``: the fit has converged when a step is
+    expected to decrease the cost by less than this fraction of the cost. ``enough``: number of steps after which the fit
+    stops without an error, converged or not. ``left_out``: expected decrease of the cost by the undamped step with which
+    the fit still counts as converged, where no step lowers the cost; with a gradient by differences a tenth of it is
+    enough. It is for a problem whose derivative leaves out small terms. 0: rounding errors only. ``inexact``: number of the
+    first unknowns whose derivative leaves out small terms. Where no step lowers the cost and more than ``left_out`` is
+    expected, the gradient by them is computed by central differences from there on: near the minimum small terms are as
+    large as the gradient. A fit that ends before that is not checked so.
 
-    Raises
-    ------
-    ConvergenceError
-        If no minimum is found within 200 steps.
+    Raises `ConvergenceError` if no minimum is found within 200 steps.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if not point.poses.reached.all():

@@ -33,32 +33,14 @@ def with_kept_effects(
     commands have other angles, the calibration is made twice: with the extrapolated curves, and with curves that are zero at
     other angles. The one with the smaller position error is returned.
 
-    Parameters
-    ----------
-    effects
-        Fitted effects of a machine of this robot. Drift of the instrument and its shifts between sessions are left out.
-    calibrated
-        Identifies the geometry from a dataset, without effects.
+    ``effects``: fitted effects of a machine of this robot. Drift of the instrument and its shifts between sessions are left
+    out. ``calibrated``: identifies the geometry from a dataset, without effects.
 
-    Returns
-    -------
-    calibration
-        Its model has the effects, with their coefficients as they were.
-
-    Raises
-    ------
-    DatasetError
-        If the dataset has readings of other instruments than one tracker.
-    ModelError
-        If an effect's site is not one of the robot's, or the dataset does not have a covariate that an effect needs.
-    ConvergenceError
-        If the motions do not converge.
-
-    Warns
-    -----
-    GtpinWarning
-        Names effects that are left out, effects that count as zero outside the angles of their fit, and effects that are
-        extrapolated.
+    Returns its model has the effects, with their coefficients as they were. Raises `DatasetError` if the dataset has
+    readings of other instruments than one tracker. `ModelError` if an effect's site is not one of the robot's, or the
+    dataset does not have a covariate that an effect needs. `ConvergenceError` if the motions do not converge. Warns: names
+    effects that are left out, effects that count as zero outside the angles of their fit, and effects that are
+    extrapolated.
     """
     if dataset.readings is not None:
         raise DatasetError(

@@ -25,18 +25,10 @@ def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_
     With r the residuals of the rows of one pose, J their derivative by the unknowns and C the covariance of these, the
     residuals of a fit without these rows are (I - J C J')^-1 r.
 
-    Parameters
-    ----------
-    fit
-        The fit to all N rows.
-    poses
-        (N,) index of each row's pose. All rows of a pose are left out together.
+    ``fit``: the fit to all N rows. ``poses``: (N,) index of each row's pose. All rows of a pose are left out together.
 
-    Returns
-    -------
-    errors, some
-        (N, c) these residuals; zero where the other poses do not determine a number. (N,) mask of the rows for which they are
-        computed: of more than 2,000 poses, so many are taken at equal steps.
+    Returns (N, c) these residuals; zero where the other poses do not determine a number. (N,) mask of the rows for which
+    they are computed: of more than 2,000 poses, so many are taken at equal steps.
     """
     count = int(poses.max()) + 1
     taken = np.zeros(count, dtype=bool)
@@ -60,14 +52,8 @@ def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_
 def of_poses(half: Floats, left: Floats, poses: Groups) -> Floats:
     """(N, c) residuals without the pose of the row.
 
-    Parameters
-    ----------
-    half
-        (N, c, k) derivative of the whitened numbers by the unknowns, times a root of the unknowns' covariance.
-    left
-        (N, c) whitened residuals of a fit to all rows.
-    poses
-        (N,) index of each row's pose.
+    ``half``: (N, c, k) derivative of the whitened numbers by the unknowns, times a root of the unknowns' covariance.
+    ``left``: (N, c) whitened residuals of a fit to all rows. ``poses``: (N,) index of each row's pose.
     """
     errors, order = np.zeros_like(left), np.argsort(poses, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):

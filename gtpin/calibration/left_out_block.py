@@ -18,15 +18,9 @@ with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5
 class Block:
     """Residuals of the r numbers of a block from a fit to all other numbers.
 
-    Parameters
-    ----------
-    errors
-        (r,) (I - H)^-1 left with H = half half', the block's leverage, and ``left``, its residual from the fit of all;
-        without the directions that the other numbers do not determine.
-    kept
-        (r,) share of each number that the others determine.
-    log_density
-        Log probability density of the block given the others, without the constant.
+    ``errors``: (r,) (I - H)^-1 left with H = half half', the block's leverage, and ``left``, its residual from the fit of
+    all; without the directions that the other numbers do not determine. ``kept``: (r,) share of each number that the others
+    determine. ``log_density``: log probability density of the block given the others, without the constant.
     """
 
     errors: Floats
@@ -37,12 +31,8 @@ class Block:
     def of(half: Floats, left: Floats) -> Block:
         """The block of some rows.
 
-        Parameters
-        ----------
-        half
-            (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance.
-        left
-            (r,) residual of the fit of all.
+        ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``left``:
+        (r,) residual of the fit of all.
         """
         if len(half) <= half.shape[1]:
             w, V = np.linalg.eigh(np.eye(len(half)) - half @ half.T)

@@ -42,19 +42,13 @@ class Found:
 class Marginal:
     """Sums over the data from which the marginal likelihood follows, for G groups of numbers and k unknowns.
 
-    Parameters
-    ----------
-    noise
-        Noise of the fitted rows. Sigmas that it marks as estimated are open; its repeatability is not used.
-    squares, counts, moments, grams
-        (G,), (G,), (G, k), (G, k, k): of the numbers of each group with its common sigma, the sum of squared residuals r'r, m^2
-        or rad^2, their number, B'r and B'B.
-    known
-        The same for all other numbers, whose rows declare their own sigma: r'r, B'r and B'B in units of these sigmas.
-    x, prior
-        (k,) unknowns of the fit, and the inverse variances of their priors.
-    widened
-        (k,) unknowns to whose priors the factor applies.
+    - ``noise``: noise of the fitted rows. Sigmas that it marks as estimated are open; its repeatability is not used.
+    - ``squares``, ``counts``, ``moments``, ``grams``: (G,), (G,), (G, k), (G, k, k): of the numbers of each group with its
+      common sigma, the sum of squared residuals r'r, m^2 or rad^2, their number, B'r and B'B.
+    - ``known``: the same for all other numbers, whose rows declare their own sigma: r'r, B'r and B'B in units of these
+      sigmas.
+    - ``x``, ``prior``: (k,) unknowns of the fit, and the inverse variances of their priors.
+    - ``widened``: (k,) unknowns to whose priors the factor applies.
     """
 
     noise: ReadingNoise

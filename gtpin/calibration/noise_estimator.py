@@ -34,16 +34,11 @@ NEAREST = 0.1
 class NoiseEstimator:
     """Estimates the part of the noise that is not declared; the same for a tracker's poses and for all other readings.
 
-    Parameters
-    ----------
-    whole
-        The problem with all N rows.
-    near
-        (N) poses of its start, base frame.
-    visits
-        (N,) index of each row's commands: equal for repeated visits.
-    lacking
-        Whether the model leaves out known causes of deviations. Residuals of single visits then do not count as repeatability.
+    - ``whole``: the problem with all N rows.
+    - ``near``: (N) poses of its start, base frame.
+    - ``visits``: (N,) index of each row's commands: equal for repeated visits.
+    - ``lacking``: whether the model leaves out known causes of deviations. Residuals of single visits then do not count as
+      repeatability.
     """
 
     whole: Problem
@@ -94,14 +89,8 @@ class NoiseEstimator:
     ) -> ReadingNoise:
         """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
-        Parameters
-        ----------
-        noise, outcome
-            The previous estimate, and the last fit.
-        fitted, used
-            (N,) the rows of this fit, and those that are not gross errors.
-        left
-            (N, c) residuals of all rows, m and rad.
+        ``noise``, ``outcome``: the previous estimate, and the last fit. ``fitted``, ``used``: (N,) the rows of this fit,
+        and those that are not gross errors. ``left``: (N, c) residuals of all rows, m and rad.
         """
         if noise.sight is not None and noise.reach is not None:
             ratio = range_ratio(noise.sight[used], noise.reach[used], left[used, :3])

@@ -18,13 +18,9 @@ NAMED = 0.1
 class Direction:
     """A direction in parameter space.
 
-    Parameters
-    ----------
-    weights
-        By parameter name: component of the direction's unit vector, in units of the tolerances. The largest first; absolute
-        values below 0.1 are left out.
-    learned
-        Variance reduction along the direction: 1 minus posterior variance over prior variance.
+    ``weights``: by parameter name: component of the direction's unit vector, in units of the tolerances. The largest first;
+    absolute values below 0.1 are left out. ``learned``: variance reduction along the direction: 1 minus posterior variance
+    over prior variance.
     """
 
     weights: dict[str, float]
@@ -35,16 +31,10 @@ class Direction:
 class Observability:
     """Observability of the geometry, in units of tolerance.
 
-    Parameters
-    ----------
-    learned
-        (p,) variance reduction along each principal direction, smallest first.
-    directions
-        (p, p) the principal directions, one per column.
-    indices
-        O1 to O5 of the scaled whitened Jacobian's singular values s_1 >= ... >= s_p of m rows: (prod s)^(1/p) / sqrt(m),
-        s_p / s_1, s_p, s_p^2 / s_1, 1 / sum(1 / s) (Borm and Menq 1991; Driels and Pathre 1990; Nahvi et al. 1994; Nahvi
-        and Hollerbach 1996; Sun and Hollerbach 2008).
+    ``learned``: (p,) variance reduction along each principal direction, smallest first. ``directions``: (p, p) the
+    principal directions, one per column. ``indices``: O1 to O5 of the scaled whitened Jacobian's singular values s_1 >= ...
+    >= s_p of m rows: (prod s)^(1/p) / sqrt(m), s_p / s_1, s_p, s_p^2 / s_1, 1 / sum(1 / s) (Borm and Menq 1991; Driels and
+    Pathre 1990; Nahvi et al. 1994; Nahvi and Hollerbach 1996; Sun and Hollerbach 2008).
     """
 
     learned: Floats
@@ -66,15 +56,9 @@ class Observability:
 def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
     """Compute the observability from the whitened derivatives.
 
-    Parameters
-    ----------
-    factor
-        (r, size) any matrix F with F'F = J'J, such as J or its triangular factor. J is the whitened derivative of the data by
-        the geometry, in units of the tolerances, and then by unknowns without a prior.
-    n_geometry
-        Number of columns of the geometry.
-    rows
-        Number of measured components.
+    ``factor``: (r, size) any matrix F with F'F = J'J, such as J or its triangular factor. J is the whitened derivative of
+    the data by the geometry, in units of the tolerances, and then by unknowns without a prior. ``n_geometry``: number of
+    columns of the geometry. ``rows``: number of measured components.
     """
     free = factor.shape[1] - n_geometry
     # Unknowns without a prior (a free frame) absorb a part of the information: their columns come first and are eliminated.

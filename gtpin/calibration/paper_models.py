@@ -33,26 +33,14 @@ def model_geometry(
 ) -> Geometry:
     """Nominal geometry and parameters of one of the paper's models.
 
-    Parameters
-    ----------
-    number
-        1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod, with a
-        direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4.
-    robot
-        The nominal robot.
-    dataset
-        The dataset, with the tolerances, the carts' measured tracks, and the reduced arm's constant orientation.
-    measured
-        For model 5: for each rod, True for model 4 and False for model 3; None: the paper's choice.
-    orientations
-        Whether measured tracks also have the measured rotations of the carts.
+    ``number``: 1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod,
+    with a direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4. ``robot``:
+    the nominal robot. ``dataset``: the dataset, with the tolerances, the carts' measured tracks, and the reduced arm's
+    constant orientation. ``measured``: for model 5: for each rod, True for model 4 and False for model 3; None: the paper's
+    choice. ``orientations``: whether measured tracks also have the measured rotations of the carts.
 
-    Raises
-    ------
-    ModelError
-        If there is no such model, or the robot does not have the structure that it needs.
-    DatasetError
-        If the carts were not measured.
+    Raises `ModelError` if there is no such model, or the robot does not have the structure that it needs. `DatasetError` if
+    the carts were not measured.
     """
     if number not in MODELS:
         raise ModelError(f"there is no model {number}", hint="use 1 to 5")
@@ -69,10 +57,7 @@ def model_geometry(
 def parallelogram(robot: Robot, R: Floats) -> Robot:
     """The robot with a plate of constant orientation: the rods of a cart are equal and parallel (eqs. 1 to 3).
 
-    Parameters
-    ----------
-    R
-        (3, 3) the plate's constant rotation, base frame.
+    ``R``: (3, 3) the plate's constant rotation, base frame.
     """
     P = np.array([rod.P for rod in robot.rods])
     C, L, carrier = _clusters(robot, R)

@@ -64,16 +64,10 @@ class Problem:
     the start of the fit, in mm or mrad, and gets a prior with the sigma ``VAGUE``: this has no influence where there are
     readings, and keeps the fit regular where all rows of a socket are set aside. The pose of a free frame has no prior.
 
-    Parameters
-    ----------
-    start
-        Model at x = 0: nominal geometry, and a first guess of the instrument's frame.
-    measured
-        The readings, with the unknowns' values at x = 0.
-    whitening
-        (N, c, c) whitening matrices: see :class:`~gtpin.noise.reading_noise.ReadingNoise`.
-    free_frame
-        Whether the frame of the instrument is identified too.
+    - ``start``: model at x = 0: nominal geometry, and a first guess of the instrument's frame.
+    - ``measured``: the readings, with the unknowns' values at x = 0.
+    - ``whitening``: (N, c, c) whitening matrices: see :class:`~gtpin.noise.reading_noise.ReadingNoise`.
+    - ``free_frame``: whether the frame of the instrument is identified too.
     """
 
     start: Model

@@ -32,22 +32,15 @@ from gtpin.typing import Floats, Mask
 class InstrumentFit:
     """How well a calibration fits the readings of one instrument.
 
-    Parameters
-    ----------
-    name, kind
-        As in dataset.toml.
-    readings
-        Number of used rows of its table.
-    before, after
-        Root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the best values of the
-        instrument's unknowns. ``after``: of the calibrated robot. For positions: of the length of the error vector.
-    floor
-        The root mean square error that noise alone would leave, in ``unit``.
-    unit
-        ``m`` or ``rad``.
-    left_out
-        The root mean square error of its readings, in ``unit``, each pose predicted by a fit without it. What the other poses
-        do not determine counts as 0.
+    - ``name``, ``kind``: as in dataset.toml.
+    - ``readings``: number of used rows of its table.
+    - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
+      best values of the instrument's unknowns. ``after``: of the calibrated robot. For positions: of the length of the
+      error vector.
+    - ``floor``: the root mean square error that noise alone would leave, in ``unit``.
+    - ``unit``: ``m`` or ``rad``.
+    - ``left_out``: the root mean square error of its readings, in ``unit``, each pose predicted by a fit without it. What
+      the other poses do not determine counts as 0.
     """
 
     name: str
@@ -74,21 +67,15 @@ class InstrumentFit:
 class ReadingsCalibration(Calibration):
     """A calibration by any instruments.
 
-    Parameters
-    ----------
-    unknowns
-        The instruments' unknowns.
-    u, u_covariance
-        (k,) identified values of the unknowns less their declared values, m or rad, and the (k, k) covariance.
-    by_instrument
-        Errors of each instrument.
-    sigmas
-        Name of each instrument, and the number of its sigmas in ``noise``.
-    remedies
-        For each unobservable direction, the measurement that would show it; None where none is known.
-
-    ``residual`` and ``residual_before`` have one row for each used row of the fitted data, ``noise`` one sigma for each group
-    of numbers.
+    - ``unknowns``: the instruments' unknowns.
+    - ``u``, ``u_covariance``: (k,) identified values of the unknowns less their declared values, m or rad, and the (k, k)
+      covariance.
+    - ``by_instrument``: errors of each instrument.
+    - ``sigmas``: name of each instrument, and the number of its sigmas in ``noise``.
+    - ``remedies``: for each unobservable direction, the measurement that would show it; None where none is known.
+    - ````residual`` and ``residual_before`` have one row for each used row of the fitted data``, ````noise`` one sigma for
+      each group``: .
+    - ``of numbers.``: .
     """
 
     noise: ReadingNoise  # type: ignore[assignment]
@@ -165,18 +152,9 @@ def calibration_of(
 ) -> Calibration:
     """Make the result from the converged iterations; a :class:`ReadingsCalibration` unless poses were measured.
 
-    Parameters
-    ----------
-    settled
-        The converged iterations.
-    near
-        (M) poses of the nominal geometry, base frame, at the fitted rows, gross errors included.
-    whole, usable
-        N rows, and (N,) True for the M rows that were fitted.
-    dataset
-        The input data.
-    instrument
-        Description of the tracker that was used; None where readings were fitted.
+    ``settled``: the converged iterations. ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows,
+    gross errors included. ``whole``, ``usable``: N rows, and (N,) True for the M rows that were fitted. ``dataset``: the
+    input data. ``instrument``: description of the tracker that was used; None where readings were fitted.
     """
     final, noise = settled.final, settled.noise.take(settled.used)
     problem, point = final.problem, final.point

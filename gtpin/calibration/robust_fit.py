@@ -67,21 +67,15 @@ Assumed."""
 class RobustFit:
     """The robust fit of a calibration, with its input: the same for a tracker's poses and for readings of any instruments.
 
-    Parameters
-    ----------
-    whole
-        The problem with all N rows; its whitening is not used.
-    rows, visits
-        (N,) line number of each row in its file, and index of its commands: equal for repeated visits.
-    near
-        (N) nominal poses, base frame.
-    progress
-        Called with the name of the step, the iteration, and the RMS residual in units of the noise.
-    lacking
-        Whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of single visits do
-        not count as repeatability, gross errors are judged by heavier tails, and tolerances are never widened.
-    found
-        Parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None: there are none.
+    - ``whole``: the problem with all N rows; its whitening is not used.
+    - ``rows``, ``visits``: (N,) line number of each row in its file, and index of its commands: equal for repeated visits.
+    - ``near``: (N) nominal poses, base frame.
+    - ``progress``: called with the name of the step, the iteration, and the RMS residual in units of the noise.
+    - ``lacking``: whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of
+      single visits do not count as repeatability, gross errors are judged by heavier tails, and tolerances are never
+      widened.
+    - ``found``: parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None:
+      there are none.
     """
 
     whole: Problem
@@ -95,10 +89,7 @@ class RobustFit:
     def run(self) -> Settled:
         """Iterate until rejected rows and noise do not change.
 
-        Raises
-        ------
-        ConvergenceError
-            If a fit or the iteration does not converge.
+        Raises `ConvergenceError` if a fit or the iteration does not converge.
         """
         part = self._of_a_part()
         if part is None:

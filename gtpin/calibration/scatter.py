@@ -31,18 +31,9 @@ def independent(
 ) -> bool:
     """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
 
-    Parameters
-    ----------
-    whole
-        The problem with all N rows.
-    point
-        Result of a fit.
-    noise
-        The noise of all rows, including the repeatability to be tested.
-    used
-        (N,) the rows that are not gross errors.
-    by_command
-        (N, c, n) derivative of the measured numbers by the commands.
+    ``whole``: the problem with all N rows. ``point``: result of a fit. ``noise``: the noise of all rows, including the
+    repeatability to be tested. ``used``: (N,) the rows that are not gross errors. ``by_command``: (N, c, n) derivative of
+    the measured numbers by the commands.
     """
     rows = np.flatnonzero(used)
     some = rows[:: 1 + (len(rows) - 1) // ENOUGH]

@@ -25,23 +25,16 @@ CORE = 1.2
 class Settled:
     """The converged state of the iterations.
 
-    Parameters
-    ----------
-    fit
-        The last fit, of the rows that are used.
-    used
-        (N,) the rows that are not gross errors.
-    noise
-        Noise of all rows, used or not.
-    tails
-        Tails of the noise, for each group of rows that are compared with each other (``alike`` of the measurement).
-    steps
-        Number of steps of all fits.
-    geometry
-        The nominal geometry with the tolerances that were given; those of the fit are wider where the data demanded it.
-    wide
-        Factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would otherwise not
-        converge.
+    - ``fit``: the last fit, of the rows that are used.
+    - ``used``: (N,) the rows that are not gross errors.
+    - ``noise``: noise of all rows, used or not.
+    - ``tails``: tails of the noise, for each group of rows that are compared with each other (``alike`` of the
+      measurement).
+    - ``steps``: number of steps of all fits.
+    - ``geometry``: the nominal geometry with the tolerances that were given; those of the fit are wider where the data
+      demanded it.
+    - ``wide``: factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would otherwise
+      not converge.
     """
 
     fit: Fit[Problem]

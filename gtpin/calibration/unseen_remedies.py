@@ -34,14 +34,8 @@ ALONG = (
 class Remedy:
     """A measurement that would make a direction of the geometry observable.
 
-    Parameters
-    ----------
-    what
-        What is measured.
-    count
-        Number of poses, evenly distributed over those of the data.
-    axis
-        For ``touches``, the axis of the base frame along which the plane's normal is; else empty.
+    ``what``: what is measured. ``count``: number of poses, evenly distributed over those of the data. ``axis``: for
+    ``touches``, the axis of the base frame along which the plane's normal is; else empty.
     """
 
     what: Literal["touches", "distances", "tilts", "positions", "poses"]
@@ -53,14 +47,8 @@ class Remedy:
 class Candidate:
     """A measurement that could be made.
 
-    Parameters
-    ----------
-    remedy
-        Its description.
-    by_pose
-        (M, c, 6) whitened derivative by the platform's motion.
-    by_unknown
-        (M, c, k) whitened derivative by the measurement's own unknowns, in units of their prior sigmas.
+    ``remedy``: its description. ``by_pose``: (M, c, 6) whitened derivative by the platform's motion. ``by_unknown``: (M, c,
+    k) whitened derivative by the measurement's own unknowns, in units of their prior sigmas.
     """
 
     remedy: Remedy
@@ -71,14 +59,8 @@ class Candidate:
 def remedies(fitted: Fit[Problem], directions: Floats, up: Floats) -> tuple[Remedy | None, ...]:
     """The simplest measurement that makes each direction observable; None where no candidate does.
 
-    Parameters
-    ----------
-    fitted
-        The calibration's fit.
-    directions
-        (p, m) unit vectors in parameter space, in units of the tolerances.
-    up
-        (3,) unit vector against gravity, base frame.
+    ``fitted``: the calibration's fit. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.
+    ``up``: (3,) unit vector against gravity, base frame.
     """
     problem, point = fitted.problem, fitted.point
     count = len(point.poses)

@@ -15,15 +15,9 @@ from gtpin.typing import Floats
 class Zero:
     """The shift of a drive's zero that moves the joints on its carrier as a calibration did.
 
-    Parameters
-    ----------
-    site
-        The actuator.
-    value, sigma
-        Shift and its standard deviation, in ``unit``: at command 0 the actuator is at ``value``. Where the joints were not
-        shifted equally, it is the common part of their shifts.
-    unit
-        ``m`` or ``rad``.
+    ``site``: the actuator. ``value``, ``sigma``: shift and its standard deviation, in ``unit``: at command 0 the actuator
+    is at ``value``. Where the joints were not shifted equally, it is the common part of their shifts. ``unit``: ``m`` or
+    ``rad``.
     """
 
     site: str
@@ -39,10 +33,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     the track, or about the arm's axis. From deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
     deviation of the cart's joints along it.
 
-    Parameters
-    ----------
-    covariance
-        (p, p) covariance of the geometry's parameters.
+    ``covariance``: (p, p) covariance of the geometry's parameters.
     """
     robot = geometry.robot
     if not robot.rods:

@@ -59,22 +59,12 @@ def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = 
     Where no parameter belongs to two rods, this is a separate fit for each rod. The measured poses are regressors, so that
     their noise, mainly that of the orientation, biases the joints' positions.
 
-    Parameters
-    ----------
-    geometry
-        The nominal geometry, with the parameters to identify.
-    q, poses
-        (N, n) commands and (N) measured poses, base frame.
-    priors
-        Whether tolerances are priors for what the poses do not determine. The paper's fit had no priors: it then ends at a
-        point that depends on the solver, centimetres away along unobservable directions.
+    ``geometry``: the nominal geometry, with the parameters to identify. ``q``, ``poses``: (N, n) commands and (N) measured
+    poses, base frame. ``priors``: whether tolerances are priors for what the poses do not determine. The paper's fit had no
+    priors: it then ends at a point that depends on the solver, centimetres away along unobservable directions.
 
-    Raises
-    ------
-    DatasetError
-        If there are no poses, or one is outside the measured tracks.
-    ConvergenceError
-        If the fit does not converge.
+    Raises `DatasetError` if there are no poses, or one is outside the measured tracks. `ConvergenceError` if the fit does
+    not converge.
     """
     if not len(q):
         raise DatasetError("no poses to fit", hint="measure some")

@@ -36,10 +36,7 @@ LINES = ("-", "--", ":")
 def linearity(carts: CartMeasurements) -> Figure:
     """Plot the length of the residual of a linear fit over each track, as in the paper's Fig. 5.
 
-    Parameters
-    ----------
-    carts
-        Poses of the carts, measured along the guideways, in any frame.
+    ``carts``: poses of the carts, measured along the guideways, in any frame.
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.subplots()
@@ -58,13 +55,9 @@ def linearity(carts: CartMeasurements) -> Figure:
 def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None = None) -> Figure:
     """Plot the residuals of a linear fit, along each track and across it, as in the paper's Fig. 6.
 
-    Parameters
-    ----------
-    carts
-        Cart poses that were measured while all carts moved together, in any frame; drawn as lines.
-    roaming
-        Cart poses that were measured while the TCP moved freely, drawn as stars. They can be in another frame: each set has a
-        separate linear fit.
+    ``carts``: cart poses that were measured while all carts moved together, in any frame; drawn as lines. ``roaming``: cart
+    poses that were measured while the TCP moved freely, drawn as stars. They can be in another frame: each set has a
+    separate linear fit.
     """
     n = carts.n_actuators
     figure = new_figure(3.4 * n, 5.5)
@@ -92,10 +85,7 @@ def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None =
 def orientation_errors(comparison: Comparison, models: tuple[int, ...] = (3, 4, 5)) -> Figure:
     """Measured less predicted ZYZ Euler angles of held-out poses, as in the paper's Fig. 8.
 
-    Raises
-    ------
-    DatasetError
-        If orientation was not measured, or none of the models was compared.
+    Raises `DatasetError` if orientation was not measured, or none of the models was compared.
     """
     shown = [(held.model, held.angles) for held in comparison.held if held.model in models]
     figure = new_figure(9.0, 6.0)
@@ -151,26 +141,12 @@ def write_comparison(
 ) -> None:
     """Write ``compare.csv``, ``compare.json`` and figures into a folder.
 
-    Parameters
-    ----------
-    comparison
-        The comparison to write.
-    folder
-        Output folder; created if missing.
-    carts, roaming
-        Cart measurements, whose linearity is also shown; see :func:`along_and_across`.
-    force
-        Rename files of these names that gtpin has not written, or that were changed since (``NAME.old-1``).
+    ``comparison``: the comparison to write. ``folder``: output folder; created if missing. ``carts``, ``roaming``: cart
+    measurements, whose linearity is also shown; see :func:`along_and_across`. ``force``: rename files of these names that
+    gtpin has not written, or that were changed since (``NAME.old-1``).
 
-    Raises
-    ------
-    GtpinError
-        If, without ``force``, there are such files, or the folder can't be written.
-
-    Warns
-    -----
-    GtpinWarning
-        If matplotlib is missing: there are no figures then.
+    Raises `GtpinError` if, without ``force``, there are such files, or the folder can't be written. Warns: if matplotlib is
+    missing: there are no figures then.
     """
     with results_folder(folder, FILES, force=force) as new:
         comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")

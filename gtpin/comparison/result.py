@@ -33,24 +33,15 @@ RESAMPLES = 2000
 class Held:
     """One model's errors on held-out poses.
 
-    Parameters
-    ----------
-    model
-        1 to 5.
-    row
-        (N,) indices of the held-out poses among the dataset's poses within the measured tracks.
-    pose
-        (N,) ids of these poses.
-    position
-        (N,) length of each position error, m.
-    orientation
-        (N,) angle of each orientation error, rad; None where orientation was not measured.
-    angles
-        (N, 3) measured less predicted ZYZ Euler angles, rad; None where orientation was not measured.
-    closure_cost
-        (k,) squared closure residual of each rod, summed over the held-out poses, m^4; None where it is not known.
-    measured
-        (k,) True for rods on a measured track.
+    - ``model``: 1 to 5.
+    - ``row``: (N,) indices of the held-out poses among the dataset's poses within the measured tracks.
+    - ``pose``: (N,) ids of these poses.
+    - ``position``: (N,) length of each position error, m.
+    - ``orientation``: (N,) angle of each orientation error, rad; None where orientation was not measured.
+    - ``angles``: (N, 3) measured less predicted ZYZ Euler angles, rad; None where orientation was not measured.
+    - ``closure_cost``: (k,) squared closure residual of each rod, summed over the held-out poses, m^4; None where it is not
+      known.
+    - ``measured``: (k,) True for rods on a measured track.
     """
 
     model: int

@@ -15,12 +15,7 @@ from gtpin.typing import Floats
 class Box:
     """A box in the coordinates of a controller, whose axes are parallel to those of the base frame.
 
-    Parameters
-    ----------
-    low, high
-        (3,) corners, m.
-    origin
-        (3,) the controller's zero in the base frame, m.
+    ``low``, ``high``: (3,) corners, m. ``origin``: (3,) the controller's zero in the base frame, m.
     """
 
     low: Floats
@@ -31,10 +26,7 @@ class Box:
     def of(ends: Sequence[float], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> Box:
         """The box with the ends x0, x1, y0, y1, z0, z1, m.
 
-        Raises
-        ------
-        GtpinError
-            If a number is not finite, or x1, y1 or z1 is not larger than x0, y0 or z0.
+        Raises `GtpinError` if a number is not finite, or x1, y1 or z1 is not larger than x0, y0 or z0.
         """
         low, high = np.array(ends, dtype=float).reshape(3, 2).T
         zero = np.array(origin, dtype=float)

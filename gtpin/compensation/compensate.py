@@ -45,35 +45,15 @@ def compensate(
 ) -> Floats:
     """Commands that bring the TCP to wanted poses, by Newton's method on the complete prediction.
 
-    Parameters
-    ----------
-    model
-        Geometry and effects; see :func:`machine_of` for the effects that are ignored.
-    wanted
-        (N, 3) positions of the TCP, base frame, m.
-    covariates
-        By name, (N,) each: conditions at the wanted poses (payload, temperatures, approaches, ...).
-    rotations
-        (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more. By default, the
-        orientation is free.
-    start
-        (N, n) commands to start from, by default home. A robot without rods often has several postures for a pose; the
-        iteration usually finds the one nearest to the start.
+    ``model``: geometry and effects; see :func:`machine_of` for the effects that are ignored. ``wanted``: (N, 3) positions
+    of the TCP, base frame, m. ``covariates``: by name, (N,) each: conditions at the wanted poses (payload, temperatures,
+    approaches, ...). ``rotations``: (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more.
+    By default, the orientation is free. ``start``: (N, n) commands to start from, by default home. A robot without rods
+    often has several postures for a pose; the iteration usually finds the one nearest to the start.
 
-    Returns
-    -------
-    commands
-        (N, n), m or rad.
-
-    Raises
-    ------
-    ModelError
-        If ``wanted`` or ``rotations`` have another shape, the robot has too few actuators for an orientation, or a covariate is
-        missing.
-    UnreachableError
-        If the TCP can't be brought to a position.
-    ConvergenceError
-        If Newton's method does not converge, for example if the position lies in the gap of a step.
+    Returns (N, n), m or rad. Raises `ModelError` if ``wanted`` or ``rotations`` have another shape, the robot has too few
+    actuators for an orientation, or a covariate is missing. `UnreachableError` if the TCP can't be brought to a position.
+    `ConvergenceError` if Newton's method does not converge, for example if the position lies in the gap of a step.
     """
     T = np.asarray(wanted, dtype=float)
     R = None if rotations is None else np.asarray(rotations, dtype=float)

@@ -32,12 +32,8 @@ class Controller(Protocol):
 class ModelController:
     """A controller that has the kinematics of a model.
 
-    Parameters
-    ----------
-    model
-        Its geometry is used, its effects are ignored.
-    origin
-        (3,) zero of the controller's coordinates in the base frame, m.
+    ``model``: its geometry is used, its effects are ignored. ``origin``: (3,) zero of the controller's coordinates in the
+    base frame, m.
     """
 
     model: Model
@@ -52,10 +48,7 @@ class ModelController:
 def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wanted: Floats) -> Floats:
     """(N, 3) positions to command so that the machine's TCP reaches ``wanted`` (N, 3), controller's coordinates, m.
 
-    Raises
-    ------
-    UnreachableError
-        If the machine can't bring its TCP to one of them.
+    Raises `UnreachableError` if the machine can't bring its TCP to one of them.
     """
     asked = wanted.copy()
     for _ in range(STEPS):
@@ -66,15 +59,9 @@ def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wan
 def there(machine: Machine, controller: Controller, box: Box, asked: Floats, approach: Floats | None = None) -> Floats:
     """(N, 3) positions that the machine's TCP reaches for commanded positions ``asked`` (N, 3), controller's coordinates, m.
 
-    Parameters
-    ----------
-    approach
-        (N,) direction, +1 or -1, from which all actuators come to each position; None: the mean of both.
+    ``approach``: (N,) direction, +1 or -1, from which all actuators come to each position; None: the mean of both.
 
-    Raises
-    ------
-    UnreachableError
-        If the machine can't bring its TCP to one of them.
+    Raises `UnreachableError` if the machine can't bring its TCP to one of them.
     """
     q = controller.commands(asked)
     inside = np.isfinite(q).all(axis=1)

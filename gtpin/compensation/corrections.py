@@ -30,16 +30,10 @@ FEWEST, MOST = 17, 4097
 class Correction:
     """A correction table: commands that bring an actuator to nominal positions.
 
-    Parameters
-    ----------
-    site, revolute
-        The actuator, and whether its joint is revolute (unit rad) instead of prismatic (unit m).
-    nominal
-        (K,) nominal positions, ascending, m or rad.
-    forward, reverse
-        (K,) commands, m or rad, if the actuator comes from below, and from above.
-    off
-        Largest difference, m or rad, between the table, interpolated linearly, and the exact correction.
+    - ``site``, ``revolute``: the actuator, and whether its joint is revolute (unit rad) instead of prismatic (unit m).
+    - ``nominal``: (K,) nominal positions, ascending, m or rad.
+    - ``forward``, ``reverse``: (K,) commands, m or rad, if the actuator comes from below, and from above.
+    - ``off``: largest difference, m or rad, between the table, interpolated linearly, and the exact correction.
     """
 
     site: str
@@ -79,17 +73,11 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
 
     Effects that depend on the load are evaluated without a load on the tool, with the other actuators at home.
 
-    Parameters
-    ----------
-    session
-        Session whose zero shifts are corrected; by default none.
-    most
-        Largest number of points of a table. It gets fewer if these interpolate to within 0.1 um or 0.1 urad.
+    ``session``: session whose zero shifts are corrected; by default none. ``most``: largest number of points of a table. It
+    gets fewer if these interpolate to within 0.1 um or 0.1 urad.
 
-    Raises
-    ------
-    ModelError
-        If there is nothing to correct, the session is not one of the model's, or an actuator's range has no ends.
+    Raises `ModelError` if there is nothing to correct, the session is not one of the model's, or an actuator's range has no
+    ends.
     """
     effects = correctable(model, session)
     _check_session(effects, session)

@@ -31,14 +31,9 @@ error."""
 class GridTable:
     """What to add to commands, at the nodes of a grid.
 
-    Parameters
-    ----------
-    nodes
-        For each actuator, (NODES,) commands, m or rad.
-    temperatures
-        For each of the table's temperature steps, the temperatures by covariate, degC.
-    change
-        (steps, NODES, ..., NODES, n) additions to the commands, m or rad; NaN where the robot can't reach the command.
+    ``nodes``: for each actuator, (NODES,) commands, m or rad. ``temperatures``: for each of the table's temperature steps,
+    the temperatures by covariate, degC. ``change``: (steps, NODES, ..., NODES, n) additions to the commands, m or rad; NaN
+    where the robot can't reach the command.
     """
 
     nodes: tuple[Floats, ...]
@@ -73,10 +68,7 @@ class GridTable:
 def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
     """The table of a machine. It has a step for each combination of the ``temperatures``, degC, over the temperature columns.
 
-    Raises
-    ------
-    ModelError
-        If the robot has more than ``ACTUATORS`` actuators, or one without limits.
+    Raises `ModelError` if the robot has more than ``ACTUATORS`` actuators, or one without limits.
     """
     robot = machine.model.robot
     if robot.n_actuators > ACTUATORS:

@@ -23,14 +23,9 @@ CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
 class Machine:
     """A model at constant temperatures, in one session, at rest, without a load on the tool, at the end of its dataset's time.
 
-    Parameters
-    ----------
-    model
-        The model in the base frame, without effects of the instrument.
-    session
-        Session whose zero shifts apply; None if no effect depends on a session.
-    temperatures
-        Temperatures by covariate, degC; where one is missing, the reference temperature of the fit.
+    ``model``: the model in the base frame, without effects of the instrument. ``session``: session whose zero shifts apply;
+    None if no effect depends on a session. ``temperatures``: temperatures by covariate, degC; where one is missing, the
+    reference temperature of the fit.
     """
 
     model: Model
@@ -40,11 +35,8 @@ class Machine:
     def goes_to(self, q: Floats, approach: Floats | float | None = None) -> Floats:
         """(N, 3) positions of the TCP at commands q (N, n), m or rad, base frame, m; NaN where the loops can't be closed.
 
-        Parameters
-        ----------
-        approach
-            +1 or -1, or (N,), for all actuators: the direction from which they come. By default, the mean of the positions
-            for both: a table without directions can correct only that.
+        ``approach``: +1 or -1, or (N,), for all actuators: the direction from which they come. By default, the mean of the
+        positions for both: a table without directions can correct only that.
         """
         if approach is None and self._depends_on_approach:
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
@@ -86,10 +78,7 @@ def machine_at(
 ) -> tuple[Machine, tuple[str, ...]]:
     """The machine of a model under conditions, without effects whose conditions are not known, and the names of these.
 
-    Raises
-    ------
-    ModelError
-        If the session is not one of the model's.
+    Raises `ModelError` if the session is not one of the model's.
     """
     known = sorted({name for active in model.effects for name in active.references.sessions})
     if session is not None and session not in known:

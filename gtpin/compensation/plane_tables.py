@@ -28,16 +28,10 @@ class PlaneTables:
     First y += offset_y and x += offset_x, then x += xy y + xz z and y += yz z, with the y before this step in the first
     formula. Last z += height(x, y), interpolated bilinearly.
 
-    Parameters
-    ----------
-    offset
-        (2,) offsets of x and y, m.
-    skew
-        (3,) xy, xz, yz: tangents of the angles between the axes, less the right angles.
-    x, y
-        (NODES,) nodes of the grid, m.
-    height
-        (NODES, NODES) additions to z, m; row i is at y[i], column j at x[j].
+    - ``offset``: (2,) offsets of x and y, m.
+    - ``skew``: (3,) xy, xz, yz: tangents of the angles between the axes, less the right angles.
+    - ``x``, ``y``: (NODES,) nodes of the grid, m.
+    - ``height``: (NODES, NODES) additions to z, m; row i is at y[i], column j at x[j].
     """
 
     offset: Floats
@@ -64,10 +58,7 @@ class PlaneTables:
 def plane_tables(machine: Machine, controller: Controller, box: Box) -> PlaneTables:
     """The correction of a machine in a box: offset and skew by least squares, then the heights, as a mean over `LEVELS`.
 
-    Raises
-    ------
-    UnreachableError
-        If the machine can't reach all of the box.
+    Raises `UnreachableError` if the machine can't reach all of the box.
     """
     wanted = box.grid(COARSE, COARSE, LEVELS)
     # The fit leaves out that the skew multiplies a y that the offset has changed: a product of two small numbers. For an

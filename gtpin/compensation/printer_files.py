@@ -26,10 +26,7 @@ def named(temperature: float | None) -> str:
 
     Klipper allows digits only at the end of a command's name.
 
-    Raises
-    ------
-    ModelError
-        If the temperature is not a whole number of degrees, or below 0.
+    Raises `ModelError` if the temperature is not a whole number of degrees, or below 0.
     """
     if temperature is None:
         return ""
@@ -47,14 +44,8 @@ def klipper_config(
 ) -> str:
     """A file for printer.cfg to include: the dimensions of a delta, and for each temperature a mesh, a skew and a macro.
 
-    Parameters
-    ----------
-    tables
-        For each temperature, degC (None: only one table), the correction.
-    towers
-        The dimensions of a delta; None: they are not written.
-    rotation
-        (3,) ``rotation_distance`` before the correction, mm.
+    ``tables``: for each temperature, degC (None: only one table), the correction. ``towers``: the dimensions of a delta;
+    None: they are not written. ``rotation``: (3,) ``rotation_distance`` before the correction, mm.
     """
     lines = [
         f"# Corrections of {robot}, written by gtpin.",
@@ -91,14 +82,8 @@ def rrf_macro(
 ) -> str:
     """A macro that sets the dimensions of a delta, skew and offset, and loads a height map.
 
-    Parameters
-    ----------
-    heightmap
-        Name of the file with the height map.
-    towers
-        The dimensions of a delta; None: they are not written.
-    steps
-        (3,) steps per mm before the correction.
+    ``heightmap``: name of the file with the height map. ``towers``: the dimensions of a delta; None: they are not written.
+    ``steps``: (3,) steps per mm before the correction.
     """
     lines = [f"; Corrections of {robot}, written by gtpin. Run it with M98 after homing; M376 H0: without taper."]
     if towers is not None and steps is not None:

@@ -32,16 +32,11 @@ well, those with the smallest change are taken."""
 class Towers:
     """The dimensions of a linear delta, m and rad.
 
-    Parameters
-    ----------
-    radius
-        Distance from the middle axis to each tower, less the radius of the effector.
-    arms, angles
-        (3,) length of the arms; direction of each tower from the middle axis, angle from the x axis.
-    ends
-        (3,) height of the nozzle above z = 0, if it is on the middle axis and this tower's carriage is at its end stop.
-    scale
-        (3,) travel per motor step divided by the configured travel per step.
+    - ``radius``: distance from the middle axis to each tower, less the radius of the effector.
+    - ``arms``, ``angles``: (3,) length of the arms; direction of each tower from the middle axis, angle from the x axis.
+    - ``ends``: (3,) height of the nozzle above z = 0, if it is on the middle axis and this tower's carriage is at its end
+      stop.
+    - ``scale``: (3,) travel per motor step divided by the configured travel per step.
     """
 
     radius: float
@@ -77,12 +72,8 @@ class Towers:
 class Drives:
     """The actuator of each tower: q[actuator] = sign * height + zero, with the carriage's height above z = 0, m.
 
-    Parameters
-    ----------
-    towers
-        The dimensions that the firmware is configured with, with scale 1.
-    actuator, sign, zero
-        (3,) actuator, sign and zero (m) of each tower.
+    ``towers``: the dimensions that the firmware is configured with, with scale 1. ``actuator``, ``sign``, ``zero``: (3,)
+    actuator, sign and zero (m) of each tower.
     """
 
     towers: Towers
@@ -117,10 +108,7 @@ class TowerController:
 def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
     """Find the actuator of a nominal robot for each tower, by comparing carriage heights with commands over a box.
 
-    Raises
-    ------
-    ModelError
-        If the commands of the robot are not the heights of such carriages, up to sign and zero.
+    Raises `ModelError` if the commands of the robot are not the heights of such carriages, up to sign and zero.
     """
     xyz = box.grid(*POINTS)
     height, q = towers.heights(xyz), ModelController(nominal, box.origin).commands(xyz)
@@ -143,10 +131,7 @@ def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
 def fitted_towers(machine: Machine, drives: Drives, box: Box, scales: bool = True) -> Towers:
     """The dimensions with which the root mean square error of the TCP in a box is smallest.
 
-    Parameters
-    ----------
-    scales
-        Whether the travel per step may change.
+    ``scales``: whether the travel per step may change.
     """
     wanted = box.grid(*POINTS)
     asked = positions_to_ask_for(machine, TowerController(drives, drives.towers), box, wanted)

@@ -72,20 +72,10 @@ def is_second(values: Mapping[str, object]) -> bool:
 def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentContents:
     """Read a dataset folder of schema 2.
 
-    Parameters
-    ----------
-    kinds
-        The user's own classes of instruments, by kind; each has its ``Table``.
+    ``kinds``: the user's own classes of instruments, by kind; each has its ``Table``.
 
-    Raises
-    ------
-    DatasetError
-        For anything that the format does not allow, with file, line and column.
-
-    Warns
-    -----
-    GtpinWarning
-        Names covariates that only some instruments have, and that are left out.
+    Raises `DatasetError` for anything that the format does not allow, with file, line and column. Warns: names covariates
+    that only some instruments have, and that are left out.
     """
     toml = path / "dataset.toml"
     own: dict[str, type[InstrumentTable]] = {kind: one.Table for kind, one in kinds.items()}

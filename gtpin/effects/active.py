@@ -23,19 +23,13 @@ from gtpin.typing import Floats
 class ActiveEffect:
     """An effect at a site, with its coefficients.
 
-    Parameters
-    ----------
-    effect, site, nonlinear
-        The effect, its site, and the value of its nonlinear parameter; None where it has none.
-    coefficients, covariance
-        (m,) and (m, m), in the effect's own units.
-    references
-        Reference values of its covariates and loads.
-    further
-        Further values of the nonlinear parameter. Each value has its own coefficients.
-    only_measured
-        For a deviation of a turning joint's travel: it is zero at angles that its fit did not have
-        (:func:`~gtpin.effects.active.where_measured`).
+    - ``effect``, ``site``, ``nonlinear``: the effect, its site, and the value of its nonlinear parameter; None where it has
+      none.
+    - ``coefficients``, ``covariance``: (m,) and (m, m), in the effect's own units.
+    - ``references``: reference values of its covariates and loads.
+    - ``further``: further values of the nonlinear parameter. Each value has its own coefficients.
+    - ``only_measured``: for a deviation of a turning joint's travel: it is zero at angles that its fit did not have
+      (:func:`~gtpin.effects.active.where_measured`).
     """
 
     effect: Effect
@@ -60,10 +54,7 @@ class ActiveEffect:
     def basis(self, at: Situation) -> Basis:
         """Displacements for unit coefficients, one column for each coefficient.
 
-        Raises
-        ------
-        ModelError
-            If a covariate that it needs is missing, or the number of coefficients is wrong.
+        Raises `ModelError` if a covariate that it needs is missing, or the number of coefficients is wrong.
         """
         try:
             if self.only_measured:
@@ -89,19 +80,10 @@ def with_effects(
 ) -> Poses:
     """Poses (base frame) at commands, with effects. The closures are solved again, exactly, with all displacements.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    covariates
-        By name, (N,) each.
-    plain
-        The N poses without effects, base frame. By default they are computed.
+    ``q``: (N, n) commands, m or rad. ``covariates``: by name, (N,) each. ``plain``: the N poses without effects, base
+    frame. By default they are computed.
 
-    Raises
-    ------
-    ModelError
-        If a covariate that an effect needs is missing, or an effect's number of coefficients is wrong.
+    Raises `ModelError` if a covariate that an effect needs is missing, or an effect's number of coefficients is wrong.
     """
     plain = kinematics.forward(q) if plain is None else plain
     if not effects or not len(q):

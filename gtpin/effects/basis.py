@@ -75,10 +75,7 @@ class Basis:
 def side_by_side(bases: Sequence[Basis]) -> Basis:
     """One basis with the columns of several bases. All must displace the travel of the same actuator.
 
-    Raises
-    ------
-    ValueError
-        If one displaces another quantity or another actuator.
+    Raises `ValueError` if one displaces another quantity or another actuator.
     """
     commands = [basis.command for basis in bases if basis.command is not None]
     if len(commands) < len(bases) or len({actuator for actuator, _ in commands}) > 1:

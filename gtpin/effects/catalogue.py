@@ -84,10 +84,7 @@ def catalogue() -> tuple[Effect, ...]:
 def effects_by_id() -> dict[str, Effect]:
     """The effects of the catalogue, each under its ``id``.
 
-    Raises
-    ------
-    ModelError
-        If a registered effect can't be loaded, is not an ``Effect``, or has the id of another effect.
+    Raises `ModelError` if a registered effect can't be loaded, is not an ``Effect``, or has the id of another effect.
     """
     known = {kind.id: kind() for kind in OWN}
     for point in entry_points(group=GROUP):

@@ -22,14 +22,9 @@ from gtpin.typing import Floats
 class JointFrame:
     """The frames that an actuator carries, in which its error motions are expressed: a joint's own, or those on a cart.
 
-    Parameters
-    ----------
-    indices
-        Indices of the frames in the arrays of :class:`~gtpin.kinematics.protocol.Bodies`.
-    axis
-        (3,) unit vector of the actuator's axis, in the frames' axes: the actuator slides along it or turns about it.
-    across
-        (2, 3) unit vectors a and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`.
+    ``indices``: indices of the frames in the arrays of :class:`~gtpin.kinematics.protocol.Bodies`. ``axis``: (3,) unit
+    vector of the actuator's axis, in the frames' axes: the actuator slides along it or turns about it. ``across``: (2, 3)
+    unit vectors a and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`.
     """
 
     indices: tuple[int, ...]
@@ -201,12 +196,7 @@ def bending(length: Floats, loads: Floats) -> Floats:
     Euler-Bernoulli beam of length l along the unit vector u, with the components of force F and moment M across u at its tip:
     shift = F l^3 / 3 + (M x u) l^2 / 2, turn = (u x F) l^2 / 2 + M l.
 
-    Parameters
-    ----------
-    length
-        (3,) l u, in the tip's axes, m.
-    loads
-        (N, 6) force, N, and moment, N m, at the tip.
+    ``length``: (3,) l u, in the tip's axes, m. ``loads``: (N, 6) force, N, and moment, N m, at the tip.
     """
     size = float(np.linalg.norm(length))
     if size == 0.0:

@@ -108,18 +108,11 @@ class CrossCoupling(Effect):
 class _Products:
     """Products of cosines over the travel of some other actuators.
 
-    Parameters
-    ----------
-    others
-        Number of the other actuators.
-    single
-        Largest order of a cosine alone.
-    rows
-        Orders of the cosines in each product. Single cosines come first, actuator by actuator.
-    along
-        Whether each product varies along the own track.
-    decay
-        Power of the sizes.
+    - ``others``: number of the other actuators.
+    - ``single``: largest order of a cosine alone.
+    - ``rows``: orders of the cosines in each product. Single cosines come first, actuator by actuator.
+    - ``along``: whether each product varies along the own track.
+    - ``decay``: power of the sizes.
     """
 
     others: int

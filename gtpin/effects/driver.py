@@ -102,10 +102,7 @@ def driver_effects(dataset: Dataset, robot: Robot, instrument: Instrument | None
 
     ``instrument``: its pose, for motions of the site ``frame``; None: the base frame.
 
-    Raises
-    ------
-    DatasetError
-        If a site of this robot can't make the named motion, or the column is not recorded.
+    Raises `DatasetError` if a site of this robot can't make the named motion, or the column is not recorded.
     """
     file: Path | None = None if dataset.path is None else dataset.path / "dataset.toml"
     for number, driver in enumerate(dataset.drivers):

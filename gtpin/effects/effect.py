@@ -32,12 +32,8 @@ class Range(NamedTuple):
 class ChainWords(NamedTuple):
     """Texts of an effect at joints and links of robots without rods. Where a text is empty, the effect's own text is used.
 
-    Parameters
-    ----------
-    clause, plural
-        Used in place of ``clause`` and ``plural_clause`` of the :class:`Effect`.
-    remedy
-        Used in place of its ``remedy``.
+    ``clause``, ``plural``: used in place of ``clause`` and ``plural_clause`` of the :class:`Effect`. ``remedy``: used in
+    place of its ``remedy``.
     """
 
     clause: str = ""

@@ -40,28 +40,17 @@ class References:
 
     They are computed when an effect is fitted, and stored with it. A spread is a standard deviation over the poses of the fit.
 
-    Parameters
-    ----------
-    temperature
-        Temperature, degC, at which the geometry is valid.
-    time
-        First value and range of the column ``time``, s.
-    sessions
-        Names of the sessions, in the order of their coefficients.
-    force
-        (k,) mean and (k,) spread of each rod's axial force, N.
-    direction
-        (k, 3) mean unit vector of each rod, from carrier to platform, base frame, and (k,) its spread, rad.
-    covariates
-        Names of the covariates of the fit. The fitted effects need those of them that they use.
-    commands
-        Robots without rods: (n,) smallest and (n,) largest commands, m or rad.
-    angles
-        Robots without rods: (n, ``PARTS``) whether each part of a joint's turn had commands, from angle 0; all False for
-        sliding joints, and empty where it is not known.
-    joints
-        Robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N m, as in
-        :func:`~gtpin.kinematics.statics.joint_loads`.
+    - ``temperature``: temperature, degC, at which the geometry is valid.
+    - ``time``: first value and range of the column ``time``, s.
+    - ``sessions``: names of the sessions, in the order of their coefficients.
+    - ``force``: (k,) mean and (k,) spread of each rod's axial force, N.
+    - ``direction``: (k, 3) mean unit vector of each rod, from carrier to platform, base frame, and (k,) its spread, rad.
+    - ``covariates``: names of the covariates of the fit. The fitted effects need those of them that they use.
+    - ``commands``: robots without rods: (n,) smallest and (n,) largest commands, m or rad.
+    - ``angles``: robots without rods: (n, ``PARTS``) whether each part of a joint's turn had commands, from angle 0; all
+      False for sliding joints, and empty where it is not known.
+    - ``joints``: robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N
+      m, as in :func:`~gtpin.kinematics.statics.joint_loads`.
     """
 
     temperature: float

@@ -51,11 +51,8 @@ def modulated(column: Floats, coordinates: list[Floats], share: float, orders: i
 
     The coordinates have no unit; most of their values are between -1 and 1. The cosines have orders 1 to ``orders``.
 
-    Returns
-    -------
-    columns, size
-        (N, m) the displacement first, then its modulation, and (m,) their sizes relative to the displacement:
-        ``share / order`` for each coordinate and order.
+    Returns (N, m) the displacement first, then its modulation, and (m,) their sizes relative to the displacement: ``share /
+    order`` for each coordinate and order.
     """
     columns, sizes = [column], [1.0]
     for x in coordinates:
@@ -85,10 +82,7 @@ def session_columns(at: Situation) -> Floats:
     A session that was not in the fit gets equal values in all columns. Its shift is then the mean shift. A warning says so.
     One column of ones where the fit had no sessions: what has changed since an earlier model is the same everywhere.
 
-    Raises
-    ------
-    ModelError
-        If there is no column ``session``.
+    Raises `ModelError` if there is no column ``session``.
     """
     if not at.has("session"):
         return np.ones((len(at), 1))
@@ -109,10 +103,7 @@ def approach(at: Situation, actuator: int | None) -> Floats:
 
     It is +1 where the actuator moved towards larger commands before it stopped, and -1 where towards smaller ones.
 
-    Raises
-    ------
-    ModelError
-        If the data of the fit contained it, and these data do not.
+    Raises `ModelError` if the data of the fit contained it, and these data do not.
     """
     if actuator is None:
         return np.zeros(len(at))

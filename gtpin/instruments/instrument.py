@@ -89,16 +89,10 @@ class Component:
 class Read:
     """M rows of one instrument's table.
 
-    Parameters
-    ----------
-    numbers
-        By name, (M,) columns of numbers.
-    ids
-        By name, (M,) columns of ids: stations, planes, sockets, targets.
-    component
-        (M,) index of the only component that a row holds; -1 where a row holds all components of a reading.
-    known
-        By name of a column of ids: all ids in the instrument's whole table. The M rows may have fewer.
+    - ``numbers``: by name, (M,) columns of numbers.
+    - ``ids``: by name, (M,) columns of ids: stations, planes, sockets, targets.
+    - ``component``: (M,) index of the only component that a row holds; -1 where a row holds all components of a reading.
+    - ``known``: by name of a column of ids: all ids in the instrument's whole table. The M rows may have fewer.
     """
 
     numbers: dict[str, Floats]

@@ -23,10 +23,7 @@ from gtpin.typing import Floats
 def instrument_of(model: Model, name: str) -> FittedInstrument:
     """An instrument of a model, by its name.
 
-    Raises
-    ------
-    ModelError
-        If the model has no such instrument.
+    Raises `ModelError` if the model has no such instrument.
     """
     for one in model.instruments:
         if one.name == name:
@@ -41,28 +38,12 @@ def predicted_readings(
 ) -> dict[str, Floats]:
     """Columns that an instrument would read, without noise.
 
-    Parameters
-    ----------
-    model
-        A model that was fitted to readings.
-    poses
-        (N) poses of the TCP that the model predicts, base frame.
-    name
-        Name of the instrument.
-    ids
-        By name of a column of ids (``station``, ``plane``, ``socket``, ``target``): (N,) ids.
-    given
-        The commands, whose file and line an error names; None where they were not read from a file.
+    ``model``: a model that was fitted to readings. ``poses``: (N) poses of the TCP that the model predicts, base frame.
+    ``name``: name of the instrument. ``ids``: by name of a column of ids (``station``, ``plane``, ``socket``, ``target``):
+    (N,) ids. ``given``: the commands, whose file and line an error names; None where they were not read from a file.
 
-    Returns
-    -------
-    columns
-        By name, (N,) numbers, m or rad; quaternions without unit.
-
-    Raises
-    ------
-    ModelError
-        If there is no such instrument, or an id is missing or unknown.
+    Returns by name, (N,) numbers, m or rad; quaternions without unit. Raises `ModelError` if there is no such instrument,
+    or an id is missing or unknown.
     """
     fitted = instrument_of(model, name)
     kind = BUILT_IN.get(fitted.table.kind)

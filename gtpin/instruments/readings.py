@@ -33,17 +33,12 @@ VAGUE = 1.0
 class Readings:
     """The readings of all instruments: N rows with c numbers each.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    rows
-        The rows. Where the instruments' readings have different numbers of components, each row is one component, and c = 1.
-    robot
-        The nominal robot.
-    u
-        (k,) deviations of all instruments' unknowns from their declared values, m or rad. Residuals and derivatives are at
-        these values.
+    - ``q``: (N, n) commands, m or rad.
+    - ``rows``: the rows. Where the instruments' readings have different numbers of components, each row is one component,
+      and c = 1.
+    - ``robot``: the nominal robot.
+    - ``u``: (k,) deviations of all instruments' unknowns from their declared values, m or rad. Residuals and derivatives
+      are at these values.
     """
 
     q: Floats
@@ -57,10 +52,7 @@ class Readings:
 
         ``u``: (k,) deviations of the unknowns; None: zeros.
 
-        Raises
-        ------
-        DatasetError
-            For impossible readings.
+        Raises `DatasetError` for impossible readings.
         """
         found = Readings(dataset.q, dataset.rows, robot, np.zeros(0))
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
@@ -341,10 +333,7 @@ class Readings:
 def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:
     """The instruments of some rows, in the order of dataset.toml.
 
-    Raises
-    ------
-    DatasetError
-        For impossible readings, with file and line.
+    Raises `DatasetError` for impossible readings, with file and line.
     """
     found = []
     for i, table in enumerate(rows.tables):

@@ -21,10 +21,7 @@ def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt
 
     ``what``: what the ids are of, for messages (``station``).
 
-    Raises
-    ------
-    DatasetError
-        For an id that is not in ``known``, or if the column is missing and there are several ids.
+    Raises `DatasetError` for an id that is not in ``known``, or if the column is missing and there are several ids.
     """
     if not read.count:
         return np.zeros(0, dtype=np.intp)
@@ -52,12 +49,8 @@ def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt
 class Targets:
     """The targets of an instrument's M rows.
 
-    Parameters
-    ----------
-    table, read
-        The instrument's table in dataset.toml, and its rows.
-    free
-        True: the standard deviation of the priors of the targets' coordinates is `AWAY`. False: it is ``table.target_sigma``.
+    ``table``, ``read``: the instrument's table in dataset.toml, and its rows. ``free``: True: the standard deviation of the
+    priors of the targets' coordinates is `AWAY`. False: it is ``table.target_sigma``.
     """
 
     def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:

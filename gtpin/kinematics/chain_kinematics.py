@@ -29,10 +29,7 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 class ChainKinematics:
     """The kinematics of a robot without rods, computed by Pinocchio.
 
-    Parameters
-    ----------
-    geometry
-        Geometry whose parameters are displacements of joints, of the TCP on its body, and of the loops' anchors.
+    ``geometry``: geometry whose parameters are displacements of joints, of the TCP on its body, and of the loops' anchors.
     """
 
     geometry: Geometry

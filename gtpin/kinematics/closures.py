@@ -25,14 +25,8 @@ SMALLEST_STRIDE = 1.0 / 256.0
 class RodEnds:
     """Ends and lengths of the rods at many poses.
 
-    Parameters
-    ----------
-    P
-        Joints on the platform, TCP frame, m: (k, 3), or (N, k, 3) where they differ from pose to pose.
-    C
-        (N, k, 3) joints on the carriers, base frame, m.
-    L
-        Lengths, m: (N, k), or (1, k) where all poses have the same.
+    ``P``: joints on the platform, TCP frame, m: (k, 3), or (N, k, 3) where they differ from pose to pose. ``C``: (N, k, 3)
+    joints on the carriers, base frame, m. ``L``: lengths, m: (N, k), or (1, k) where all poses have the same.
     """
 
     P: Floats
@@ -75,19 +69,10 @@ def pose_jacobian(d: Floats, RP: Floats) -> Floats:
 def newton(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, npt.NDArray[np.bool_]]:
     """Close the rods by Newton's method.
 
-    Parameters
-    ----------
-    start
-        (N) poses to start from, base frame.
-    ends
-        The rods, as many as a pose has freedoms: six.
-    size
-        Magnitude of the coordinates, m, for the size of rounding errors.
+    ``start``: (N) poses to start from, base frame. ``ends``: the rods, as many as a pose has freedoms: six. ``size``:
+    magnitude of the coordinates, m, for the size of rounding errors.
 
-    Returns
-    -------
-    poses, closed
-        The last iterates, and (N,) whether they close to rounding errors and all steps contracted.
+    Returns the last iterates, and (N,) whether they close to rounding errors and all steps contracted.
     """
     T, R = start.T.copy(), start.R.copy()
     closed = np.zeros(len(T), dtype=bool)
@@ -139,19 +124,10 @@ def follow(path: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -
     Each pose follows the path in steps so short that Newton's method contracts: one step where that is possible. With several
     steps, the determinant of the closures' Jacobian must also keep its sign, which changes where assembly modes meet.
 
-    Parameters
-    ----------
-    path
-        Gives the rods at fractions s (m,) in [0, 1] of the way, for the poses with the indices (m,).
-    start
-        (N) closed poses at s = 0.
-    size
-        As for :func:`newton`.
+    ``path``: gives the rods at fractions s (m,) in [0, 1] of the way, for the poses with the indices (m,). ``start``: (N)
+    closed poses at s = 0. ``size``: as for :func:`newton`.
 
-    Returns
-    -------
-    poses
-        (N) closed poses at s = 1; NaN where the closures have no solution on the path.
+    Returns (N) closed poses at s = 1; NaN where the closures have no solution on the path.
     """
     T, R = start.T.copy(), start.R.copy()
     done, stride = np.zeros(len(T)), np.ones(len(T))

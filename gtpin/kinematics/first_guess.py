@@ -27,18 +27,11 @@ PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 class FirstGuess:
     """Polynomials of position and rotation vector over the commands' ranges.
 
-    Parameters
-    ----------
-    lower, upper
-        (n,) ends of the commands' ranges, m or rad.
-    exponents
-        (terms, n) exponents of each term in commands scaled to [-1, 1], by ascending degree.
-    coefficients
-        (terms, 6) coefficients of position, m, and rotation vector, rad.
-    R
-        (3, 3) reference rotation: a rotation vector w means the rotation exp(w) R.
-    error
-        Largest error at the nodes of the fit, m or rad.
+    - ``lower``, ``upper``: (n,) ends of the commands' ranges, m or rad.
+    - ``exponents``: (terms, n) exponents of each term in commands scaled to [-1, 1], by ascending degree.
+    - ``coefficients``: (terms, 6) coefficients of position, m, and rotation vector, rad.
+    - ``R``: (3, 3) reference rotation: a rotation vector w means the rotation exp(w) R.
+    - ``error``: largest error at the nodes of the fit, m or rad.
     """
 
     lower: Floats

@@ -43,18 +43,13 @@ MEDIAN = 1.538
 class Placement:
     """A frame and a target.
 
-    Parameters
-    ----------
-    shift, turn
-        f (3,), m, and F (3, 3): the base frame in the instrument's frame.
-    at, mount
-        t (3,), m, and X (3, 3): the target in the TCP frame.
-    scale
-        Robust standard deviations of the residuals for each axis: positions, m, and rotations, rad (NaN without rotations).
-    at_sigma, mount_sigma
-        Largest standard deviation of ``at`` along any direction, m, and of ``mount``, rad; at most those of the priors.
-    unseen
-        (k, 3) orthogonal unit vectors of the TCP frame along which the poses do not determine ``at``.
+    - ``shift``, ``turn``: f (3,), m, and F (3, 3): the base frame in the instrument's frame.
+    - ``at``, ``mount``: t (3,), m, and X (3, 3): the target in the TCP frame.
+    - ``scale``: robust standard deviations of the residuals for each axis: positions, m, and rotations, rad (NaN without
+      rotations).
+    - ``at_sigma``, ``mount_sigma``: largest standard deviation of ``at`` along any direction, m, and of ``mount``, rad; at
+      most those of the priors.
+    - ``unseen``: (k, 3) orthogonal unit vectors of the TCP frame along which the poses do not determine ``at``.
     """
 
     shift: Floats
@@ -74,14 +69,9 @@ class Placement:
 def frame_and_target(poses: Poses, T: Floats, R: Floats | None, *, free_frame: bool = True) -> Placement:
     """The frame and the target with which nominal poses fit measured ones best; gross errors have little weight.
 
-    Parameters
-    ----------
-    poses
-        (N) nominal poses of the TCP, base frame.
-    T, R
-        (N, 3) measured positions, m, and (N, 3, 3) measured rotations; None: the target's rotation is set to the identity.
-    free_frame
-        Whether the frame is unknown; otherwise it is the base frame.
+    ``poses``: (N) nominal poses of the TCP, base frame. ``T``, ``R``: (N, 3) measured positions, m, and (N, 3, 3) measured
+    rotations; None: the target's rotation is set to the identity. ``free_frame``: whether the frame is unknown; otherwise
+    it is the base frame.
     """
     every = np.linspace(0, len(T) - 1, min(len(T), ROWS)).astype(int)
     fit = _Fit(poses[every], T[every], None if R is None else R[every], free_frame)

@@ -19,17 +19,11 @@ Solver = Literal["arrays", "pinocchio"]
 def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
     """The kinematics of a geometry.
 
-    Parameters
-    ----------
-    solver
-        For robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, slower, with the same
-        results. For robots without rods Pinocchio is used in both cases.
+    ``solver``: for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, slower, with the
+    same results. For robots without rods Pinocchio is used in both cases.
 
-    Raises
-    ------
-    ModelError
-        If there is no such solver, or the solver ``pinocchio`` can't represent the geometry: see
-        :class:`~gtpin.kinematics.pinocchio_rods.PinocchioRods`.
+    Raises `ModelError` if there is no such solver, or the solver ``pinocchio`` can't represent the geometry: see
+    :class:`~gtpin.kinematics.pinocchio_rods.PinocchioRods`.
     """
     if solver not in ("arrays", "pinocchio"):
         raise ModelError(f"kinematics {solver!r}", hint="use arrays or pinocchio")
@@ -41,10 +35,7 @@ def kinematics(geometry: Geometry, solver: Solver = "arrays") -> Kinematics:
 def of_rods(kinematics: Kinematics) -> RodKinematics:
     """The closures in arrays of a robot with rods.
 
-    Raises
-    ------
-    ModelError
-        If the robot has no rods.
+    Raises `ModelError` if the robot has no rods.
     """
     if not isinstance(kinematics, RodKinematics):
         name = kinematics.geometry.robot.name

@@ -26,18 +26,11 @@ CHANGE = 0.5
 class Closing:
     """Result of Newton's method.
 
-    Parameters
-    ----------
-    configuration
-        Pinocchio configuration at the last iterate.
-    jacobian
-        (m, nv) constraint Jacobian at the last but one iterate, one step from ``configuration``.
-    steps
-        Number of Newton steps.
-    closed
-        Whether the loops are closed to rounding errors, and all steps contracted.
-    change
-        Largest change of the derivative from that nearby: see :meth:`Passive.change`.
+    - ``configuration``: Pinocchio configuration at the last iterate.
+    - ``jacobian``: (m, nv) constraint Jacobian at the last but one iterate, one step from ``configuration``.
+    - ``steps``: number of Newton steps.
+    - ``closed``: whether the loops are closed to rounding errors, and all steps contracted.
+    - ``change``: largest change of the derivative from that nearby: see :meth:`Passive.change`.
     """
 
     configuration: Floats
@@ -116,18 +109,10 @@ def close(
 ) -> Closing:
     """Close the loops by Newton's method on the passive coordinates, at constant commands.
 
-    Parameters
-    ----------
-    configuration
-        (nq,) Pinocchio configuration to start from.
-    near
-        The derivative of the closures at a closed posture nearby; None: that at the start.
-    contraction
-        Bound on the ratio of successive steps.
-    change
-        Bound on the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With
-        one below 1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound
-        by default.
+    ``configuration``: (nq,) Pinocchio configuration to start from. ``near``: the derivative of the closures at a closed
+    posture nearby; None: that at the start. ``contraction``: bound on the ratio of successive steps. ``change``: bound on
+    the change of this derivative from ``near`` to the start and to the result: see :meth:`Passive.change`. With one below
+    1, no singularity is between the two: the closed posture has the assembly mode of the one nearby. No bound by default.
     """
     model, passive = robot.model, robot.passive
     # Coordinates of a few metres have rounding errors of a few 1e-16 m each, and a loop is a sum of about ten of them.

@@ -28,16 +28,10 @@ class PinocchioRods(RodKinematics):
 
     Drive scales, which a URDF can't hold, multiply the commands.
 
-    Parameters
-    ----------
-    geometry
-        The geometry.
+    ``geometry``: the geometry.
 
-    Raises
-    ------
-    ModelError
-        If the geometry has parts that a URDF can't represent: directions or scales of single rods, measured tracks, a reduced
-        arm. If joints of the robot are measured.
+    Raises `ModelError` if the geometry has parts that a URDF can't represent: directions or scales of single rods, measured
+    tracks, a reduced arm. If joints of the robot are measured.
     """
 
     def __post_init__(self) -> None:

@@ -23,14 +23,10 @@ class Bodies:
     j - 1, the TCP, on the body that carries it, the index J, the anchors the indices J + 1 to J + 2 L. Of a robot with rods
     they are the rods' joints on their carriers, in the order of the rods, with the base frame's axes.
 
-    Parameters
-    ----------
-    response
-        (N, 6 + k, F, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the coordinates of the
-        robot's k measured joints (rad or m), by a twist (m, rad) of each frame in its own axes. (N, 6 + k, F, 3) for frames
-        whose rotation moves nothing.
-    R, T
-        (N, F', 3, 3) and (N, F', 3), m: the first F' of these frames in the base frame.
+    ``response``: (N, 6 + k, F, 6) motion of the TCP (position, m, rotation vector, rad; base frame), then of the
+    coordinates of the robot's k measured joints (rad or m), by a twist (m, rad) of each frame in its own axes. (N, 6 + k,
+    F, 3) for frames whose rotation moves nothing. ``R``, ``T``: (N, F', 3, 3) and (N, F', 3), m: the first F' of these
+    frames in the base frame.
     """
 
     response: Floats
@@ -46,14 +42,9 @@ class Bodies:
 class SmallError:
     """A small error of one part of a chain at N poses.
 
-    Parameters
-    ----------
-    parameter, link
-        Its name (``L``, ``Px``, ``rx``), and the name of the part.
-    rate
-        (N, 6) motion of the TCP per unit of the parameter, base frame.
-    after
-        Gives the poses (N) after an error of a size, m or rad, in the same assembly mode.
+    ``parameter``, ``link``: its name (``L``, ``Px``, ``rx``), and the name of the part. ``rate``: (N, 6) motion of the TCP
+    per unit of the parameter, base frame. ``after``: gives the poses (N) after an error of a size, m or rad, in the same
+    assembly mode.
     """
 
     parameter: str

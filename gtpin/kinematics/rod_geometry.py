@@ -22,15 +22,9 @@ from gtpin.typing import Floats
 class RodGeometry:
     """The arrays of one geometry (Dressler et al. 2010, eqs. 2 and 5) of k rods.
 
-    Parameters
-    ----------
-    geometry
-        The geometry of a robot with six rods.
+    ``geometry``: the geometry of a robot with six rods.
 
-    Raises
-    ------
-    ModelError
-        If the robot does not have six rods.
+    Raises `ModelError` if the robot does not have six rods.
     """
 
     geometry: Geometry

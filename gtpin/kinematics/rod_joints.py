@@ -22,20 +22,13 @@ from gtpin.typing import Floats
 class RodJoint:
     """A measured joint of a rod's universal joint: the rod points along A exp(a1 x1) B exp(a2 x2) t in the TCP frame.
 
-    Parameters
-    ----------
-    joint
-        The measured joint.
-    rod
-        Index of its rod.
-    second
-        Whether it is the second of the two joints, x2.
-    A, B
-        (3, 3) rotations of the two placement frames: the first in the TCP frame, the second in the first joint's.
-    a1, a2, t
-        (3,) unit vectors: the axes, and the rod in the second joint's frame.
-    side
-        +1 or -1: which of the two possible values x2 has in the assembly mode of home.
+    - ``joint``: the measured joint.
+    - ``rod``: index of its rod.
+    - ``second``: whether it is the second of the two joints, x2.
+    - ``A``, ``B``: (3, 3) rotations of the two placement frames: the first in the TCP frame, the second in the first
+      joint's.
+    - ``a1``, ``a2``, ``t``: (3,) unit vectors: the axes, and the rod in the second joint's frame.
+    - ``side``: +1 or -1: which of the two possible values x2 has in the assembly mode of home.
     """
 
     joint: MeasuredJoint
@@ -52,10 +45,7 @@ class RodJoint:
     def of(robot: Robot, joint: MeasuredJoint) -> RodJoint:
         """Find the rod of a joint.
 
-        Raises
-        ------
-        ModelError
-            If it does not belong to a rod's universal joint.
+        Raises `ModelError` if it does not belong to a rod's universal joint.
         """
         for i, rod in enumerate(robot.rods):
             chain = _passive_chain(robot, rod)
@@ -107,14 +97,9 @@ def direction(joint: RodJoint, poses: Poses, P: Floats, C: Floats) -> Floats:
 def motion(joint: RodJoint, poses: Poses, P: Floats, C: Floats, moved: Floats, dC: Floats, dP: Floats) -> Floats:
     """(N, m) change of a joint's coordinate by motions of the platform and of the ends of its rod.
 
-    Parameters
-    ----------
-    poses, P, C
-        As for :func:`direction`.
-    moved
-        (N, 6, m) motion of the platform, base frame.
-    dC, dP
-        (N, 3, m) motion of the rod's joint on its carrier, base frame, and (3, m) of that on the platform, TCP frame, m.
+    ``poses``, ``P``, ``C``: as for :func:`direction`. ``moved``: (N, 6, m) motion of the platform, base frame. ``dC``,
+    ``dP``: (N, 3, m) motion of the rod's joint on its carrier, base frame, and (3, m) of that on the platform, TCP frame,
+    m.
     """
     away = skew(C[:, joint.rod] - poses.T)
     turned = dC - moved[:, :3] + away @ moved[:, 3:6]

@@ -30,37 +30,18 @@ class RodKinematics(RodGeometry):
 
     It is a :class:`~gtpin.kinematics.protocol.Kinematics`, held to Pinocchio's results by tests.
 
-    Parameters
-    ----------
-    geometry
-        The geometry of a robot with six rods.
+    ``geometry``: the geometry of a robot with six rods.
 
-    Raises
-    ------
-    ModelError
-        If the robot does not have six rods.
+    Raises `ModelError` if the robot does not have six rods.
     """
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), in the base frame, on the assembly mode of home.
 
-        Parameters
-        ----------
-        q
-            (N, n) commands, m or rad.
-        start
-            (N) poses of a similar geometry at the same commands, from which the solver starts; None: it starts at
-            home.
+        ``q``: (N, n) commands, m or rad. ``start``: (N) poses of a similar geometry at the same commands, from which the
+        solver starts; None: it starts at home.
 
-        Returns
-        -------
-        poses
-            NaN where the loops can't be closed.
-
-        Raises
-        ------
-        ModelError
-            If ``q`` does not have this shape.
+        Returns NaN where the loops can't be closed. Raises `ModelError` if ``q`` does not have this shape.
         """
         self.geometry.robot.check_commands(q)
         near = start if start is not None and start.reached.all() else None

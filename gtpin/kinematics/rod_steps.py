@@ -21,16 +21,10 @@ frame."""
 class RodStep:
     """Dependence of one rod's ends and length on one parameter.
 
-    Parameters
-    ----------
-    rod
-        Index of the rod.
-    P
-        (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
-    C
-        (N, 3) motion of its joint on the carrier at each pose, base frame, per unit of the parameter.
-    L
-        Change of its length, per unit of the parameter.
+    - ``rod``: index of the rod.
+    - ``P``: (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
+    - ``C``: (N, 3) motion of its joint on the carrier at each pose, base frame, per unit of the parameter.
+    - ``L``: change of its length, per unit of the parameter.
     """
 
     rod: int
@@ -52,10 +46,7 @@ class RodStep:
 
         ``ends``: the rods at these poses; ``size``: as for :func:`~gtpin.kinematics.closures.newton`.
 
-        Raises
-        ------
-        ConvergenceError
-            If the closures have no solution.
+        Raises `ConvergenceError` if the closures have no solution.
         """
         P, C = ends.P.copy(), ends.C.copy()
         L = np.repeat(ends.L, len(poses), axis=0) if len(ends.L) == 1 else ends.L.copy()

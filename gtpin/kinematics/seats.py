@@ -37,12 +37,8 @@ class CarrierJoint(Protocol):
 class Turned:
     """A rotation by three small angles.
 
-    Parameters
-    ----------
-    axes
-        (3, 3) unit vectors, one per row: the axes of the angles a, b and c.
-    angles
-        (3,) angles a, b and c, rad. The rotation is the exponential of the rotation vector ``angles @ axes``.
+    ``axes``: (3, 3) unit vectors, one per row: the axes of the angles a, b and c. ``angles``: (3,) angles a, b and c, rad.
+    The rotation is the exponential of the rotation vector ``angles @ axes``.
     """
 
     axes: Floats

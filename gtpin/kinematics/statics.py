@@ -23,14 +23,9 @@ from gtpin.typing import Floats
 class StaticForces:
     """The forces that hold a robot at rest at a posture.
 
-    Parameters
-    ----------
-    loops
-        (number of loops, 3) force of the second anchor's body on the first anchor's body in each loop, base frame, N.
-    rods
-        (k,) axial force at each rod's middle, N, tension positive; k = 0 for a robot without rods.
-    actuators
-        (n,) force (N) or torque (N m) that each actuator must apply, positive in the direction of its command.
+    ``loops``: (number of loops, 3) force of the second anchor's body on the first anchor's body in each loop, base frame,
+    N. ``rods``: (k,) axial force at each rod's middle, N, tension positive; k = 0 for a robot without rods. ``actuators``:
+    (n,) force (N) or torque (N m) that each actuator must apply, positive in the direction of its command.
     """
 
     loops: Floats
@@ -225,20 +220,11 @@ def rod_forces(
 def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:
     """Static wrenches that the bodies beyond each joint exert on it: Pinocchio's ``rnea`` with external forces.
 
-    Parameters
-    ----------
-    q
-        (N, n) commands, m or rad.
-    force
-        (N, 3) force on the tool at the URDF's TCP, base frame, N.
-    payload
-        (N,) mass held at the URDF's TCP, kg.
+    ``q``: (N, n) commands, m or rad. ``force``: (N, 3) force on the tool at the URDF's TCP, base frame, N. ``payload``:
+    (N,) mass held at the URDF's TCP, kg.
 
-    Returns
-    -------
-    loads
-        (N, J + 1, 6) force, N, and moment, N m, about the origin of each placement frame, in its own axes; then those on the
-        TCP, in its axes. See :class:`~gtpin.kinematics.bodies.Bodies`. NaN where the loops can't be closed.
+    Returns (N, J + 1, 6) force, N, and moment, N m, about the origin of each placement frame, in its own axes; then those
+    on the TCP, in its axes. See :class:`~gtpin.kinematics.bodies.Bodies`. NaN where the loops can't be closed.
     """
     model, data = robot.model, robot.data
     loads = np.full((len(q), model.njoints, 6), np.nan)

@@ -38,17 +38,9 @@ def likeliest(
 
     Repeatability is zero where the errors do not show it.
 
-    Parameters
-    ----------
-    noise
-        First estimate of the sigmas.
-    errors, count
-        (N, c) measured less predicted, m and rad. With ``count`` (N,): (N, c, c) roots of the mean squares of so many errors
-        that have one covariance.
-    by_command
-        (N, c, n) derivative of the readings by the commands.
-    weight
-        (N,) factors of the rows' squared errors.
+    ``noise``: first estimate of the sigmas. ``errors``, ``count``: (N, c) measured less predicted, m and rad. With
+    ``count`` (N,): (N, c, c) roots of the mean squares of so many errors that have one covariance. ``by_command``: (N, c,
+    n) derivative of the readings by the commands. ``weight``: (N,) factors of the rows' squared errors.
     """
     present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
     open_ = np.flatnonzero(noise.estimated & present)
@@ -75,22 +67,11 @@ def _likeliest_of(
 ) -> ReadingNoise:
     """Maximum-likelihood noise from errors, among the noises ``trial(x)``: see :func:`likeliest`.
 
-    Parameters
-    ----------
-    trial
-        Gives the noise for x (1 + free,): x[0] is the repeatability in a unit that moves the measured numbers by about one
-        sigma; the others are the logs of the free sigmas over their first estimates.
-    free
-        Number of free sigmas.
-    errors
-        (N, c) measured less predicted, m and rad; or (N, c, c) a root of the mean square, E E', of several errors with one
-        covariance.
-    by_command
-        Derivative by the commands that ``covariance`` of the noise takes.
-    weight
-        (N,) factors of the rows' squared errors.
-    count
-        (N,) number of errors of each row; None: 1.
+    ``trial``: gives the noise for x (1 + free,): x[0] is the repeatability in a unit that moves the measured numbers by
+    about one sigma; the others are the logs of the free sigmas over their first estimates. ``free``: number of free sigmas.
+    ``errors``: (N, c) measured less predicted, m and rad; or (N, c, c) a root of the mean square, E E', of several errors
+    with one covariance. ``by_command``: derivative by the commands that ``covariance`` of the noise takes. ``weight``: (N,)
+    factors of the rows' squared errors. ``count``: (N,) number of errors of each row; None: 1.
     """
     columns = errors.reshape(*errors.shape[:2], -1)
     each = np.ones(len(errors)) if count is None else count

@@ -18,30 +18,18 @@ errors of the kinematics are larger than the noise, and fits do not converge."""
 class Noise:
     """Noise of every measured pose, as standard deviations.
 
-    Parameters
-    ----------
-    position_sigma
-        Instrument's noise of a position, per axis, m. Where it depends on the distance: the root mean square over the axes at
-        the mean distance.
-    orientation_sigma
-        Instrument's noise of an orientation, per axis, rad.
-    repeatability
-        Standard deviation with which every actuator returns to a command, m or rad.
-    sight
-        (N, 3) unit vectors from the instrument to the poses; None where the instrument's position is not known.
-    reach
-        (N,) distance from the instrument to each pose, divided by the mean distance; None where ``sight`` is None.
-    range_ratio
-        Noise along the line of sight divided by noise across it, at the mean distance.
-    source
-        Where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
-    dof
-        Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
-    estimated
-        Whether ``position_sigma`` and ``orientation_sigma`` were estimated from the data.
-    lack
-        Standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain. They are
-        similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
+    - ``position_sigma``: instrument's noise of a position, per axis, m. Where it depends on the distance: the root mean
+      square over the axes at the mean distance.
+    - ``orientation_sigma``: instrument's noise of an orientation, per axis, rad.
+    - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
+    - ``sight``: (N, 3) unit vectors from the instrument to the poses; None where the instrument's position is not known.
+    - ``reach``: (N,) distance from the instrument to each pose, divided by the mean distance; None where ``sight`` is None.
+    - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance.
+    - ``source``: where the instrument's sigmas come from: ``declared``, ``repeats`` or ``residuals``.
+    - ``dof``: degrees of freedom of the estimate of the sigmas; infinite where they are declared.
+    - ``estimated``: whether ``position_sigma`` and ``orientation_sigma`` were estimated from the data.
+    - ``lack``: standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain.
+      They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
     """
 
     position_sigma: float
@@ -92,12 +80,8 @@ class Noise:
     def covariance(self, command_jacobian: Floats, components: int) -> Floats:
         """(N, c, c) covariance of measured poses, m and rad: of the position (c = 3), or also of the rotation vector (c = 6).
 
-        Parameters
-        ----------
-        command_jacobian
-            (N, 6, n) derivative of the poses by the commands, in the instrument's frame.
-        components
-            c, 3 or 6.
+        ``command_jacobian``: (N, 6, n) derivative of the poses by the commands, in the instrument's frame. ``components``:
+        c, 3 or 6.
         """
         return self.rows(len(command_jacobian), components).covariance(command_jacobian, components)
 

@@ -16,27 +16,17 @@ from gtpin.typing import Floats
 class ReadingNoise:
     """Noise of every number of N rows, as standard deviations. The instruments' noises are independent.
 
-    Parameters
-    ----------
-    sigma
-        (G,) sigma of each group of numbers, m or rad.
-    group
-        (N, c) group of each number.
-    row_sigma
-        (N, c) sigma that a row declares for a number; NaN where it declares none.
-    estimated
-        (G,) whether the group's sigma was estimated from the data.
-    repeatability
-        Standard deviation with which every actuator returns to a command, m or rad.
-    lack
-        Standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain. They are
-        similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
-    sight, reach, range_ratio
-        As in :class:`~gtpin.noise.noise.Noise`, for a tracker that measures all rows from a known station; else None.
-    source
-        Where the estimated sigmas come from: ``declared`` where none is estimated, ``repeats`` or ``residuals``.
-    dof
-        Degrees of freedom of the estimate of the sigmas; infinite where they are declared.
+    - ``sigma``: (G,) sigma of each group of numbers, m or rad.
+    - ``group``: (N, c) group of each number.
+    - ``row_sigma``: (N, c) sigma that a row declares for a number; NaN where it declares none.
+    - ``estimated``: (G,) whether the group's sigma was estimated from the data.
+    - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
+    - ``lack``: standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain.
+      They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
+    - ``sight``, ``reach``, ``range_ratio``: as in :class:`~gtpin.noise.noise.Noise`, for a tracker that measures all rows
+      from a known station; else None.
+    - ``source``: where the estimated sigmas come from: ``declared`` where none is estimated, ``repeats`` or ``residuals``.
+    - ``dof``: degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     """
 
     sigma: Floats

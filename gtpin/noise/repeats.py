@@ -28,18 +28,10 @@ def stops(q: Floats, read: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
 def contrasts(visits: npt.NDArray[np.intp], values: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
     """Contrasts between visits of one pose: combinations of errors in which the pose's mean error cancels (Helmert's).
 
-    Parameters
-    ----------
-    visits
-        (N,) index of each row's pose.
-    values
-        (N, c) measured less predicted.
+    ``visits``: (N,) index of each row's pose. ``values``: (N, c) measured less predicted.
 
-    Returns
-    -------
-    contrasts, rows
-        (k, c) contrasts, each with the variance of a single visit and independent of the others; and (k,) for each the index
-        of one row of its pose. Those of one pose follow each other.
+    Returns (k, c) contrasts, each with the variance of a single visit and independent of the others; and (k,) for each the
+    index of one row of its pose. Those of one pose follow each other.
     """
     order = np.argsort(visits, kind="stable")
     begins = np.flatnonzero(np.diff(visits[order], prepend=-1))

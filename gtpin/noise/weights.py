@@ -57,14 +57,8 @@ def huber(residual: Floats) -> Floats:
 def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:
     """(N,) whether noise with the size and tails of the other poses' residuals does not explain a pose's residual.
 
-    Parameters
-    ----------
-    residual
-        (N, c) whitened residuals, of all poses.
-    used
-        (N,) poses that the fit used.
-    heaviest
-        Upper limit of the degrees of freedom of the t distribution that is assumed for good poses.
+    ``residual``: (N, c) whitened residuals, of all poses. ``used``: (N,) poses that the fit used. ``heaviest``: upper limit
+    of the degrees of freedom of the t distribution that is assumed for good poses.
     """
     return np.asarray(square_norms(residual) > gross_limit(residual, used, heaviest))
 
@@ -85,12 +79,8 @@ def gross_limit(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float =
 class Tails:
     """Tails of the noise: of a Gaussian or of a multivariate t distribution.
 
-    Parameters
-    ----------
-    freedom
-        Degrees of freedom of the t distribution; infinite for Gaussian noise.
-    scale
-        Scale of the t distribution, in units of the noise.
+    ``freedom``: degrees of freedom of the t distribution; infinite for Gaussian noise. ``scale``: scale of the t
+    distribution, in units of the noise.
     """
 
     freedom: float = np.inf

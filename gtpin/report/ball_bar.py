@@ -46,14 +46,8 @@ STEPS, SMALLEST = 20, 1e-12
 class Run:
     """One run along a circle.
 
-    Parameters
-    ----------
-    rows
-        (m,) rows of the path, in the order of travel.
-    normal
-        (3,) unit normal of its plane; the direction of travel is counterclockwise about it.
-    swept
-        Swept angle, rad, positive.
+    ``rows``: (m,) rows of the path, in the order of travel. ``normal``: (3,) unit normal of its plane; the direction of
+    travel is counterclockwise about it. ``swept``: swept angle, rad, positive.
     """
 
     rows: Indices
@@ -65,17 +59,11 @@ class Run:
 class Trace:
     """Deviations of the radius on one run along a circle.
 
-    Parameters
-    ----------
-    direction
-        Direction of travel; counterclockwise: from the circle's first axis to its second.
-    rows
-        (m,) rows of the residuals, in the order of travel.
-    angle
-        (m,) commanded angle from the first axis to the second, rad.
-    deviation
-        By layer (m,), m, positive away from the centre. ``measured``: about the least-squares circle of all runs along it.
-        ``before`` and ``after``: residuals of geometry alone and of geometry with the causes.
+    - ``direction``: direction of travel; counterclockwise: from the circle's first axis to its second.
+    - ``rows``: (m,) rows of the residuals, in the order of travel.
+    - ``angle``: (m,) commanded angle from the first axis to the second, rad.
+    - ``deviation``: by layer (m,), m, positive away from the centre. ``measured``: about the least-squares circle of all
+      runs along it. ``before`` and ``after``: residuals of geometry alone and of geometry with the causes.
     """
 
     direction: Direction
@@ -88,16 +76,11 @@ class Trace:
 class Circle:
     """A circular test: readings of one station and target along one circle.
 
-    Parameters
-    ----------
-    instrument, station, target
-        Names of the instrument, station and target; the latter two are "" where there is only one.
-    normal
-        (3,) unit normal of its plane, base frame.
-    radius
-        Commanded radius, m.
-    traces
-        The runs along it.
+    - ``instrument``, ``station``, ``target``: names of the instrument, station and target; the latter two are "" where
+      there is only one.
+    - ``normal``: (3,) unit normal of its plane, base frame.
+    - ``radius``: commanded radius, m.
+    - ``traces``: the runs along it.
     """
 
     instrument: str
@@ -227,12 +210,8 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
 
     They are the measured ranges less |p - s| - o, with the centre s, in the plane, and the offset o that fit best.
 
-    Parameters
-    ----------
-    flat, height
-        (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station, m.
-    start
-        (2,) first guess of s.
+    ``flat``, ``height``: (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station,
+    m. ``start``: (2,) first guess of s.
     """
     s = start.copy()
     for _ in range(STEPS):
@@ -250,10 +229,7 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
 def runs(away: Floats) -> list[Run]:
     """The circles of a path.
 
-    Parameters
-    ----------
-    away
-        (N, 3) vectors from the point to the positions of the path, in the order of travel, m.
+    ``away``: (N, 3) vectors from the point to the positions of the path, in the order of travel, m.
     """
     found = [_run(np.arange(a, b), away[a:b]) for a, b in _parts(away)]
     return [run for run in found if run is not None]

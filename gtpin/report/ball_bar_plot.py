@@ -45,10 +45,7 @@ class CircularTest:
 def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
     """The circles along which readings were taken, with their plots.
 
-    Parameters
-    ----------
-    causes
-        Whether there are causes: a last layer then shows the residuals with them.
+    ``causes``: whether there are causes: a last layer then shows the residuals with them.
     """
     layers, found = _layers(causes), []
     for number, circle in enumerate(circles(residuals)):
@@ -70,17 +67,10 @@ def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
 def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
     """The layers of a circle, side by side.
 
-    Parameters
-    ----------
-    number
-        Index of the circle in the data, counted from 0.
-    causes
-        Whether there are causes: a last layer then shows the residuals with them.
+    ``number``: index of the circle in the data, counted from 0. ``causes``: whether there are causes: a last layer then
+    shows the residuals with them.
 
-    Raises
-    ------
-    DatasetError
-        If there is no such circle.
+    Raises `DatasetError` if there is no such circle.
     """
     found = circles(residuals)
     if not found:

@@ -26,10 +26,7 @@ class Camera:
     def of(machine: Skeleton, beyond: Floats | None = None) -> Camera:
         """A camera a little above the machine, in the direction in which its lines hide each other least.
 
-        Parameters
-        ----------
-        beyond
-            (m, 3) further points that must be in the picture, m.
+        ``beyond``: (m, 3) further points that must be in the picture, m.
         """
         best = max(
             (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)

@@ -189,10 +189,7 @@ def errors_drawing(comparison: Comparison) -> Drawing:
 def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
     """An Euler angle (ZYZ), measured less predicted, of each held-out pose.
 
-    Raises
-    ------
-    DatasetError
-        If orientation was not measured, or there is no such angle.
+    Raises `DatasetError` if orientation was not measured, or there is no such angle.
     """
     names = [name for name, _ in ANGLES.options]
     turned = [held for held in comparison.held if held.angles is not None]

@@ -30,10 +30,7 @@ def drawn_curves(found: Sequence[Curve]) -> list[Curve]:
 def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
     """Plots of an effect's curves.
 
-    Parameters
-    ----------
-    name
-        Beginning of the plots' names.
+    ``name``: beginning of the plots' names.
     """
     return [
         Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_drawing, curve), height=300)

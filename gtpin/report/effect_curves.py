@@ -21,14 +21,9 @@ from gtpin.typing import Floats
 class Line:
     """A curve with its band, and the measurements that belong to it.
 
-    Parameters
-    ----------
-    label
-        Label of the line; empty if there is only one.
-    x, y, sigma
-        (m,) the curve and its standard deviations; x is text for sessions.
-    points_x, points_y
-        (n,) the curve at the measured poses plus the residuals there.
+    ``label``: label of the line; empty if there is only one. ``x``, ``y``, ``sigma``: (m,) the curve and its standard
+    deviations; x is text for sessions. ``points_x``, ``points_y``: (n,) the curve at the measured poses plus the residuals
+    there.
     """
 
     label: str
@@ -43,22 +38,14 @@ class Line:
 class Curve:
     """One quantity that an effect displaces, as a curve.
 
-    Parameters
-    ----------
-    name, unit
-        The displaced quantity; m or rad.
-    x_title
-        The coordinate on which it depends, and its unit.
-    lines
-        One line, or one for each value of a second coordinate.
-    smooth
-        Whether the lines are continuous; otherwise each point is a pose or a session.
-    categories
-        Whether x is text.
-    straightened
-        Whether a straight line was subtracted, not only the mean.
-    lever
-        For a robot without rods: mean motion of the TCP over the poses by one unit of the quantity, m per unit; else None.
+    - ``name``, ``unit``: the displaced quantity; m or rad.
+    - ``x_title``: the coordinate on which it depends, and its unit.
+    - ``lines``: one line, or one for each value of a second coordinate.
+    - ``smooth``: whether the lines are continuous; otherwise each point is a pose or a session.
+    - ``categories``: whether x is text.
+    - ``straightened``: whether a straight line was subtracted, not only the mean.
+    - ``lever``: for a robot without rods: mean motion of the TCP over the poses by one unit of the quantity, m per unit;
+      else None.
     """
 
     name: str

@@ -27,13 +27,8 @@ SMALLEST = 1e-9
 class Carried:
     """The load that does work along a displaced quantity of a robot without rods.
 
-    Parameters
-    ----------
-    what
-        The part on which it acts, and its direction, in words.
-    index, way
-        Index of the placement frame, as in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in this
-        frame.
+    ``what``: the part on which it acts, and its direction, in words. ``index``, ``way``: index of the placement frame, as
+    in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in this frame.
     """
 
     what: str
@@ -55,20 +50,13 @@ class Carried:
 class Motion:
     """One quantity that an effect displaces, at N poses.
 
-    Parameters
-    ----------
-    name, unit
-        Its name, such as ``travel of cart1``, and ``m`` or ``rad``.
-    columns
-        (N, m) displacement of the quantity for a value of 1 of each of the effect's m coefficients.
-    tcp
-        (N, 6 + k) displacement of the TCP, base frame, m and rad, and of k measured joints, by one unit of the quantity.
-    rod
-        Index of the rod whose length it is; None for other quantities.
-    straightened
-        Whether geometry absorbs a straight line of the quantity along the track, not only its mean.
-    carried
-        For a robot without rods, the load along the quantity; None where there is none.
+    - ``name``, ``unit``: its name, such as ``travel of cart1``, and ``m`` or ``rad``.
+    - ``columns``: (N, m) displacement of the quantity for a value of 1 of each of the effect's m coefficients.
+    - ``tcp``: (N, 6 + k) displacement of the TCP, base frame, m and rad, and of k measured joints, by one unit of the
+      quantity.
+    - ``rod``: index of the rod whose length it is; None for other quantities.
+    - ``straightened``: whether geometry absorbs a straight line of the quantity along the track, not only its mean.
+    - ``carried``: for a robot without rods, the load along the quantity; None where there is none.
     """
 
     name: str

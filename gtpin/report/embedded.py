@@ -35,22 +35,13 @@ class Choice:
 class Plot:
     """A figure in a page, drawn when the page is made.
 
-    Parameters
-    ----------
-    name
-        Name of the plot in the page.
-    title
-        Title, also read by screen readers.
-    draw
-        Makes the drawing; called with one option of each choice in ``follows``, by the choices' names.
-    follows
-        Choices of the reader that the figure depends on.
-    caption
-        Text below the figure.
-    height
-        Height in pixels; the width is the page's.
-    whole
-        Whether the plot takes a whole row of the page.
+    - ``name``: name of the plot in the page.
+    - ``title``: title, also read by screen readers.
+    - ``draw``: makes the drawing; called with one option of each choice in ``follows``, by the choices' names.
+    - ``follows``: choices of the reader that the figure depends on.
+    - ``caption``: text below the figure.
+    - ``height``: height in pixels; the width is the page's.
+    - ``whole``: whether the plot takes a whole row of the page.
     """
 
     name: str

@@ -46,10 +46,7 @@ class Drawing:
     def figure(self) -> Figure:
         """The drawing as a plotly figure.
 
-        Raises
-        ------
-        GtpinError
-            If plotly is not installed.
+        Raises `GtpinError` if plotly is not installed.
         """
         try:
             from plotly.graph_objects import Figure

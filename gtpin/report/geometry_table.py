@@ -14,10 +14,7 @@ MOVED = 8
 def geometry_tables(calibration: Calibration, model: Model | None = None) -> tuple[Table, Table]:
     """Two tables: the parameters with the largest changes in units of the tolerances, and all parameters.
 
-    Parameters
-    ----------
-    model
-        Geometry that was fitted together with causes; it is shown in addition to the geometry alone.
+    ``model``: geometry that was fitted together with causes; it is shown in addition to the geometry alone.
     """
     geometry = calibration.model.geometry
     head = ["parameter", "nominal", "identified − nominal", "in tolerances", "variance reduction"]

@@ -36,10 +36,7 @@ def history(path: Path, *, force: bool = False) -> Iterator[Add]:
     The history is read before the block begins, and its files are replaced together when the block ends without an error. Files
     that gtpin has not written, or that were changed since, are not replaced; with ``force`` they are renamed.
 
-    Raises
-    ------
-    GtpinError
-        If the history is damaged, missing or of another robot.
+    Raises `GtpinError` if the history is damaged, missing or of another robot.
     """
     files = HistoryFiles.named(path)
     entries = read_history(files)

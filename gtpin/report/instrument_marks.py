@@ -23,14 +23,8 @@ LOOK = "stroke:var(--accent);stroke-width:1.2"
 class InstrumentMarks:
     """Instruments near a machine.
 
-    Parameters
-    ----------
-    places
-        Positions of the instruments.
-    machine
-        (m, 3) the machine's points, base frame, m.
-    tcp
-        (3,) the TCP, at which wires end, base frame, m.
+    ``places``: positions of the instruments. ``machine``: (m, 3) the machine's points, base frame, m. ``tcp``: (3,) the
+    TCP, at which wires end, base frame, m.
     """
 
     places: InstrumentPlaces

@@ -20,24 +20,14 @@ LENGTHS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 class InstrumentPlaces:
     """Positions of instruments, by names such as ``wire A``; the id is left out where an instrument has only one.
 
-    Parameters
-    ----------
-    stations
-        (3,) centres of stations, and origins of trackers, base frame, m.
-    targets
-        (3,) targets, TCP frame, m.
-    wires
-        Names of a station and of a target that it measures.
-    planes
-        (3,) a point of each plane, base frame, m, and (3,) its unit normal, base frame.
-    sockets
-        (3,) points of sockets, base frame, m.
-    distances
-        Names of two sockets, and their known distance, m.
-    tilts
-        (3, 3) axes of tilt sensors as columns, TCP frame.
-    encoders
-        Names in the URDF of the passive joints that encoders read.
+    - ``stations``: (3,) centres of stations, and origins of trackers, base frame, m.
+    - ``targets``: (3,) targets, TCP frame, m.
+    - ``wires``: names of a station and of a target that it measures.
+    - ``planes``: (3,) a point of each plane, base frame, m, and (3,) its unit normal, base frame.
+    - ``sockets``: (3,) points of sockets, base frame, m.
+    - ``distances``: names of two sockets, and their known distance, m.
+    - ``tilts``: (3, 3) axes of tilt sensors as columns, TCP frame.
+    - ``encoders``: names in the URDF of the passive joints that encoders read.
     """
 
     stations: Mapping[str, Floats]
@@ -137,12 +127,7 @@ def _label(name: str, key: str, known: Mapping[str, object]) -> str:
 def patch(point: Floats, normal: Floats, half: float) -> Floats:
     """(4, 3) corners of a square about a point of a plane, base frame, m, counterclockwise about the normal.
 
-    Parameters
-    ----------
-    point, normal
-        (3,) middle of the square, m, and its unit normal.
-    half
-        Half its side, m.
+    ``point``, ``normal``: (3,) middle of the square, m, and its unit normal. ``half``: half its side, m.
     """
     first, second = rotation_axes(normal)[:2]
     return np.array(

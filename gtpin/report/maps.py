@@ -31,14 +31,9 @@ LEAST = 3.0
 class MapScale:
     """Common scales of all maps of a dataset.
 
-    Parameters
-    ----------
-    factor, unit
-        Factor to the unit of the colours, from m or from sigmas, and this unit.
-    top
-        Size, in that unit, at the end of the colour scale.
-    magnified
-        Magnification of the drawn residuals; 0 where no directions are drawn.
+    ``factor``, ``unit``: factor to the unit of the colours, from m or from sigmas, and this unit. ``top``: size, in that
+    unit, at the end of the colour scale. ``magnified``: magnification of the drawn residuals; 0 where no directions are
+    drawn.
     """
 
     factor: float
@@ -62,12 +57,8 @@ class MapScale:
 class Maps:
     """Maps of each pair of axes, with the value at the end of the colour scale and its unit.
 
-    Parameters
-    ----------
-    magnified
-        Magnification of drawn directions; "" where none are drawn.
-    instrument
-        Choice of an instrument; None where there is only one.
+    ``magnified``: magnification of drawn directions; "" where none are drawn. ``instrument``: choice of an instrument; None
+    where there is only one.
     """
 
     plots: tuple[Plot, ...]
@@ -108,12 +99,8 @@ def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = Fa
 
     For readings, colours show the residuals over their sigmas.
 
-    Parameters
-    ----------
-    view
-        The two axes of the map: ``xy``, ``xz`` or ``yz``.
-    after
-        True: residuals of geometry with the causes; False: of geometry alone.
+    ``view``: the two axes of the map: ``xy``, ``xz`` or ``yz``. ``after``: True: residuals of geometry with the causes;
+    False: of geometry alone.
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")

@@ -35,18 +35,11 @@ table scrolls."""
 class Table:
     """A table of texts.
 
-    Parameters
-    ----------
-    head, rows
-        Names of the columns, and the cells of each row.
-    numbers
-        Indices of the columns that are set to the right.
-    shades
-        Shares, 0 to 1, of the colour behind each cell, by row and column; None: no colours.
-    wide
-        Indices of the columns of sentences.
-    whole
-        Whether no cell is divided into lines in a terminal.
+    - ``head``, ``rows``: names of the columns, and the cells of each row.
+    - ``numbers``: indices of the columns that are set to the right.
+    - ``shades``: shares, 0 to 1, of the colour behind each cell, by row and column; None: no colours.
+    - ``wide``: indices of the columns of sentences.
+    - ``whole``: whether no cell is divided into lines in a terminal.
     """
 
     head: Sequence[str]
@@ -152,16 +145,11 @@ class Note:
 class Plots:
     """Plots beside each other, as far as there is room.
 
-    Parameters
-    ----------
-    words, choices
-        A paragraph above them, and the reader's choices at its end. Where plots can't be drawn, a hint is in its place.
-    ramp
-        The value at the end of the colour scale, with its unit; empty: no scale is shown.
-    legend
-        Whether there is one legend for all plots.
-    drawn
-        Whether the plots are drawn; otherwise only what is above them.
+    - ``words``, ``choices``: a paragraph above them, and the reader's choices at its end. Where plots can't be drawn, a
+      hint is in its place.
+    - ``ramp``: the value at the end of the colour scale, with its unit; empty: no scale is shown.
+    - ``legend``: whether there is one legend for all plots.
+    - ``drawn``: whether the plots are drawn; otherwise only what is above them.
     """
 
     plots: Sequence[Plot]
@@ -191,22 +179,13 @@ class Section:
 class Lead:
     """The first screen of a page.
 
-    Parameters
-    ----------
-    eyebrow
-        What the page is of.
-    headline, advice
-        The result in a sentence, and paragraphs below it.
-    numbers
-        Key figures: value, and what it is.
-    badge, tone
-        A short verdict, and the name of its colour; empty: none.
-    sketch, caption
-        A drawing of the machine as SVG, and the text below it.
-    content
-        What follows the key figures.
-    hint
-        A note that is not printed.
+    - ``eyebrow``: what the page is of.
+    - ``headline``, ``advice``: the result in a sentence, and paragraphs below it.
+    - ``numbers``: key figures: value, and what it is.
+    - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
+    - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
+    - ``content``: what follows the key figures.
+    - ``hint``: a note that is not printed.
     """
 
     eyebrow: str
@@ -226,14 +205,8 @@ def report(
 ) -> str:
     """A page of sections as one self-contained HTML file.
 
-    Parameters
-    ----------
-    title
-        Title in the browser's tab.
-    provenance
-        Versions, and digests of the data of the page.
-    contents
-        Whether the page begins with links to its sections.
+    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. ``contents``:
+    whether the page begins with links to its sections.
     """
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
@@ -261,20 +234,10 @@ def render(
 ) -> str:
     """Make a page from a template that extends ``base.html``.
 
-    Parameters
-    ----------
-    template
-        A file in ``gtpin/report/templates``.
-    title
-        Title in the browser's tab.
-    contents
-        (id, title) of the sections that the page links to at its top.
-    plots
-        Plots by their names in the template; none is drawn if plotly is not installed.
-    provenance
-        Versions, and digests of the data of the page.
-    content
-        Other values for the template. Text is escaped.
+    ``template``: a file in ``gtpin/report/templates``. ``title``: title in the browser's tab. ``contents``: (id, title) of
+    the sections that the page links to at its top. ``plots``: plots by their names in the template; none is drawn if plotly
+    is not installed. ``provenance``: versions, and digests of the data of the page. ``content``: other values for the
+    template. Text is escaped.
     """
     library = plotly_js() if plots else None
     scripts = (library, _own_script()) if library else ()

@@ -62,10 +62,7 @@ DOUBTS = {
 def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
     """An effect at a site as a clause, such as ``cart1 has backlash``: from the effect's class, or from its title.
 
-    Parameters
-    ----------
-    robot
-        The robot: effects of robots without rods have other words.
+    ``robot``: the robot: effects of robots without rods have other words.
     """
     own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
     one, many = own.clause or effect.clause, own.plural or effect.plural_clause

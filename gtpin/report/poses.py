@@ -70,14 +70,8 @@ def position_map(
 ) -> Figure:
     """A map of positions (N, 3), m, over two of their axes.
 
-    Parameters
-    ----------
-    names
-        (N,) names of the poses.
-    view
-        The two axes: ``xy``, ``xz`` or ``yz``.
-    color
-        (N,) values that determine the colours.
+    ``names``: (N,) names of the poses. ``view``: the two axes: ``xy``, ``xz`` or ``yz``. ``color``: (N,) values that
+    determine the colours.
     """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")

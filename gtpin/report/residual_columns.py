@@ -30,17 +30,11 @@ LINE_SHARE = 0.5
 class View:
     """Residuals along one component.
 
-    Parameters
-    ----------
-    name, title
-        The component, and the title of its axis.
-    before, after
-        (N,) residuals of geometry alone and of geometry with the causes, in the title's unit; NaN in rows without the
-        component.
-    factor
-        Factor from m or rad to this unit.
-    rows
-        Indices of the rows that have the component.
+    - ``name``, ``title``: the component, and the title of its axis.
+    - ``before``, ``after``: (N,) residuals of geometry alone and of geometry with the causes, in the title's unit; NaN in
+      rows without the component.
+    - ``factor``: factor from m or rad to this unit.
+    - ``rows``: indices of the rows that have the component.
     """
 
     name: str
@@ -59,13 +53,9 @@ class View:
 class Along:
     """The causes' prediction of residuals on a fine grid along a column, with all other coordinates held constant.
 
-    Parameters
-    ----------
-    x
-        (m,) values of the column; NaN between two lines.
-    fit
-        By component, (m,): the causes' displacement, plus a straight line that is fitted to the rest of ``before - after`` of
-        the residuals, because geometry absorbs a straight line.
+    ``x``: (m,) values of the column; NaN between two lines. ``fit``: by component, (m,): the causes' displacement, plus a
+    straight line that is fitted to the rest of ``before - after`` of the residuals, because geometry absorbs a straight
+    line.
     """
 
     x: Floats
@@ -76,16 +66,10 @@ class Along:
 class Column:
     """A command or covariate that residuals are plotted against.
 
-    Parameters
-    ----------
-    name, title
-        The column, and the title of its axis.
-    values
-        (N,) its values; texts where there are few different ones, which are then shown by box plots.
-    order
-        The few different values, in order; None for a column of numbers.
-    line
-        The causes' prediction of the residuals along the column; None where no cause depends on it.
+    - ``name``, ``title``: the column, and the title of its axis.
+    - ``values``: (N,) its values; texts where there are few different ones, which are then shown by box plots.
+    - ``order``: the few different values, in order; None for a column of numbers.
+    - ``line``: the causes' prediction of the residuals along the column; None where no cause depends on it.
     """
 
     name: str
@@ -112,10 +96,7 @@ def scale_of(values: Floats, unit: str) -> tuple[float, str]:
 def view(residuals: Residuals, name: str) -> View:
     """Residuals along an axis (``x``, ``rx``) or the travel of an actuator (``cart2``), or of a reading (``wire``, ``cup.x``).
 
-    Raises
-    ------
-    DatasetError
-        If there is no such component.
+    Raises `DatasetError` if there is no such component.
     """
     if name not in residuals.component_names:
         hint = f"there are {', '.join(residuals.component_names)}"
@@ -154,12 +135,7 @@ def commanded(residuals: Residuals) -> dict[str, Floats]:
 def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[Column]:
     """Each command and covariate that varies: first those on which a cause depends, then those with the strongest correlation.
 
-    Parameters
-    ----------
-    share
-        Strength of the residuals' correlation with each, by name.
-    causes
-        Whether there are causes.
+    ``share``: strength of the residuals' correlation with each, by name. ``causes``: whether there are causes.
     """
     varying = [name for name, values in residuals.dataset.covariates.items() if bool((values != values[0]).any())]
     found = [column(residuals, name, causes) for name in (*commanded(residuals), *varying)]
@@ -169,10 +145,7 @@ def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> l
 def column(residuals: Residuals, name: str, causes: bool = True) -> Column:
     """A command (``q1``) or covariate.
 
-    Raises
-    ------
-    DatasetError
-        If the dataset has no such column.
+    Raises `DatasetError` if the dataset has no such column.
     """
     known = {**commanded(residuals), **residuals.dataset.covariates}
     if name not in known:

@@ -48,16 +48,9 @@ def residual_figure(
 ) -> Figure:
     """Residuals against a column.
 
-    Parameters
-    ----------
-    against
-        A command (``q1``) or covariate.
-    component
-        Component: ``x``, ``rx``, ``cart2``; with several instruments also ``wire`` or ``cup.x``.
-    causes
-        Whether to draw the causes' prediction.
-    after
-        True: residuals of geometry with the causes; False: of geometry alone.
+    ``against``: a command (``q1``) or covariate. ``component``: component: ``x``, ``rx``, ``cart2``; with several
+    instruments also ``wire`` or ``cup.x``. ``causes``: whether to draw the causes' prediction. ``after``: True: residuals
+    of geometry with the causes; False: of geometry alone.
     """
     drawing = _drawing(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
     made = drawing.figure()
@@ -77,14 +70,8 @@ def against_columns(
 ) -> list[Plot]:
     """Plots of residuals against each command and covariate that varies.
 
-    Parameters
-    ----------
-    share
-        Strength of the correlation with each column, by name.
-    views
-        Residuals by component.
-    follows
-        The choices of component and layer. Where there are two layers, the first also shows the causes' prediction.
+    ``share``: strength of the correlation with each column, by name. ``views``: residuals by component. ``follows``: the
+    choices of component and layer. Where there are two layers, the first also shows the causes' prediction.
     """
     causes = len(follows[1].options) > 1
 

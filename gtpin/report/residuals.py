@@ -34,21 +34,13 @@ still over a thousand poses."""
 class Residuals:
     """Measured less predicted of N poses that were used, or of an even selection where there are very many.
 
-    Parameters
-    ----------
-    dataset
-        The poses.
-    used
-        Number of used poses, of which the dataset may be a selection.
-    baseline, model
-        Geometry alone, and geometry with the causes.
-    before, after
-        (N, c) residuals of ``baseline`` and of ``model``: position, m, and rotation vector, rad, instrument's frame; or
-        readings, m and rad.
-    sigma
-        (N, c) the instruments' noise, m and rad.
-    readings
-        What was measured.
+    - ``dataset``: the poses.
+    - ``used``: number of used poses, of which the dataset may be a selection.
+    - ``baseline``, ``model``: geometry alone, and geometry with the causes.
+    - ``before``, ``after``: (N, c) residuals of ``baseline`` and of ``model``: position, m, and rotation vector, rad,
+      instrument's frame; or readings, m and rad.
+    - ``sigma``: (N, c) the instruments' noise, m and rad.
+    - ``readings``: what was measured.
     """
 
     dataset: Dataset
@@ -66,12 +58,8 @@ class Residuals:
     ) -> Residuals:
         """Residuals of the rows that were not set aside.
 
-        Parameters
-        ----------
-        model
-            Geometry with the causes; None: there are no causes.
-        aside
-            Line numbers of the rows that were set aside; by default those of the baseline.
+        ``model``: geometry with the causes; None: there are no causes. ``aside``: line numbers of the rows that were set
+        aside; by default those of the baseline.
         """
         lines = list(baseline.rejected_rows if aside is None else aside)
         robot, u = baseline.model.robot, None
@@ -173,10 +161,7 @@ class Residuals:
 
         NaN in rows that do not have the component: see :meth:`rows_of`.
 
-        Parameters
-        ----------
-        by_command
-            As the property of this name, for the poses of the residuals; by default those of the dataset.
+        ``by_command``: as the property of this name, for the poses of the residuals; by default those of the dataset.
         """
         if name in self._read:
             rows, k, _ = self._read[name]

@@ -44,16 +44,11 @@ class Spot:
 class Skeleton:
     """A machine at one command, base frame, m.
 
-    Parameters
-    ----------
-    lines, spots
-        Its lines, and its carts or joints.
-    base, platform
-        (m, 3) corners of the outlines of the joints on the base and on the platform; without corners for a chain.
-    tcp
-        (3,) the TCP.
-    up
-        (3,) unit vector against gravity.
+    - ``lines``, ``spots``: its lines, and its carts or joints.
+    - ``base``, ``platform``: (m, 3) corners of the outlines of the joints on the base and on the platform; without corners
+      for a chain.
+    - ``tcp``: (3,) the TCP.
+    - ``up``: (3,) unit vector against gravity.
     """
 
     lines: tuple[Line, ...]

@@ -44,12 +44,8 @@ def drawing(
 ) -> Markup | None:
     """A machine and its instruments; parts have the colours of their shares of the gap. None if the pose can't be reached.
 
-    Parameters
-    ----------
-    q
-        (n,) commands at which a robot without rods is drawn, by default home; a robot with rods is drawn mid-range.
-    site_share, rod_share, causes
-        See :func:`sketch`; by default no part has a share.
+    ``q``: (n,) commands at which a robot without rods is drawn, by default home; a robot with rods is drawn mid-range.
+    ``site_share``, ``rod_share``, ``causes``: see :func:`sketch`; by default no part has a share.
     """
     machine = skeleton(model, None if model.robot.rod_sites else q)
     if machine is None:
@@ -68,18 +64,11 @@ def sketch(
 ) -> Markup:
     """Draw a machine.
 
-    Parameters
-    ----------
-    site_share
-        Shares of the gap by site (carts, joints, links, all links, platform, instrument), in which the parts are coloured;
-        empty where there is no gap.
-    rod_share
-        Share of the gap by rod. It is shown as a tooltip and not as a colour: the rods' shares sum to 1 by themselves, so that
-        a rod would seem to have a larger share than its cart.
-    causes
-        Sites of the causes, which are marked by rings, links by a wide edge.
-    marks
-        Instruments that are drawn under the machine.
+    ``site_share``: shares of the gap by site (carts, joints, links, all links, platform, instrument), in which the parts
+    are coloured; empty where there is no gap. ``rod_share``: share of the gap by rod. It is shown as a tooltip and not as a
+    colour: the rods' shares sum to 1 by themselves, so that a rod would seem to have a larger share than its cart.
+    ``causes``: sites of the causes, which are marked by rings, links by a wide edge. ``marks``: instruments that are drawn
+    under the machine.
     """
     at = Camera.of(machine, None if marks is None else marks.points)
     top = max(site_share.values(), default=0.0)

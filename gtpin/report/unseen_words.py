@@ -30,16 +30,9 @@ def unseen_words(
 ) -> tuple[str, ...]:
     """One sentence for each unobservable direction, in their order.
 
-    Parameters
-    ----------
-    geometry
-        The geometry.
-    directions
-        (p, m) unit vectors in parameter space, in units of the tolerances.
-    learned
-        (m,) variance reduction along each.
-    remedies
-        The measurement that would determine each; None where none is known.
+    ``geometry``: the geometry. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.
+    ``learned``: (m,) variance reduction along each. ``remedies``: the measurement that would determine each; None where
+    none is known.
     """
     return tuple(
         f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - learned[i])))} {_remedy(remedy)}"

@@ -44,16 +44,10 @@ def slices(found: Accuracy) -> tuple[Choice, list[Plot]]:
 def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
     """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
 
-    Parameters
-    ----------
-    quantity
-        ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
+    ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
 
-    Raises
-    ------
-    ModelError
-        If there is no such quantity: a reduced arm has no orientation error, and a condition number that is infinite
-        everywhere has no map.
+    Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that is
+    infinite everywhere has no map.
     """
     values = _quantities(found)
     if quantity not in values:

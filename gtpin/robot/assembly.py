@@ -32,19 +32,14 @@ SHOWN = 4
 class Assembly:
     """The posture at home of a robot as its URDF describes it. It selects the assembly mode.
 
-    Parameters
-    ----------
-    configuration
-        (nq,) configuration at the home commands whose loops are closed to within some millimetres; the nearest that was found
-        where they can't be closed.
-    gap
-        Largest component of the gaps that are left between the loops' anchors, m.
-    free
-        (n_passive, k) orthonormal basis of the passive motions that the loops do not determine; k is zero for most robots.
-    chosen
-        Whether it was chosen among closed postures, because nothing in the URDF names one.
-    notes
-        What a user should know: which posture was chosen where nothing names one, and motions that are not determined.
+    - ``configuration``: (nq,) configuration at the home commands whose loops are closed to within some millimetres; the
+      nearest that was found where they can't be closed.
+    - ``gap``: largest component of the gaps that are left between the loops' anchors, m.
+    - ``free``: (n_passive, k) orthonormal basis of the passive motions that the loops do not determine; k is zero for most
+      robots.
+    - ``chosen``: whether it was chosen among closed postures, because nothing in the URDF names one.
+    - ``notes``: what a user should know: which posture was chosen where nothing names one, and motions that are not
+      determined.
     """
 
     configuration: Floats
@@ -64,10 +59,7 @@ def assemble(robot: Chain) -> Assembly:
     Without a ``<home>`` it is the posture with the passive joints at zero, if its loops nearly close. If they do not, it is the
     closed posture whose passive joints are nearest to zero.
 
-    Raises
-    ------
-    RobotError
-        If a passive motion that the loops do not determine moves the TCP.
+    Raises `RobotError` if a passive motion that the loops do not determine moves the TCP.
     """
     start, notes = robot.with_commands(robot.neutral, robot.home_q), list[str]()
     if robot.description.home is not None:

@@ -26,23 +26,15 @@ FARTHEST = 1e5
 class Actuator:
     """A driven joint of one degree of freedom.
 
-    Parameters
-    ----------
-    joint, site
-        Name of the URDF joint, and of the part that it moves (``cart1``, ``leg3``).
-    joint_id, index_q, index_v
-        The joint's index in Pinocchio, and its first index in a configuration and in a velocity.
-    lower, upper
-        Range of its command, m or rad; infinite where the URDF gives none.
-    revolute
-        True for a revolute joint (rad), False for a prismatic one (m).
-    axis
-        (3,) direction of the joint's axis with all commands zero, a unit vector in the base frame.
-    origin
-        (3,) a point of this axis with all commands zero, base frame, m.
-    scale_unknown
-        Whether the drive scale (travel per commanded unit) is always a parameter of the geometry: ``scale="unknown"`` in the
-        URDF.
+    - ``joint``, ``site``: name of the URDF joint, and of the part that it moves (``cart1``, ``leg3``).
+    - ``joint_id``, ``index_q``, ``index_v``: the joint's index in Pinocchio, and its first index in a configuration and in
+      a velocity.
+    - ``lower``, ``upper``: range of its command, m or rad; infinite where the URDF gives none.
+    - ``revolute``: True for a revolute joint (rad), False for a prismatic one (m).
+    - ``axis``: (3,) direction of the joint's axis with all commands zero, a unit vector in the base frame.
+    - ``origin``: (3,) a point of this axis with all commands zero, base frame, m.
+    - ``scale_unknown``: whether the drive scale (travel per commanded unit) is always a parameter of the geometry:
+      ``scale="unknown"`` in the URDF.
     """
 
     joint: str

@@ -28,10 +28,8 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
 
     A URDF that gtpin exported has these elements; then both files must say the same.
 
-    Raises
-    ------
-    RobotError
-        If one of the files is missing or damaged, a loop is not spherical, or the files do not belong together.
+    Raises `RobotError` if one of the files is missing or damaged, a loop is not spherical, or the files do not belong
+    together.
     """
     rows = _values(file)
     urdf = file.with_suffix(".urdf")

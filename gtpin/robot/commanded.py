@@ -17,10 +17,7 @@ def with_actuators(description: Description, names: Sequence[str]) -> Descriptio
     stay keep their sites and scales. Joints that these actuators do not move stay at Pinocchio's neutral configuration, and
     loops of such joints are removed.
 
-    Raises
-    ------
-    RobotError
-        If a name is not that of a joint that can be commanded, or comes twice.
+    Raises `RobotError` if a name is not that of a joint that can be commanded, or comes twice.
     """
     own_names = tuple(actuator.joint for actuator in description.actuators)
     if not names or tuple(names) == own_names:
@@ -72,15 +69,7 @@ def remove_resting_loops(root: Element, driven: Collection[str], source: str) ->
     A loop moves where one of its joints is driven, follows a driven joint, or is also in another loop that moves. All other
     loops keep the shape that they have at neutral.
 
-    Returns
-    -------
-    removed
-        Whether there was one to remove.
-
-    Raises
-    ------
-    RobotError
-        If a ``<mimic>`` is wrong.
+    Returns whether there was one to remove. Raises `RobotError` if a ``<mimic>`` is wrong.
     """
     tree = Tree.of(root, source)
     masters = {joint: joint for joint in tree.moving} | {mimic.joint: mimic.master for mimic in tree.mimics}

@@ -87,22 +87,15 @@ class Home:
 class Description:
     """A URDF's text, and what its ``<loop_joint>`` and ``<gtpin>`` elements say.
 
-    Parameters
-    ----------
-    kind
-        What was read: ``urdf`` or ``mjcf``.
-    xml
-        The URDF as it was read, or that of an MJCF: see :mod:`~gtpin.robot.mjcf`.
-    source
-        Where it came from, for messages.
-    planes
-        By loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>`` names it.
-    tree
-        Its joints and links in document order.
-    tcp_guessed
-        Whether nothing names the TCP, and there are several ends of chains that it can be.
-    link_compliance
-        Typical compliance of such a machine's links, m/N: the typical size of the effect ``link_compliance``.
+    - ``kind``: what was read: ``urdf`` or ``mjcf``.
+    - ``xml``: the URDF as it was read, or that of an MJCF: see :mod:`~gtpin.robot.mjcf`.
+    - ``source``: where it came from, for messages.
+    - ``planes``: by loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>``
+      names it.
+    - ``tree``: its joints and links in document order.
+    - ``tcp_guessed``: whether nothing names the TCP, and there are several ends of chains that it can be.
+    - ``link_compliance``: typical compliance of such a machine's links, m/N: the typical size of the effect
+      ``link_compliance``.
     """
 
     kind: Kind
@@ -129,15 +122,8 @@ class Description:
     def read(path: Path) -> Description:
         """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
 
-        Raises
-        ------
-        RobotError
-            If the file can't be read, or is no URDF and no MJCF that gtpin understands.
-
-        Warns
-        -----
-        GtpinWarning
-            If angles in a URDF look like degrees, or an MJCF has what is not read.
+        Raises `RobotError` if the file can't be read, or is no URDF and no MJCF that gtpin understands. Warns: if angles in
+        a URDF look like degrees, or an MJCF has what is not read.
         """
         if path.suffix.lower() == SUFFIX:
             return Description.parse(urdf_with_loops(path, parse_xml), source=str(path))
@@ -208,10 +194,7 @@ class Description:
 def parse_xml(xml: str, source: str) -> Element:
     """Parse XML from an untrusted file safely. Blank lines before its first element do not matter, as to Pinocchio.
 
-    Raises
-    ------
-    RobotError
-        If the text is not well-formed XML, or uses entities.
+    Raises `RobotError` if the text is not well-formed XML, or uses entities.
     """
     text = xml.lstrip()
     try:
@@ -320,10 +303,7 @@ def refuse_xacro(root: Element, source: str) -> None:
 
     A file that only declares the namespace of xacro is what xacro writes.
 
-    Raises
-    ------
-    RobotError
-        If it is one.
+    Raises `RobotError` if it is one.
     """
     for element in root.iter():
         if any("xacro}" in str(name) for name in (element.tag, *element.attrib)):
@@ -336,10 +316,7 @@ def refuse_xacro(root: Element, source: str) -> None:
 def refuse_masses(root: Element, source: str) -> None:
     """Refuse links with a mass that is negative or not finite.
 
-    Raises
-    ------
-    RobotError
-        If there is one, with its name. What is no number, Pinocchio reports.
+    Raises `RobotError` if there is one, with its name. What is no number, Pinocchio reports.
     """
     for link in root.findall("link"):
         mass = link.find("inertial/mass")

@@ -112,10 +112,7 @@ def example_names() -> tuple[str, ...]:
 def example_path(name: str) -> Path:
     """Path of the file of a loader that is there.
 
-    Raises
-    ------
-    RobotError
-        If the file is an SDF, which gtpin does not read.
+    Raises `RobotError` if the file is an SDF, which gtpin does not read.
     """
     folder = _folder()
     assert folder is not None

@@ -21,16 +21,10 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
     Every link keeps its name, shape and inertia. Where the URDF's zero configuration was the home posture, it is so again. A
     URDF can't hold drive scales, and has one direction for each carrier: the mean of those of its rods.
 
-    Parameters
-    ----------
-    geometry
-        What to write.
-    P, C0, L0, v
-        Of the k rods: joints on the platform (k, 3), TCP frame, m; carrier joints (k, 3), base frame, commands zero, m;
-        lengths (k,), m; unit directions of their carriers (k, 3), base frame. They are attributes of
-        :class:`~gtpin.kinematics.rod_kinematics.RodKinematics`.
-    home
-        The TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
+    ``geometry``: what to write. ``P``, ``C0``, ``L0``, ``v``: of the k rods: joints on the platform (k, 3), TCP frame, m;
+    carrier joints (k, 3), base frame, commands zero, m; lengths (k,), m; unit directions of their carriers (k, 3), base
+    frame. They are attributes of :class:`~gtpin.kinematics.rod_kinematics.RodKinematics`. ``home``: the TCP's position
+    (3,), m, and rotation (3, 3) at the home commands, base frame.
     """
     robot = geometry.robot
     root = parse_xml(robot.description.xml, robot.description.source)

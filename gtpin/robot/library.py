@@ -38,10 +38,7 @@ def robot_names() -> tuple[str, ...]:
 def urdf_path(name: str) -> Path:
     """Path of the file of a robot that has a name: a shipped one, or one of example-robot-data.
 
-    Raises
-    ------
-    RobotError
-        If no robot has that name, or its file is of a kind that gtpin does not read.
+    Raises `RobotError` if no robot has that name, or its file is of a kind that gtpin does not read.
     """
     if name in robot_names():
         return _folder() / f"{name}.urdf"

@@ -19,18 +19,11 @@ SHOWN = 12
 class MeasuredJoint:
     """A passive joint of one coordinate that is measured.
 
-    Parameters
-    ----------
-    name
-        Its name in the URDF.
-    joint_id, index_q
-        Its index among Pinocchio's joints, and its first index in a configuration.
-    passive
-        Its index among the passive coordinates.
-    turns
-        Whether its coordinate is an angle, rad, instead of a distance, m.
-    continuous
-        Whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
+    - ``name``: its name in the URDF.
+    - ``joint_id``, ``index_q``: its index among Pinocchio's joints, and its first index in a configuration.
+    - ``passive``: its index among the passive coordinates.
+    - ``turns``: whether its coordinate is an angle, rad, instead of a distance, m.
+    - ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
     """
 
     name: str
@@ -58,10 +51,8 @@ def readable(robot: Chain) -> tuple[str, ...]:
 def measured_joint(robot: Chain, name: str) -> MeasuredJoint:
     """The passive joint of a name.
 
-    Raises
-    ------
-    RobotError
-        If there is none: no such joint, or one that is driven, fixed, follows another, or has several coordinates.
+    Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
+    coordinates.
     """
     model, known = robot.model, readable(robot)
     if name in known:

@@ -38,15 +38,8 @@ def mjcf_to_urdf(root: Element, source: str) -> str:
     Bodies and named sites become links with the same names; a body with the name of a site gets another one. Joints keep their
     names.
 
-    Raises
-    ------
-    RobotError
-        If the file holds an element that gtpin can't convert; the message names it.
-
-    Warns
-    -----
-    GtpinWarning
-        If the file holds something that changes loads and that gtpin does not read, with the names of the bodies.
+    Raises `RobotError` if the file holds an element that gtpin can't convert; the message names it. Warns: if the file
+    holds something that changes loads and that gtpin does not read, with the names of the bodies.
     """
     for tag in REFUSED:
         if root.find(f"worldbody//{tag}") is not None:

@@ -21,18 +21,11 @@ WORLD = "world"
 class Made:
     """What of an MJCF's bodies and joints equality constraints refer to.
 
-    Parameters
-    ----------
-    robot
-        The URDF's outer element.
-    bodies, sites
-        By name, the link of a body; the link on which a site is, and its ``pinocchio.SE3`` there.
-    at
-        By link, its ``pinocchio.SE3`` in the world at MuJoCo's initial posture.
-    initial
-        By joint, its coordinate there, rad or m.
-    text
-        Writes numbers.
+    - ``robot``: the URDF's outer element.
+    - ``bodies``, ``sites``: by name, the link of a body; the link on which a site is, and its ``pinocchio.SE3`` there.
+    - ``at``: by link, its ``pinocchio.SE3`` in the world at MuJoCo's initial posture.
+    - ``initial``: by joint, its coordinate there, rad or m.
+    - ``text``: writes numbers.
     """
 
     values: Values
@@ -47,10 +40,7 @@ class Made:
 def add_equality(made: Made, element: Element) -> None:
     """Write an equality constraint into the URDF, if it is active.
 
-    Raises
-    ------
-    RobotError
-        If it is of a kind that gtpin does not read, or names what is not there.
+    Raises `RobotError` if it is of a kind that gtpin does not read, or names what is not there.
     """
     given = made.values.attributes(element, MAIN, "equality")
     if given.get("active", "true") != "true":

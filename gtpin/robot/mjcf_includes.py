@@ -15,10 +15,7 @@ def with_includes(root: Element, file: Path, parse: Any) -> None:
 
     Paths start at the folder of the main file; where there is no such file, at that of the file with the ``<include>``.
 
-    Raises
-    ------
-    RobotError
-        If an included file can't be read, or is included twice.
+    Raises `RobotError` if an included file can't be read, or is included twice.
     """
     _include(root, file.parent, file.parent, parse, {file.absolute()})
 

@@ -53,10 +53,7 @@ class Masses:
 
         Of a mesh neither the volume nor the shape is known: with a mass it counts as a point mass, without one it is left out.
 
-        Raises
-        ------
-        RobotError
-            If a mass is negative.
+        Raises `RobotError` if a mass is negative.
         """
         found = self._found(name, parts)
         if found.mass < 0.0:

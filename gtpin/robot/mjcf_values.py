@@ -36,18 +36,11 @@ class Part:
 class Values:
     """How an MJCF's attributes are read: its ``<compiler>`` and its ``<default>`` classes.
 
-    Parameters
-    ----------
-    defaults
-        Default attributes, by class and tag.
-    compiler
-        Attributes of ``<compiler>``.
-    angle
-        The file's unit of angles, rad.
-    euler
-        Order of Euler angles: lower case about moving axes, upper case about fixed ones.
-    limits
-        Whether a joint with a range is limited where it has no attribute ``limited``.
+    - ``defaults``: default attributes, by class and tag.
+    - ``compiler``: attributes of ``<compiler>``.
+    - ``angle``: the file's unit of angles, rad.
+    - ``euler``: order of Euler angles: lower case about moving axes, upper case about fixed ones.
+    - ``limits``: whether a joint with a range is limited where it has no attribute ``limited``.
     """
 
     source: str
@@ -87,10 +80,7 @@ class Values:
 
         ``tag``: the tag under which ``<default>`` has them, if it is not the element's own.
 
-        Raises
-        ------
-        RobotError
-            If no default class has this name.
+        Raises `RobotError` if no default class has this name.
         """
         name = element.get("class", inherited)
         if name not in self.defaults:
@@ -121,10 +111,7 @@ class Values:
     ) -> Floats:
         """The numbers of an attribute: at least ``least`` and at most ``most`` of them (None: exactly ``least``).
 
-        Raises
-        ------
-        RobotError
-            If there are fewer or more, or one is not a finite number.
+        Raises `RobotError` if there are fewer or more, or one is not a finite number.
         """
         text = attributes.get(key, default)
         try:
@@ -168,10 +155,7 @@ class Values:
     def unit(self, vector: Floats, key: str) -> Floats:
         """A vector divided by its length.
 
-        Raises
-        ------
-        RobotError
-            If its length is zero.
+        Raises `RobotError` if its length is zero.
         """
         length = float(np.linalg.norm(vector))
         if length < 1e-12:

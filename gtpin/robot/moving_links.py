@@ -13,15 +13,8 @@ from gtpin.robot.chain import Chain
 class MovingLink:
     """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
 
-    Parameters
-    ----------
-    name
-        Its name in the URDF.
-    joint_id
-        The Pinocchio joint that moves it.
-    tip
-        Index, as in :class:`~gtpin.kinematics.bodies.Bodies`, of the placement frame of the next joint; of the TCP for the
-        last link.
+    ``name``: its name in the URDF. ``joint_id``: the Pinocchio joint that moves it. ``tip``: index, as in
+    :class:`~gtpin.kinematics.bodies.Bodies`, of the placement frame of the next joint; of the TCP for the last link.
     """
 
     name: str

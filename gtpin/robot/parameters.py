@@ -39,19 +39,14 @@ KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
 class Parameter:
     """One number of the geometry.
 
-    Parameters
-    ----------
-    name
-        ``length[2a]``, ``track_direction[cart1].a``, ...
-    kind, owner, component
-        Kind of quantity, index of the part that has it, and index of the vector's component.
-    per
-        What ``owner`` is the index of: an actuator, a rod, a Pinocchio joint or a loop's anchor. The first anchor of loop i
-        has the index 2 i, its second anchor 2 i + 1.
-    unit
-        ``m``, ``rad`` or ``m/m``.
-    nominal, tolerance
-        The URDF's value, and the 1-sigma manufacturing tolerance around it: the prior of a calibration.
+    - ``name``: ``length[2a]``, ``track_direction[cart1].a``, ...
+    - ``kind``, ``owner``, ``component``: kind of quantity, index of the part that has it, and index of the vector's
+      component.
+    - ``per``: what ``owner`` is the index of: an actuator, a rod, a Pinocchio joint or a loop's anchor. The first anchor of
+      loop i has the index 2 i, its second anchor 2 i + 1.
+    - ``unit``: ``m``, ``rad`` or ``m/m``.
+    - ``nominal``, ``tolerance``: the URDF's value, and the 1-sigma manufacturing tolerance around it: the prior of a
+      calibration.
     """
 
     name: str
@@ -84,10 +79,7 @@ def rotation_axes(direction: Floats) -> Floats:
 def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:
     """1-sigma tolerances of every kind, m, rad or m/m: the dataset's (``override``), else the robot's, else `TOLERANCE`.
 
-    Raises
-    ------
-    ModelError
-        If a kind is not known.
+    Raises `ModelError` if a kind is not known.
     """
     for source, given in (("the robot's URDF", robot.tolerance), ("the dataset", override)):
         unknown = sorted(set(given) - set(KINDS))

@@ -27,11 +27,8 @@ def moving_model(description: Description, driven: Sequence[str]) -> Any:
 
     The other joints are fixed at their neutral coordinates (followers at their offsets); their links and masses stay.
 
-    Raises
-    ------
-    RobotError
-        If the URDF makes no model; if a driven joint follows another; or if a planar or floating joint is neither in a loop nor
-        left out by naming the actuators.
+    Raises `RobotError` if the URDF makes no model; if a driven joint follows another; or if a planar or floating joint is
+    neither in a loop nor left out by naming the actuators.
     """
     model = build_model(description.xml, description.source)
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
@@ -114,10 +111,7 @@ def _standard_error_kept() -> Iterator[IO[bytes]]:
 def build_model(xml: str, source: str) -> Any:
     """Build the Pinocchio model of a URDF's text.
 
-    Raises
-    ------
-    RobotError
-        If Pinocchio can't make a model of it; with the parser's message.
+    Raises `RobotError` if Pinocchio can't make a model of it; with the parser's message.
     """
     with _standard_error_kept() as kept:
         try:

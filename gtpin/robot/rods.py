@@ -22,28 +22,16 @@ class Rod:
 
     Its closure is \\|T + R P - C(q)\\| = L(q) (Dressler et al. 2010, eq. 5).
 
-    Parameters
-    ----------
-    name
-        The site without the word ``link``: ``2a`` of ``link2a``.
-    site, link
-        The site's name and the URDF link.
-    loop
-        Index of its loop among the robot's constraints.
-    joint_id
-        The Pinocchio joint that connects the rod to the platform.
-    P
-        (3,) position of the rod's joint on the platform, TCP frame, m.
-    C
-        (3,) position of the carrier joint with all commands zero, base frame, m.
-    L
-        Length of the rod with all commands zero, m.
-    carrier
-        Index of the actuator that moves the carrier joint, or None where this joint is fixed to the base.
-    extension
-        Index of the actuator that changes the rod's length, or None.
-    rod_end
-        0 or 1: index of the loop's anchor that is on the rod.
+    - ``name``: the site without the word ``link``: ``2a`` of ``link2a``.
+    - ``site``, ``link``: the site's name and the URDF link.
+    - ``loop``: index of its loop among the robot's constraints.
+    - ``joint_id``: the Pinocchio joint that connects the rod to the platform.
+    - ``P``: (3,) position of the rod's joint on the platform, TCP frame, m.
+    - ``C``: (3,) position of the carrier joint with all commands zero, base frame, m.
+    - ``L``: length of the rod with all commands zero, m.
+    - ``carrier``: index of the actuator that moves the carrier joint, or None where this joint is fixed to the base.
+    - ``extension``: index of the actuator that changes the rod's length, or None.
+    - ``rod_end``: 0 or 1: index of the loop's anchor that is on the rod.
     """
 
     name: str
@@ -62,11 +50,8 @@ class Rod:
 def rods(robot: Chain) -> tuple[Rod, ...]:
     """The rods that the URDF names, in document order; none where it names none.
 
-    Raises
-    ------
-    RobotError
-        If a rod does not hang on the platform by a universal joint and end at a loop on the base or on the link of one
-        actuator.
+    Raises `RobotError` if a rod does not hang on the platform by a universal joint and end at a loop on the base or on the
+    link of one actuator.
     """
     loops = {loop.name: (index, loop) for index, loop in enumerate(robot.description.loops)}
     found = []

@@ -24,20 +24,12 @@ THICK = 0.02
 class Carrier:
     """What an actuator moves along a track or about an axis.
 
-    Parameters
-    ----------
-    site
-        Its name: ``cart1``, ``arm1``.
-    point
-        (3,) a point of the track or axis, base frame, m.
-    axis
-        (3,) its direction, base frame. Positive commands move along it, or turn about it by the right-hand rule.
-    range
-        Lowest and highest command, m or rad.
-    turns
-        Whether it turns instead of sliding.
-    mass
-        Mass, kg, with its centre at ``point``.
+    - ``site``: its name: ``cart1``, ``arm1``.
+    - ``point``: (3,) a point of the track or axis, base frame, m.
+    - ``axis``: (3,) its direction, base frame. Positive commands move along it, or turn about it by the right-hand rule.
+    - ``range``: lowest and highest command, m or rad.
+    - ``turns``: whether it turns instead of sliding.
+    - ``mass``: mass, kg, with its centre at ``point``.
     """
 
     site: str
@@ -52,24 +44,16 @@ class Carrier:
 class Rod:
     """A rod between two spherical joints.
 
-    Parameters
-    ----------
-    site
-        Its name: ``link2a``; for a leg of variable length ``leg1``, which is also the site of its actuator.
-    joint
-        (3,) its joint on the platform, TCP frame, m.
-    seat
-        (3,) its carrier joint with all commands zero, base frame, m.
-    carrier
-        The site of the carrier that moves its carrier joint; None: this joint is on the base.
-    range
-        For a leg of variable length, its lowest and highest command, m. Its length is that at zero plus its command.
-    length
-        Length with all commands zero, m; None: the length that closes the loop at the home posture.
-    scale_unknown
-        Whether the scale of a leg's drive (travel per commanded unit) is unknown, so that every calibration identifies it.
-    mass
-        Mass, kg. A rod's centre of mass is at its middle. Half of a leg's mass is on its sliding part.
+    - ``site``: its name: ``link2a``; for a leg of variable length ``leg1``, which is also the site of its actuator.
+    - ``joint``: (3,) its joint on the platform, TCP frame, m.
+    - ``seat``: (3,) its carrier joint with all commands zero, base frame, m.
+    - ``carrier``: the site of the carrier that moves its carrier joint; None: this joint is on the base.
+    - ``range``: for a leg of variable length, its lowest and highest command, m. Its length is that at zero plus its
+      command.
+    - ``length``: length with all commands zero, m; None: the length that closes the loop at the home posture.
+    - ``scale_unknown``: whether the scale of a leg's drive (travel per commanded unit) is unknown, so that every
+      calibration identifies it.
+    - ``mass``: mass, kg. A rod's centre of mass is at its middle. Half of a leg's mass is on its sliding part.
     """
 
     site: str
@@ -86,25 +70,15 @@ class Rod:
 class Sketch:
     """The dimensions of a machine with rods.
 
-    Parameters
-    ----------
-    name
-        The robot's.
-    rods, carriers
-        Commands are in the order of the carriers, then of the legs of variable length.
-    home
-        (n,) commands of the home posture.
-    T, rotvec
-        (3,) position, m, and rotation vector, rad, of the TCP at the home posture, base frame. The frame of the platform's link
-        is the TCP frame.
-    plate_mass, plate_center
-        Mass of the platform, kg, and its centre (3,), TCP frame, m.
-    tolerance
-        1-sigma manufacturing tolerances by kind of parameter: see :mod:`gtpin.robot.parameters`.
-    link_compliance
-        Typical compliance of such a machine's links, m/N; None: that of :mod:`gtpin.robot.description`.
-    note
-        A comment at the top of the URDF: where the dimensions come from.
+    - ``name``: the robot's.
+    - ``rods``, ``carriers``: commands are in the order of the carriers, then of the legs of variable length.
+    - ``home``: (n,) commands of the home posture.
+    - ``T``, ``rotvec``: (3,) position, m, and rotation vector, rad, of the TCP at the home posture, base frame. The frame
+      of the platform's link is the TCP frame.
+    - ``plate_mass``, ``plate_center``: mass of the platform, kg, and its centre (3,), TCP frame, m.
+    - ``tolerance``: 1-sigma manufacturing tolerances by kind of parameter: see :mod:`gtpin.robot.parameters`.
+    - ``link_compliance``: typical compliance of such a machine's links, m/N; None: that of :mod:`gtpin.robot.description`.
+    - ``note``: a comment at the top of the URDF: where the dimensions come from.
     """
 
     name: str
@@ -122,10 +96,8 @@ class Sketch:
     def urdf(self) -> str:
         """The machine's URDF, with its loops and its ``<gtpin>`` element.
 
-        Raises
-        ------
-        RobotError
-            If a rod names a carrier that is not there, or ``home`` does not have one command for each actuator.
+        Raises `RobotError` if a rod names a carrier that is not there, or ``home`` does not have one command for each
+        actuator.
         """
         return _Writer(self).text()
 

@@ -14,18 +14,14 @@ from gtpin.typing import Floats
 class MeasuredTrack:
     """The path of a cart, interpolated between measured points (Dressler et al. 2010, eq. 4).
 
-    Parameters
-    ----------
-    q
-        (K,) ascending commands, m, of the measured points.
-    path
-        (K, 3) displacement of the cart's measured point from its position at the command 0, m. Its frame is parallel to the
-        base frame as far as the measurement of the track determines that; a calibration identifies the remaining rotation.
-    turns
-        (K, 3) rotation vectors of the cart from its orientation at the command 0, rad, in the same frame; None where only
-        positions are used.
-    origin
-        (3,) approximate position of the measured point at the command 0, base frame, m. The cart rotates about this point.
+    - ``q``: (K,) ascending commands, m, of the measured points.
+    - ``path``: (K, 3) displacement of the cart's measured point from its position at the command 0, m. Its frame is
+      parallel to the base frame as far as the measurement of the track determines that; a calibration identifies the
+      remaining rotation.
+    - ``turns``: (K, 3) rotation vectors of the cart from its orientation at the command 0, rad, in the same frame; None
+      where only positions are used.
+    - ``origin``: (3,) approximate position of the measured point at the command 0, base frame, m. The cart rotates about
+      this point.
     """
 
     q: Floats

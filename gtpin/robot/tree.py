@@ -34,18 +34,12 @@ class Mimic:
 class Tree:
     """The joints and links of a URDF.
 
-    Parameters
-    ----------
-    moving
-        Names of the joints of one degree of freedom that follow no other, in document order.
-    mimics
-        The joints that follow one of them, in document order.
-    tip
-        The TCP where nothing names it: the link ``tool0``; else the last link at the end of the longest chain of moving
-        joints (of several, the last in document order). Empty where there are no links.
-    ends
-        The links at the ends of chains of moving joints, in document order. More than one: ``tip`` is a guess, except where it
-        is ``tool0``.
+    - ``moving``: names of the joints of one degree of freedom that follow no other, in document order.
+    - ``mimics``: the joints that follow one of them, in document order.
+    - ``tip``: the TCP where nothing names it: the link ``tool0``; else the last link at the end of the longest chain of
+      moving joints (of several, the last in document order). Empty where there are no links.
+    - ``ends``: the links at the ends of chains of moving joints, in document order. More than one: ``tip`` is a guess,
+      except where it is ``tool0``.
     """
 
     moving: tuple[str, ...]
@@ -57,10 +51,8 @@ class Tree:
     def of(root: Element, source: str) -> Tree:
         """Read the joints and links of a URDF's outer element.
 
-        Raises
-        ------
-        RobotError
-            If a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number or a huge one.
+        Raises `RobotError` if a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number or a
+        huge one.
         """
         joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]

@@ -37,17 +37,10 @@ def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -
 
     Where they do not move the TCP, ``notes`` is told their joints.
 
-    Parameters
-    ----------
-    home
-        (nq,) configuration at home, with closed loops.
-    close
-        Closes the loops from another configuration: gives the closed one, and the gap that is left, m.
+    ``home``: (nq,) configuration at home, with closed loops. ``close``: closes the loops from another configuration: gives
+    the closed one, and the gap that is left, m.
 
-    Raises
-    ------
-    RobotError
-        If such a motion moves the TCP.
+    Raises `RobotError` if such a motion moves the TCP.
     """
     free = _null_space(_slopes(robot, home))
     if not free.shape[1]:

@@ -24,29 +24,18 @@ from gtpin.typing import Floats
 class Gap:
     """Measured less predicted at N rows of a dataset: poses, or readings of any instruments.
 
-    Parameters
-    ----------
-    whose
-        Text after "errors" that says of which model they are, such as "of the nominal model".
-    pose, row
-        (N,) the poses' ids, and their lines in the instrument's table.
-    q
-        (N, n) commands, m or rad.
-    T
-        (N, 3) predicted position of the TCP, or of the instrument's target, base frame, m.
-    error
-        (N, 3) the part of the position error that is measured, base frame, m: for a range along the line of sight, for a plane
-        along its normal, zero for a tilt.
-    share
-        By site, each rod's share, 0 to 1, of the mean squared error that exceeds the declared noise, with errors mapped to
-        lengths of the rods; empty for a robot without rods, and for readings.
-    name
-        (N,) the instrument of each row; "" where poses were measured.
-    value, unit
-        (N,) size of the reading's residual, and its unit.
-    whitened
-        (N,) ``value`` over the declared standard deviation of the reading; if none is declared, over the root mean square of
-        all values of the instrument.
+    - ``whose``: text after "errors" that says of which model they are, such as "of the nominal model".
+    - ``pose``, ``row``: (N,) the poses' ids, and their lines in the instrument's table.
+    - ``q``: (N, n) commands, m or rad.
+    - ``T``: (N, 3) predicted position of the TCP, or of the instrument's target, base frame, m.
+    - ``error``: (N, 3) the part of the position error that is measured, base frame, m: for a range along the line of sight,
+      for a plane along its normal, zero for a tilt.
+    - ``share``: by site, each rod's share, 0 to 1, of the mean squared error that exceeds the declared noise, with errors
+      mapped to lengths of the rods; empty for a robot without rods, and for readings.
+    - ``name``: (N,) the instrument of each row; "" where poses were measured.
+    - ``value``, ``unit``: (N,) size of the reading's residual, and its unit.
+    - ``whitened``: (N,) ``value`` over the declared standard deviation of the reading; if none is declared, over the root
+      mean square of all values of the instrument.
     """
 
     whose: str
@@ -128,10 +117,7 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
     For a model without instruments, such as a nominal one, they are those of the dataset, and their unknowns have the values
     that fit the model best.
 
-    Raises
-    ------
-    DatasetError, ModelError
-        As for :func:`gap_of`; also if the model is of another robot.
+    Raises `DatasetError, ModelError`: as for :func:`gap_of`; also if the model is of another robot.
     """
     check_same_robot(model.robot, dataset)
     model = replace(model, geometry=replace(model.geometry, robot=measuring(model.robot, dataset)))
@@ -142,18 +128,9 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
 def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> Gap:
     """Measured less predicted at the rows of a dataset, base frame; ``fitted``: the instruments with their unknowns.
 
-    Raises
-    ------
-    DatasetError
-        If the commands do not fit the robot, or it can reach none of the poses.
-    ModelError
-        If a covariate is missing that an active effect needs, the instrument's frame is free and the model does not contain
-        it, or the model lacks one of the instruments.
-
-    Warns
-    -----
-    GtpinWarning
-        If the robot can't reach some poses: names them; they are left out.
+    Raises `DatasetError` if the commands do not fit the robot, or it can reach none of the poses. `ModelError` if a
+    covariate is missing that an active effect needs, the instrument's frame is free and the model does not contain it, or
+    the model lacks one of the instruments. Warns: if the robot can't reach some poses: names them; they are left out.
     """
     robot = model.robot
     if dataset.instrument.frame == "free" and model.frame.is_base:
@@ -204,10 +181,7 @@ def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
 def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
     """(k,) values of an instrument's unknowns; ``known``: those of the model, by name.
 
-    Raises
-    ------
-    ModelError
-        If one of the unknowns is not in ``known``.
+    Raises `ModelError` if one of the unknowns is not in ``known``.
     """
     missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
     if missing:

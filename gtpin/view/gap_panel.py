@@ -22,16 +22,10 @@ STEP = 0.03
 class GapPanel:
     """Errors, a choice of poses by their ids, a slider along them, and a box that plays them.
 
-    Parameters
-    ----------
-    server
-        The page's viser server.
-    name
-        The machine's name.
-    gap
-        The gap to show.
-    go
-        Function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
+    - ``server``: the page's viser server.
+    - ``name``: the machine's name.
+    - ``gap``: the gap to show.
+    - ``go``: function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
     """
 
     def __init__(self, server: Any, name: str, gap: Gap, go: Callable[[Floats], str]) -> None:

@@ -55,12 +55,8 @@ class InstrumentDisplay:
     def show(self, T: Floats, R: Floats, joints: Mapping[str, Floats]) -> None:
         """Draw the targets, wires, tilt sensors and encoders for a pose.
 
-        Parameters
-        ----------
-        T, R
-            Pose of the TCP: position (3,), m, and orientation (3, 3), base frame.
-        joints
-            (3,) positions of the encoders' joints by their names in the URDF, base frame, m.
+        ``T``, ``R``: pose of the TCP: position (3,), m, and orientation (3, 3), base frame. ``joints``: (3,) positions of
+        the encoders' joints by their names in the URDF, base frame, m.
         """
         scene, size = self._scene, self._size
         targets = {name: T + R @ at for name, at in self.places.targets.items()}

@@ -95,12 +95,8 @@ def robot_as_modelled(model: Model) -> Robot:
 def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
     """A ``pinocchio.GeometryModel`` of the shapes to draw.
 
-    Parameters
-    ----------
-    robot
-        The robot; its shapes are those of its URDF, and a rod without any becomes a cylinder.
-    share
-        Each rod's share of the gap, 0 to 1, by site, which determines its colour. If empty, all shapes keep their colours.
+    ``robot``: the robot; its shapes are those of its URDF, and a rod without any becomes a cylinder. ``share``: each rod's
+    share of the gap, 0 to 1, by site, which determines its colour. If empty, all shapes keep their colours.
     """
     found = pin.buildGeomFromUrdfString(robot.model, with_its_meshes(robot.description), pin.GeometryType.VISUAL)
     rods = {rod.link: rod for rod in robot.rods}
@@ -134,10 +130,7 @@ def with_its_meshes(description: Description) -> str:
 
     ``package://`` paths are looked for in all folders that contain the URDF, and in that of example-robot-data.
 
-    Warns
-    -----
-    GtpinWarning
-        If meshes are missing: their number, and the first one.
+    Warns: if meshes are missing: their number, and the first one.
     """
     root = parse_xml(description.xml, description.source)
     folders = list(Path(description.source).absolute().parents)

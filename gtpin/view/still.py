@@ -49,17 +49,9 @@ PATCH, AXIS = 0.12, 0.08
 def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInstrument] | None = None) -> Figure:
     """A picture of a machine and its instruments, the errors magnified, rods coloured by their share of the gap.
 
-    Parameters
-    ----------
-    instruments
-        The instruments to show; the model's by default.
+    ``instruments``: the instruments to show; the model's by default.
 
-    Raises
-    ------
-    ModelError
-        If the machine can't be drawn.
-    GtpinError
-        If matplotlib is missing.
+    Raises `ModelError` if the machine can't be drawn. `GtpinError` if matplotlib is missing.
     """
     worst = None if gap is None else gap.q[int(np.argmax(gap.size))]
     machine = skeleton(model, worst)
@@ -94,11 +86,8 @@ def write_still(
 
     With ``force``, a file that gtpin has not written, or that was changed since, is renamed to ``NAME.old-1``.
 
-    Raises
-    ------
-    GtpinError
-        If the suffix is another, or the file can't be written. Without ``force``, also if the file exists and gtpin has not
-        written it, or it was changed since.
+    Raises `GtpinError` if the suffix is another, or the file can't be written. Without ``force``, also if the file exists
+    and gtpin has not written it, or it was changed since.
     """
     if file.suffix.lower() not in FORMATS:
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
@@ -186,18 +175,9 @@ def draw_instruments(
 ) -> Floats:
     """Draw instruments, with the platform at ``pose`` (one pose).
 
-    Parameters
-    ----------
-    axes
-        Matplotlib's 3-D axes.
-    size
-        Size of everything else in the picture, m.
-    joints
-        (3,) positions of the encoders' joints by their names in the URDF, base frame, m.
+    ``axes``: matplotlib's 3-D axes. ``size``: size of everything else in the picture, m. ``joints``: (3,) positions of the
+    encoders' joints by their names in the URDF, base frame, m.
 
-    Returns
-    -------
-    (m, 3) points that must be inside the picture, base frame, m.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

@@ -37,12 +37,8 @@ class Member(BaseModel):
 class AnsweredCause(Member):
     """A named cause.
 
-    Parameters
-    ----------
-    probability
-        Probability that it is a cause.
-    class_
-        What else the cause could be. The cause itself need not be listed.
+    ``probability``: probability that it is a cause. ``class_``: what else the cause could be. The cause itself need not be
+    listed.
     """
 
     probability: Share
@@ -52,19 +48,13 @@ class AnsweredCause(Member):
 class Answer(BaseModel):
     """The answer to one case.
 
-    Parameters
-    ----------
-    causes
-        The named causes, the most important first; empty where none is named.
-    unknown
-        Whether there is an effect that is in no catalogue.
-    positions
-        (H, 3) predicted positions of the TCP at ``commands.csv``, m, in its order; empty: not predicted.
-    readings
-        The same for each instrument of a dataset of schema 2, by its name: (H, c) readings at ``commands-NAME.csv``.
-    explained_fraction
-        Expected 1 - (a / b)^2, with a the RMS error of the predictions with the causes, and b that of the geometry alone;
-        None: not predicted.
+    - ``causes``: the named causes, the most important first; empty where none is named.
+    - ``unknown``: whether there is an effect that is in no catalogue.
+    - ``positions``: (H, 3) predicted positions of the TCP at ``commands.csv``, m, in its order; empty: not predicted.
+    - ``readings``: the same for each instrument of a dataset of schema 2, by its name: (H, c) readings at
+      ``commands-NAME.csv``.
+    - ``explained_fraction``: expected 1 - (a / b)^2, with a the RMS error of the predictions with the causes, and b that of
+      the geometry alone; None: not predicted.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -97,10 +87,7 @@ class Answer(BaseModel):
 
         ``sites``: of each effect; None where they are not known. A misspelt effect would count as a wrong one.
 
-        Raises
-        ------
-        GtpinError
-            If an effect or a site does not exist, with its key.
+        Raises `GtpinError` if an effect or a site does not exist, with its key.
         """
         for number, cause in enumerate(self.causes):
             keys = [f"causes.{number}", *(f"causes.{number}.class.{i}" for i in range(len(cause.class_)))]

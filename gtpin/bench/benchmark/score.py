@@ -51,11 +51,8 @@ def score_answers(
 
     A missing answer counts as wrong wherever it is counted. ``names``: only these cases.
 
-    Raises
-    ------
-    GtpinError
-        If a truth or an answer can't be read, an answer names an effect or a site that does not exist, or predictions have
-        another shape.
+    Raises `GtpinError` if a truth or an answer can't be read, an answer names an effect or a site that does not exist, or
+    predictions have another shape.
     """
     wanted = list(public.cases) if names is None else list(names)
     if not any((answers / f"{name}.json").exists() for name in wanted):

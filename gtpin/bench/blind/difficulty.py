@@ -72,10 +72,7 @@ class Difficulty:
     def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
         """For a tracker's dataset and a geometry, which should be close to the machine's own.
 
-        Parameters
-        ----------
-        sigma
-            (6,) or (N, 6) the instrument's noise, m and rad.
+        ``sigma``: (6,) or (N, 6) the instrument's noise, m and rad.
         """
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
         return Difficulty(_situation(dataset, Model(geometry)), Seen.of_poses(measured))
@@ -84,10 +81,7 @@ class Difficulty:
     def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration) -> Difficulty:
         """For a dataset of schema 2 and its calibration; no encoder may be among the instruments.
 
-        Parameters
-        ----------
-        noise
-            By the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
+        ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
         """
         rows, row, seen = Seen.of_readings(dataset, baseline, noise)
         return Difficulty(_situation(rows, baseline.model), seen, row)

@@ -28,19 +28,10 @@ KEY = "digests"
 def compared(claim: Path, kind: str, digests: Mapping[str, str]) -> list[str]:
     """Compare digests with those that were remembered first, and remember those of new names.
 
-    Parameters
-    ----------
-    claim
-        The ``check.json`` of the check.
-    kind
-        What the files are, for messages: ``truth``, ``dataset``, ``diagnosis``.
-    digests
-        SHA-256 of each file, by the case's name.
+    ``claim``: the ``check.json`` of the check. ``kind``: what the files are, for messages: ``truth``, ``dataset``,
+    ``diagnosis``. ``digests``: SHA-256 of each file, by the case's name.
 
-    Returns
-    -------
-    changed
-        ``KIND of NAME`` for each file whose digest is another one, or that was remembered and is not there.
+    Returns ``KIND of NAME`` for each file whose digest is another one, or that was remembered and is not there.
     """
     content = json.loads(claim.read_text(encoding="utf-8"))
     known: dict[str, str] = content.setdefault(KEY, {}).setdefault(kind, {})

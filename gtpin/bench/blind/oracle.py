@@ -71,13 +71,9 @@ def fit_known_causes_to_readings(
     One step is not enough here: from readings of few places the geometry moves far along directions that they hardly show.
     Prior sigmas are those of :func:`fit_known_causes`, and the instruments' own.
 
-    Parameters
-    ----------
-    noise
-        By the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no estimate
-        of the noise makes this fit worse. A known distance of sockets has the noise of the calibration.
-
-    Raises ConvergenceError if the fit does not converge.
+    ``noise``: by the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no
+    estimate of the noise makes this fit worse. A known distance of sockets has the noise of the calibration. ``Raises
+    ConvergenceError if the fit does not converge.``: .
     """
     split = single(dataset, baseline.model.robot)
     observed = Observed.of(split, baseline)

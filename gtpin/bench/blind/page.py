@@ -25,12 +25,7 @@ CONTENTS = (
 def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
     """The score as one self-contained HTML file.
 
-    Parameters
-    ----------
-    result
-        The content of ``score.json``.
-    cases
-        The judged cases.
+    ``result``: the content of ``score.json``. ``cases``: the judged cases.
     """
     return render(
         "score.html",

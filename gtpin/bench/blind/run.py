@@ -70,11 +70,8 @@ def check(
 
     ``instruments`` measure the machines in place of a tracker: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`.
 
-    Raises
-    ------
-    GtpinError
-        If an instrument is not known, cases of the robot can't be made by it, or the folder belongs to another check and
-        ``force`` is not set.
+    Raises `GtpinError` if an instrument is not known, cases of the robot can't be made by it, or the folder belongs to
+    another check and ``force`` is not set.
     """
     kinds = checked(instruments)
     wanted = list(drafts(cases, seed, robot, kinds))
@@ -100,10 +97,7 @@ def check_given(
 ) -> Checked:
     """Diagnose cases that somebody else made, and judge; resumes the same check if it was stopped.
 
-    Raises
-    ------
-    GtpinError
-        If a truth is missing or malformed, or the folder belongs to another check and ``force`` is not set.
+    Raises `GtpinError` if a truth is missing or malformed, or the folder belongs to another check and ``force`` is not set.
     """
     cases = given(source)
     check_cluster(address)

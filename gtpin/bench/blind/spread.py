@@ -84,12 +84,8 @@ def spread(
 ) -> list[str]:
     """Do ``work(*arguments(name))`` for every name in the workers; call ``done(name, result)`` in this process after each.
 
-    Returns
-    -------
-    lost
-        Names of the work that was not done because a process died; one of them ended the process.
-
-    Raises GtpinError if the work can't be started in the workers.
+    Returns ``lost``: names of the work that was not done because a process died; one of them ended the process. ``Raises
+    GtpinError if the work can't be started in the workers.``: .
     """
     waiting = dict.fromkeys(names)
     tasks = (delayed(_named)(work, name, arguments(name), os.getpid()) for name in names)

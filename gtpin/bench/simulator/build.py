@@ -141,22 +141,11 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
     given have their values at the end of the day; directions of approach are then random, speeds and forces zero. Effects that
     depend on earlier loads and moves start without this history.
 
-    Parameters
-    ----------
-    commands
-        Commands, and covariates by name, in the order in which they are measured.
-    seed
-        Seed of the instrument's noise and the repeatability. The same seed gives the same bytes.
+    ``commands``: commands, and covariates by name, in the order in which they are measured. ``seed``: seed of the
+    instrument's noise and the repeatability. The same seed gives the same bytes.
 
-    Returns
-    -------
-    Dataset
-        One row for each command, with the covariates of the case's dataset and those of the commands.
-
-    Raises
-    ------
-    GtpinError
-        If conditions contradict each other, or a pose can't be reached.
+    Returns one row for each command, with the covariates of the case's dataset and those of the commands. Raises
+    `GtpinError` if conditions contradict each other, or a pose can't be reached.
     """
     made, recipe = assemble(case.recipe), case.recipe
     rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, 5, seed]))

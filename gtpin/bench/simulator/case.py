@@ -151,17 +151,9 @@ LACKING: tuple[tuple[str, ...], ...] = ((), ("temp",), ("payload",), ("session",
 def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Case:
     """Draw a case: the machine's effects, their energies, and how it is measured.
 
-    Parameters
-    ----------
-    seed
-        Seed of the random numbers. The same seed gives the same bytes.
-    rough
-        Whether heavy tails, gross errors, noise that grows with the distance or is not declared, missing columns, and 70 to 200
-        poses are drawn as well.
-    poses
-        Number of poses; None: it is drawn.
-    robot
-        As for :func:`~gtpin.bench.simulator.case.make_case`.
+    ``seed``: seed of the random numbers. The same seed gives the same bytes. ``rough``: whether heavy tails, gross errors,
+    noise that grows with the distance or is not declared, missing columns, and 70 to 200 poses are drawn as well.
+    ``poses``: number of poses; None: it is drawn. ``robot``: as for :func:`~gtpin.bench.simulator.case.make_case`.
     """
     return build(bulk_recipe(seed, rough=rough, poses=poses, robot=robot))
 

@@ -58,13 +58,9 @@ class Past:
     def of_readings(gauges: Sequence[Gauge], poses: Poses, by_tolerance: Floats, jitter: Floats) -> Past:
         """For instruments, and ``poses`` (N) at all stops.
 
-        Parameters
-        ----------
-        by_tolerance
-            (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
-        jitter
-            (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
-            because some instruments are more precise than the machine.
+        ``by_tolerance``: (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
+        ``jitter``: (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to
+        the noise, because some instruments are more precise than the machine.
         """
         H, blocks = [], []
         own = [len(gauge.hidden) for gauge in gauges]
@@ -100,12 +96,8 @@ def effects_of(
 ) -> tuple[list[tuple[Cause, float]], list[Truth], list[tuple[Cause, float]], float]:
     """The effects of a recipe at some of the visits.
 
-    Returns
-    -------
-    strong, truths
-        Those that it asks for, with their amplitudes, and the truth about them.
-    weak, energy
-        Further effects at other sites, with their amplitudes, and their joint E.
+    Returns ``strong``, ``truths``: those that it asks for, with their amplitudes, and the truth about them. ``weak``,
+    ``energy``: further effects at other sites, with their amplitudes, and their joint E.
     """
     strong, truths = [], []
     robot = response.machine.robot

@@ -94,30 +94,19 @@ class Conditions(BaseModel):
 class Noise(BaseModel):
     """Random errors of the instrument and the machine.
 
-    Parameters
-    ----------
-    position_sigma, orientation_sigma
-        Standard deviation per axis, m and rad.
-    repeatability
-        Range, m, from which the standard deviation of each cart along its track is drawn; the errors are drawn at every visit.
-        Across the track the standard deviation is 0.3 of that along it, in both directions.
-    declared
-        Whether the dataset states the sigmas.
-    by_range
-        Relative increase of the position's sigma between the mean distance from the instrument and twice this distance; 0: the
-        sigma is constant.
-    tails
-        Degrees of freedom of a Student distribution with the same sigma; None for a normal one.
-    gross
-        Share of the measurements with gross errors, of 10 to 100 sigma.
-    orientations
-        Whether orientations are measured.
-    free
-        Whether the instrument measures in its own frame, whose pose is unknown to the user.
-    free_target
-        Whether the target of an arm has an unknown pose in the TCP frame: a distance of some tens of mm, and any orientation.
-    station
-        Position of the instrument, base frame, m.
+    - ``position_sigma``, ``orientation_sigma``: standard deviation per axis, m and rad.
+    - ``repeatability``: range, m, from which the standard deviation of each cart along its track is drawn; the errors are
+      drawn at every visit. Across the track the standard deviation is 0.3 of that along it, in both directions.
+    - ``declared``: whether the dataset states the sigmas.
+    - ``by_range``: relative increase of the position's sigma between the mean distance from the instrument and twice this
+      distance; 0: the sigma is constant.
+    - ``tails``: degrees of freedom of a Student distribution with the same sigma; None for a normal one.
+    - ``gross``: share of the measurements with gross errors, of 10 to 100 sigma.
+    - ``orientations``: whether orientations are measured.
+    - ``free``: whether the instrument measures in its own frame, whose pose is unknown to the user.
+    - ``free_target``: whether the target of an arm has an unknown pose in the TCP frame: a distance of some tens of mm, and
+      any orientation.
+    - ``station``: position of the instrument, base frame, m.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

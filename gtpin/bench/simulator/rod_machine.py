@@ -38,10 +38,7 @@ class RodMachine:
     A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
     changes.
 
-    Raises
-    ------
-    RobotError
-        If the robot does not have six rods, has a rod without a drive, or a drive without a rod.
+    Raises `RobotError` if the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
 
     geometry: Geometry  # Its true geometry

@@ -82,10 +82,7 @@ def simulate_scenario(
 ) -> Case:
     """Make the case of a scenario file. ``seed``, ``poses`` and ``robot`` take precedence over those in the file.
 
-    Raises
-    ------
-    GtpinError
-        If the file can't be read, or an effect or site in it is not known.
+    Raises `GtpinError` if the file can't be read, or an effect or site in it is not known.
     """
     return build(scenario_recipe(file, seed=seed, poses=poses, robot=robot))
 

@@ -77,16 +77,10 @@ def _off_nominal(geometry: Geometry) -> dict[str, Floats]:
 class Simulation:
     """A dataset whose truth is known.
 
-    Parameters
-    ----------
-    dataset
-        The measured poses.
-    machine
-        The simulated machine.
-    commands
-        Held-out commands, without measurements.
-    truth
-        True poses at the held-out commands, without noise, in the instrument's frame.
+    - ``dataset``: the measured poses.
+    - ``machine``: the simulated machine.
+    - ``commands``: held-out commands, without measurements.
+    - ``truth``: True poses at the held-out commands, without noise, in the instrument's frame.
     """
 
     dataset: Dataset

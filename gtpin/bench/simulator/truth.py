@@ -52,25 +52,16 @@ class Truth:
 class AnyCase:
     """A dataset whose truth is known.
 
-    Parameters
-    ----------
-    name
-        Name of its folder.
-    dataset, commands
-        The measurements, and the held-out commands with their covariates.
-    truth
-        The machine's poses at the commands, without noise and errors by repeatability: where there is a tracker, as it measures
-        them (in its frame, with effects of the frame), else those of the TCP in the base frame.
-    effects
-        The true effects; empty for a machine without an effect. Displacements are at the rows of all tables, one after the
-        other.
-    machine
-        The machine.
-    true
-        Poses without the instrument's noise: of :class:`Case` at the dataset's rows, in the instrument's frame; of
-        :class:`InstrumentCase` at the stops, in the base frame, with effects of the frame.
-    recipe
-        What it was made from; None for a machine without effects.
+    - ``name``: name of its folder.
+    - ``dataset``, ``commands``: the measurements, and the held-out commands with their covariates.
+    - ``truth``: the machine's poses at the commands, without noise and errors by repeatability: where there is a tracker,
+      as it measures them (in its frame, with effects of the frame), else those of the TCP in the base frame.
+    - ``effects``: the true effects; empty for a machine without an effect. Displacements are at the rows of all tables, one
+      after the other.
+    - ``machine``: the machine.
+    - ``true``: poses without the instrument's noise: of :class:`Case` at the dataset's rows, in the instrument's frame; of
+      :class:`InstrumentCase` at the stops, in the base frame, with effects of the frame.
+    - ``recipe``: what it was made from; None for a machine without effects.
     """
 
     name: str
@@ -92,11 +83,8 @@ class AnyCase:
 
         Files that gtpin wrote are replaced; with ``force``, other files of these names are renamed (``NAME.old-1``).
 
-        Raises
-        ------
-        GtpinError
-            If the folder can't be written, or, without ``force``, contains files of these names that gtpin has not written or
-            that were changed since.
+        Raises `GtpinError` if the folder can't be written, or, without ``force``, contains files of these names that gtpin
+        has not written or that were changed since.
         """
         name = name or self.name
         with case_folders(Path(folder) / name, force=force) as (inside, outside):
@@ -124,12 +112,7 @@ class AnyCase:
 class Case(AnyCase):
     """A case that a tracker measured.
 
-    Parameters
-    ----------
-    visits
-        The visits of the dataset's rows, in their order.
-    background
-        Joint energy E of the weak effects.
+    ``visits``: the visits of the dataset's rows, in their order. ``background``: joint energy E of the weak effects.
     """
 
     dataset: Dataset
@@ -183,19 +166,12 @@ class Tables:
 class InstrumentCase(AnyCase):
     """A case that any instruments measured.
 
-    Parameters
-    ----------
-    gauges
-        The instruments, with the true values of their unknowns.
-    steady
-        As ``true``, without errors by repeatability.
-    geometry
-        Deviations of the geometry's parameters from nominal, by name, m and rad.
-    repeatability
-        (n,) standard deviation of each actuator, m or rad.
-    held
-        By instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and their sigmas;
-        with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
+    - ``gauges``: the instruments, with the true values of their unknowns.
+    - ``steady``: as ``true``, without errors by repeatability.
+    - ``geometry``: deviations of the geometry's parameters from nominal, by name, m and rad.
+    - ``repeatability``: (n,) standard deviation of each actuator, m or rad.
+    - ``held``: by instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and
+      their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
     """
 
     dataset: Tables

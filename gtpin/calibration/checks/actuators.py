@@ -10,10 +10,7 @@ from gtpin.robot.robot import Robot
 def check_actuators(robot: Robot, dataset: Dataset) -> None:
     """Check that a dataset has a command for each actuator of its robot.
 
-    Raises
-    ------
-    DatasetError
-        If the number of its commands is not the number of actuators.
+    Raises `DatasetError` if the number of its commands is not the number of actuators.
     """
     if dataset.n_actuators != robot.n_actuators:
         raise DatasetError(

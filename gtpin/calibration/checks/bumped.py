@@ -36,19 +36,11 @@ Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."
 def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
     """Suspect data during which the instrument moved by much more than its noise.
 
-    Parameters
-    ----------
-    dataset
-        The rows of the problem.
-    problem, point
-        The fitted problem, and the point about which it is linearised.
-    noise
-        Noise of these rows, without repeatability, since a step between visits of one pose looks like it.
+    ``dataset``: the rows of the problem. ``problem``, ``point``: the fitted problem, and the point about which it is
+    linearised. ``noise``: noise of these rows, without repeatability, since a step between visits of one pose looks like
+    it.
 
-    Raises
-    ------
-    DatasetError
-        If one or two steps of the frame explain the residuals; it names the rows.
+    Raises `DatasetError` if one or two steps of the frame explain the residuals; it names the rows.
     """
     if len(dataset) < 4 * EDGE:
         return

@@ -20,12 +20,8 @@ NINE_TENTHS = 0.9
 def coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
     """A message, if commands that were rounded or truncated explain the residuals; else None.
 
-    Parameters
-    ----------
-    model
-        The nominal model.
-    measured, poses
-        The N measured poses, and those that the model predicts at their commands, base frame.
+    ``model``: the nominal model. ``measured``, ``poses``: the N measured poses, and those that the model predicts at their
+    commands, base frame.
     """
     step = coarsest_step(measured.q, COARSE)
     if step is None:

@@ -18,14 +18,8 @@ from gtpin.typing import Floats
 class CommandReading:
     """A way to read the columns q1 .. qn.
 
-    Parameters
-    ----------
-    columns
-        The columns that are read in another way.
-    looks, hint
-        Message texts: what these columns look like, and what the user should do.
-    q
-        (N, n) commands, read in this way, m or rad.
+    ``columns``: the columns that are read in another way. ``looks``, ``hint``: message texts: what these columns look like,
+    and what the user should do. ``q``: (N, n) commands, read in this way, m or rad.
     """
 
     columns: str

@@ -46,16 +46,10 @@ UNITS = {
 class Declared:
     """A declared noise sigma.
 
-    Parameters
-    ----------
-    group, instrument
-        Index of its group over all instruments' sigmas, and index of the instrument.
-    key
-        Its key in dataset.toml; for sigmas that a table declares row by row, the columns.
-    value
-        Its value, m or rad; for sigmas by row, their median.
-    by_row
-        Whether the table declares it row by row.
+    - ``group``, ``instrument``: index of its group over all instruments' sigmas, and index of the instrument.
+    - ``key``: its key in dataset.toml; for sigmas that a table declares row by row, the columns.
+    - ``value``: its value, m or rad; for sigmas by row, their median.
+    - ``by_row``: whether the table declares it row by row.
     """
 
     group: int
@@ -68,12 +62,8 @@ class Declared:
 def settled_or_explained(fit: RobustFit) -> Settled:
     """Run the robust fit; if it does not converge, find out whether the reason is a declared sigma that is far too small.
 
-    Raises
-    ------
-    DatasetError
-        If the fit converges only when the noise is estimated, and a declared sigma is less than a tenth of it.
-    ConvergenceError
-        If the fit does not converge for another reason.
+    Raises `DatasetError` if the fit converges only when the noise is estimated, and a declared sigma is less than a tenth
+    of it. `ConvergenceError` if the fit does not converge for another reason.
     """
     readings = fit.whole.measured
     declared = _declared(readings)
@@ -98,10 +88,7 @@ def settled_or_explained(fit: RobustFit) -> Settled:
 def with_credible_noise(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
     """The fit and its result with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
-    Raises
-    ------
-    DatasetError
-        If a sigma is more than ten times what the data show.
+    Raises `DatasetError` if a sigma is more than ten times what the data show.
     """
     readings = fit.whole.measured
     suspects = [one for one in _declared(readings) if _ratio(settled, one) < SUSPECT and _chance(settled, one) < CHANCE]

@@ -44,12 +44,8 @@ def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> Settled:
 
     ``dataset``: the rows of the fit.
 
-    Raises
-    ------
-    DatasetError
-        If the instrument moved, or a declared sigma keeps the fit from converging.
-    ConvergenceError
-        If the fit does not converge for another reason.
+    Raises `DatasetError` if the instrument moved, or a declared sigma keeps the fit from converging. `ConvergenceError` if
+    the fit does not converge for another reason.
     """
     try:
         settled = settled_or_explained(fit)

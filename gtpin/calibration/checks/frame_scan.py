@@ -29,18 +29,12 @@ count as two steps."""
 class Scan:
     """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
 
-    Parameters
-    ----------
-    rows
-        (N,) indices of the rows in the problem, in the order of the search.
-    J, F
-        Whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and mrad.
-    y
-        (N, c) whitened residuals of the nominal geometry.
-    prior
-        (p,) 1 for unknowns with a prior, 0 for others.
-    lengths
-        (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
+    - ``rows``: (N,) indices of the rows in the problem, in the order of the search.
+    - ``J``, ``F``: whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and
+      mrad.
+    - ``y``: (N, c) whitened residuals of the nominal geometry.
+    - ``prior``: (p,) 1 for unknowns with a prior, 0 for others.
+    - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
     """
 
     rows: npt.NDArray[np.intp]

@@ -10,18 +10,11 @@ from gtpin.noise.noise import Noise
 def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:
     """The noise of measured poses from declared sigmas, or from those of a model.
 
-    Parameters
-    ----------
-    position, orientation
-        The instrument's standard deviations per axis, m and rad; None where neither the data nor a model states them.
-        Orientation may be None where only positions were measured.
-    repeatability
-        Repeatability of the actuators, m or rad.
+    ``position``, ``orientation``: the instrument's standard deviations per axis, m and rad; None where neither the data nor
+    a model states them. Orientation may be None where only positions were measured. ``repeatability``: repeatability of the
+    actuators, m or rad.
 
-    Raises
-    ------
-    DatasetError
-        If a sigma that the data need is not known.
+    Raises `DatasetError` if a sigma that the data need is not known.
     """
     if position is None or (orientation is None and dataset.orientation is not None):
         raise DatasetError(

@@ -29,15 +29,10 @@ TRIPLES = 400
 def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
     """Suspect positions that are in another unit in a part of the rows.
 
-    Parameters
-    ----------
-    poses
-        (N) poses of the nominal model at the rows of the dataset, base frame; NaN where it can't reach.
+    ``poses``: (N) poses of the nominal model at the rows of the dataset, base frame; NaN where it can't reach.
 
-    Raises
-    ------
-    DatasetError
-        If there are such rows; it gives their number, and the lines of the first and the last in the file.
+    Raises `DatasetError` if there are such rows; it gives their number, and the lines of the first and the last in the
+    file.
     """
     there = poses.reached
     found = _part(dataset.position[there], poses[there], dataset.instrument.frame == "free") if there.any() else None

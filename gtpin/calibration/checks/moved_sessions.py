@@ -42,16 +42,11 @@ NAMED = 5
 def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> None:
     """Check that the instrument had the same pose in all sessions.
 
-    Parameters
-    ----------
-    measured, poses
-        The N measured poses of the dataset, and those of the nominal model at their commands, base frame; NaN where it can't
-        reach.
+    ``measured``, ``poses``: the N measured poses of the dataset, and those of the nominal model at their commands, base
+    frame; NaN where it can't reach.
 
-    Raises
-    ------
-    DatasetError
-        If the pose differs; it names the sessions, and the distance of each from the session with most rows, m.
+    Raises `DatasetError` if the pose differs; it names the sessions, and the distance of each from the session with most
+    rows, m.
     """
     there = np.flatnonzero(poses.reached)
     if not len(there):
@@ -70,15 +65,9 @@ def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: 
 def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
     """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
 
-    Parameters
-    ----------
-    problem, near
-        The problem about the nominal machine, and the machine's poses, base frame.
+    ``problem``, ``near``: the problem about the nominal machine, and the machine's poses, base frame.
 
-    Raises
-    ------
-    DatasetError
-        If motions of the frame between sessions explain most of the power of the residuals.
+    Raises `DatasetError` if motions of the frame between sessions explain most of the power of the residuals.
     """
     _suspect(dataset, _moved_linear(dataset, problem, near), FAILED)
 

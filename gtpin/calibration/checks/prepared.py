@@ -25,15 +25,7 @@ TURNS = 1e-5
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """The dataset with positions, without copies of rows, and without a constant orientation where the robot must turn.
 
-    Raises
-    ------
-    DatasetError
-        If dataset.toml contradicts the rows, or all commands are the same.
-
-    Warns
-    -----
-    GtpinWarning
-        Says what is left out.
+    Raises `DatasetError` if dataset.toml contradicts the rows, or all commands are the same. Warns: says what is left out.
     """
     check_extremes(dataset)
     dataset = counted_once(with_positions(dataset, nominal.robot))

@@ -43,14 +43,9 @@ TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
 class Otherwise:
     """Another way to read an instrument.
 
-    Parameters
-    ----------
-    looks, hint
-        Message texts: what the table looks like, and what the user should do.
-    change
-        Function that gives the description and the columns, read in this way.
-    column, key
-        The columns of the table that are wrong, or the key of dataset.toml.
+    ``looks``, ``hint``: message texts: what the table looks like, and what the user should do. ``change``: function that
+    gives the description and the columns, read in this way. ``column``, ``key``: the columns of the table that are wrong,
+    or the key of dataset.toml.
     """
 
     looks: str

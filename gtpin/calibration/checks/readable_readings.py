@@ -46,12 +46,8 @@ BETTER = 10.0
 class Misfit:
     """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
 
-    Parameters
-    ----------
-    off
-        Largest median error of its components, by unit: m and rad.
-    strain
-        Largest deviation of an unknown with a prior, in prior sigmas.
+    ``off``: largest median error of its components, by unit: m and rad. ``strain``: largest deviation of an unknown with a
+    prior, in prior sigmas.
     """
 
     off: dict[str, float]
@@ -100,28 +96,13 @@ def check_readable(
 ) -> None:
     """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
-    Parameters
-    ----------
-    dataset
-        The data.
-    readings
-        The readings, with the unknowns' values that fit best.
-    poses
-        (N) nominal poses, base frame.
-    reach
-        Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
-    fitted
-        Gives the misfit of an instrument, by its index, after a fit of the geometry to all readings; None where it fails.
+    ``dataset``: the data. ``readings``: the readings, with the unknowns' values that fit best. ``poses``: (N) nominal
+    poses, base frame. ``reach``: largest displacement of the TCP that deviations of the geometry within its tolerances
+    cause, m. ``fitted``: gives the misfit of an instrument, by its index, after a fit of the geometry to all readings; None
+    where it fails.
 
-    Raises
-    ------
-    DatasetError
-        If such readings can't be fitted; it names the unit or the sign with which they can, where there is one.
-
-    Warns
-    -----
-    GtpinWarning
-        If they can be fitted as they are.
+    Raises `DatasetError` if such readings can't be fitted; it names the unit or the sign with which they can, where there
+    is one. Warns: if they can be fitted as they are.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
@@ -182,19 +163,10 @@ def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
 def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
     """Refuse readings with large errors relative to the fitted robot: the fit has not found their minimum.
 
-    Parameters
-    ----------
-    dataset
-        The data.
-    readings, poses
-        The readings that the fit used, with the fitted unknowns, and the fitted poses (N), base frame.
-    reach
-        As in :func:`check_readable`.
+    ``dataset``: the data. ``readings``, ``poses``: the readings that the fit used, with the fitted unknowns, and the fitted
+    poses (N), base frame. ``reach``: as in :func:`check_readable`.
 
-    Raises
-    ------
-    DatasetError
-        If there are such readings; it names the instrument.
+    Raises `DatasetError` if there are such readings; it names the instrument.
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)

@@ -21,10 +21,7 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
 
     A visit of a socket whose point is declared, or whose distance from another one is known, says something by itself.
 
-    Raises
-    ------
-    DatasetError
-        If no socket is visited twice, and nothing is known of any.
+    Raises `DatasetError` if no socket is visited twice, and nothing is known of any.
     """
     rows = dataset.readings
     assert rows is not None
@@ -44,19 +41,10 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
 def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
     """Refuse known distances of sockets that are far from those of the nominal robot.
 
-    Parameters
-    ----------
-    dataset
-        The data.
-    readings
-        The readings, with the sockets' points from the nominal robot.
-    poses, reach
-        As in :func:`check_readable`.
+    ``dataset``: the data. ``readings``: the readings, with the sockets' points from the nominal robot. ``poses``,
+    ``reach``: as in :func:`check_readable`.
 
-    Raises
-    ------
-    DatasetError
-        If there are such distances; it names the unit that fits, where there is one.
+    Raises `DatasetError` if there are such distances; it names the unit that fits, where there is one.
     """
     for i, one in enumerate(readings.instruments):
         if not isinstance(one, Socket):

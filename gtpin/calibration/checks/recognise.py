@@ -53,18 +53,14 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 class Reading:
     """A way to read the data, as they are or with mistakes corrected.
 
-    Parameters
-    ----------
-    columns
-        The columns that have the mistake.
-    looks, hint
-        Message texts: what they look like, and what the user should do; empty where nothing is corrected.
-    mistakes
-        Number of mistakes that are corrected.
-    measured, poses
-        The measured poses, read in this way, and those that the nominal model predicts of the target, base frame.
-    elsewhere
-        Whether the instrument is assumed to stand elsewhere than in the base frame, though it is not declared free.
+    - ``columns``: the columns that have the mistake.
+    - ``looks``, ``hint``: message texts: what they look like, and what the user should do; empty where nothing is
+      corrected.
+    - ``mistakes``: number of mistakes that are corrected.
+    - ``measured``, ``poses``: the measured poses, read in this way, and those that the nominal model predicts of the
+      target, base frame.
+    - ``elsewhere``: whether the instrument is assumed to stand elsewhere than in the base frame, though it is not declared
+      free.
     """
 
     columns: str
@@ -99,12 +95,8 @@ def recognised(
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
     shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
-    Parameters
-    ----------
-    poses
-        (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach.
-    free, free_target
-        Whether the instrument's pose, and the target's place on the platform, are declared unknown.
+    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``,
+    ``free_target``: whether the instrument's pose, and the target's place on the platform, are declared unknown.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, free_target)

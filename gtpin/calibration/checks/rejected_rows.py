@@ -25,22 +25,10 @@ SHOWN = 10
 def check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
     """Refuse an instrument with most of its rows set aside; warn of rows of other instruments that were set aside.
 
-    Parameters
-    ----------
-    kept, readings
-        The rows that were fitted.
-    used
-        (N,) the rows that are no gross errors.
+    ``kept``, ``readings``: the rows that were fitted. ``used``: (N,) the rows that are no gross errors.
 
-    Raises
-    ------
-    DatasetError
-        If there is such an instrument; the error names it.
-
-    Warns
-    -----
-    GtpinWarning
-        Names the poses with such rows, and a station, plane, socket or target with most of its readings set aside.
+    Raises `DatasetError` if there is such an instrument; the error names it. Warns: names the poses with such rows, and a
+    station, plane, socket or target with most of its readings set aside.
     """
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i

@@ -46,20 +46,11 @@ class Stretch:
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
     """Suspect data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
 
-    Parameters
-    ----------
-    measured, predicted
-        (N) measured poses, and poses that a model predicts at the commands of the same rows, both in the instrument's frame.
-    far
-        (N,) rows with large errors.
-    bumps
-        Whether a motion of the instrument is searched for too: not before a fit, since a nominal robot that is far off looks
-        like one.
+    ``measured``, ``predicted``: (N) measured poses, and poses that a model predicts at the commands of the same rows, both
+    in the instrument's frame. ``far``: (N,) rows with large errors. ``bumps``: whether a motion of the instrument is
+    searched for too: not before a fit, since a nominal robot that is far off looks like one.
 
-    Raises
-    ------
-    DatasetError
-        If one of the two explains a stretch; it names the rows by their lines in the file.
+    Raises `DatasetError` if one of the two explains a stretch; it names the rows by their lines in the file.
     """
     found = stretch(far)
     if found is None:

@@ -40,18 +40,12 @@ NO_PRIOR = 1e6
 class Strain:
     """The wrong assumption that best explains why a fitted geometry contradicts its tolerances.
 
-    Parameters
-    ----------
-    what, site
-        What was assumed wrongly: the instrument's ``frame``, the ``zero`` of the actuator ``site``, one ``part`` (the parameter
-        ``site``), or all ``tolerances``.
-    gain
-        Gain in log marginal likelihood, nats, without this assumption.
-    size
-        How wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in units of the
-        tolerances. ``tolerances``: the factor by which they are too small.
-    turn
-        Rotation of a ``frame``, rad.
+    - ``what``, ``site``: what was assumed wrongly: the instrument's ``frame``, the ``zero`` of the actuator ``site``, one
+      ``part`` (the parameter ``site``), or all ``tolerances``.
+    - ``gain``: gain in log marginal likelihood, nats, without this assumption.
+    - ``size``: how wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in units of
+      the tolerances. ``tolerances``: the factor by which they are too small.
+    - ``turn``: rotation of a ``frame``, rad.
     """
 
     what: What

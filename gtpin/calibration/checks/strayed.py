@@ -24,16 +24,9 @@ SHOWN = 5
 def warn_of_strayed(x: Floats, geometry: Geometry, seen: Observability, readings: Readings) -> None:
     """Warn of parameters and unknowns that are farther from their nominal or declared values than their priors allow.
 
-    Parameters
-    ----------
-    x
-        (p,) deviations of the geometry's parameters, in units of the tolerances.
-    geometry
-        The nominal geometry.
-    seen
-        Observability of the geometry with these readings.
-    readings
-        The readings, with the fitted values of the unknowns.
+    ``x``: (p,) deviations of the geometry's parameters, in units of the tolerances. ``geometry``: the nominal geometry.
+    ``seen``: observability of the geometry with these readings. ``readings``: the readings, with the fitted values of the
+    unknowns.
     """
     if names := _far(x, geometry.names):
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")

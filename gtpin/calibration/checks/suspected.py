@@ -45,27 +45,13 @@ SMALLEST: Size = (1e-6, 1e-6)
 def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *, exact: bool = False) -> None:
     """Raise the error of a suspected mistake, or warn of it.
 
-    Parameters
-    ----------
-    error
-        The error that names the mistake.
-    dataset
-        The data. With ``dataset.trusted`` every error becomes a warning.
-    before, after
-        What a fit leaves of the data as they are, and with the mistake corrected.
-    exact
-        Whether residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few
-        free numbers that no effect looks like.
+    ``error``: the error that names the mistake. ``dataset``: the data. With ``dataset.trusted`` every error becomes a
+    warning. ``before``, ``after``: what a fit leaves of the data as they are, and with the mistake corrected. ``exact``:
+    whether residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few
+    free numbers that no effect looks like.
 
-    Raises
-    ------
-    DatasetError
-        If the data can't be fitted as they are, and can with the mistake corrected.
-
-    Warns
-    -----
-    GtpinWarning
-        Otherwise, if the correction makes the residuals smaller.
+    Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected. Warns: otherwise, if
+    the correction makes the residuals smaller.
     """
     if not dataset.trusted and (certain(dataset, before, after) or (exact and _exactly(dataset, before, after))):
         raise error

@@ -36,14 +36,8 @@ STEPS = 15
 def left_after_fit(nominal: Model, measured: Measured, instrument: Instrument) -> Size:
     """Robust standard deviations of what a fit leaves; `NO_FIT` where it fails.
 
-    Parameters
-    ----------
-    nominal
-        The nominal model; a free target is placed anew.
-    measured
-        The measured poses.
-    instrument
-        Says what is free, and which noise is declared.
+    ``nominal``: the nominal model; a free target is placed anew. ``measured``: the measured poses. ``instrument``: says
+    what is free, and which noise is declared.
     """
     some = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     measured, free = measured.take(some), instrument.frame == "free"

@@ -40,15 +40,9 @@ def fit_together(
 ) -> Model:
     """Fit geometry, instrument's pose and coefficients of causes, from a calibrated model.
 
-    Parameters
-    ----------
-    causes, scale
-        The causes and their scales, which give the priors of their coefficients.
+    ``causes``, ``scale``: the causes and their scales, which give the priors of their coefficients.
 
-    Raises
-    ------
-    ConvergenceError
-        If the fit does not converge.
+    Raises `ConvergenceError` if the fit does not converge.
     """
     problem = JointProblem.of(observed, start, causes, scale, references)
     deviation = start.geometry.deviation / start.geometry.tolerance
@@ -92,16 +86,10 @@ def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Reading
 class JointProblem:
     """The fitted problem: x has the unknowns of a calibration, then the causes' coefficients in units of their priors' sigmas.
 
-    Parameters
-    ----------
-    calibration
-        The problem without causes.
-    observed
-        The poses, with the covariates on which the causes depend.
-    causes, sizes
-        The causes, and for each the (m,) prior standard deviations of its coefficients.
-    references
-        Reference values of the causes' covariates.
+    - ``calibration``: the problem without causes.
+    - ``observed``: the poses, with the covariates on which the causes depend.
+    - ``causes``, ``sizes``: the causes, and for each the (m,) prior standard deviations of its coefficients.
+    - ``references``: reference values of the causes' covariates.
     """
 
     calibration: Problem

@@ -58,15 +58,10 @@ def _gross(left: Floats, most: float) -> npt.NDArray[np.bool_]:
 class Reestimated:
     """The re-estimated noise.
 
-    Parameters
-    ----------
-    observed
-        The poses, with this noise and their weights.
-    matters
-        Whether the noise has changed so much that the search must be repeated.
-    restless
-        Site of an actuator whose errors differ from pose to pose by more than repeated visits scatter: a deviation that changes
-        too fast along the travel for any smooth term, and is no noise. None where there is no such actuator.
+    ``observed``: the poses, with this noise and their weights. ``matters``: whether the noise has changed so much that the
+    search must be repeated. ``restless``: site of an actuator whose errors differ from pose to pose by more than repeated
+    visits scatter: a deviation that changes too fast along the travel for any smooth term, and is no noise. None where
+    there is no such actuator.
     """
 
     observed: Observed
@@ -81,10 +76,7 @@ def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Model
     The model's parameters reduce the degrees of freedom of all numbers in the same proportion. Tails are those of rows that
     are compared with each other (``alike``): an instrument can have heavy tails, and another none.
 
-    Parameters
-    ----------
-    model
-        Causes and smooth terms: everything that is not noise.
+    ``model``: causes and smooth terms: everything that is not noise.
     """
     design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
     left, taken = left_over(hypotheses, model)
@@ -159,10 +151,7 @@ def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explaine
     """The actuator along whose motion the errors (N, c), m and rad, exceed the noise most, by a score test; None where none
     does.
 
-    Parameters
-    ----------
-    explained
-        Log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
+    ``explained``: log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
     """
     J, c = design.by_command_seen, design.components
     seen = np.linalg.solve(noise.covariance(J, c), J)

@@ -48,24 +48,16 @@ class Gap:
 
     For readings of several instruments, errors are in units of the noise; ``by_instrument`` has them in each instrument's unit.
 
-    Parameters
-    ----------
-    before, after
-        Root mean square length of the position error, m: with the geometry alone, and with the causes.
-    floor
-        Noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits show; by
-        the inferred one where neither exists.
-    shrinkage
-        Explained fraction of the gap, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
-    interval
-        95 % interval of the ``shrinkage`` that other poses of the same kind would show, or, with ``hold_out`` ``session``,
-        another session.
-    hold_out, blocks
-        Which poses were left out together, and the number of these blocks.
-    sessions
-        Number of sessions in the data; 1 where no column tells them apart.
-    turns
-        Errors of the orientation; None where it was not measured.
+    - ``before``, ``after``: root mean square length of the position error, m: with the geometry alone, and with the causes.
+    - ``floor``: noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits
+      show; by the inferred one where neither exists.
+    - ``shrinkage``: explained fraction of the gap, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no
+      causes.
+    - ``interval``: 95 % interval of the ``shrinkage`` that other poses of the same kind would show, or, with ``hold_out``
+      ``session``, another session.
+    - ``hold_out``, ``blocks``: which poses were left out together, and the number of these blocks.
+    - ``sessions``: number of sessions in the data; 1 where no column tells them apart.
+    - ``turns``: errors of the orientation; None where it was not measured.
     """
 
     before: float
@@ -86,21 +78,14 @@ class Gap:
 class LeftOut:
     """A linear model fitted to all poses, and the errors of its predictions of left-out blocks.
 
-    Parameters
-    ----------
-    errors
-        (N, 3) measured less predicted position, m, each block predicted from the others; for readings (N, c), in units of the
-        noise.
-    turned
-        (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
-    noise
-        (N,) estimate of the squared length of each pose's position noise from the fit, m^2.
-    kept
-        (N, 3), for readings (N, c): share of each number that the other blocks determine, 1 or less.
-    z, root
-        (k,) fitted coefficients in units of their priors' sigmas, and (k, k) a root of their covariance root @ root'.
-    columns
-        (N, 3, k) derivative of the positions by ``z``, m, in a fit without the pose's block.
+    - ``errors``: (N, 3) measured less predicted position, m, each block predicted from the others; for readings (N, c), in
+      units of the noise.
+    - ``turned``: (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
+    - ``noise``: (N,) estimate of the squared length of each pose's position noise from the fit, m^2.
+    - ``kept``: (N, 3), for readings (N, c): share of each number that the other blocks determine, 1 or less.
+    - ``z``, ``root``: (k,) fitted coefficients in units of their priors' sigmas, and (k, k) a root of their covariance root
+      @ root'.
+    - ``columns``: (N, 3, k) derivative of the positions by ``z``, m, in a fit without the pose's block.
     """
 
     errors: Floats
@@ -115,14 +100,9 @@ class LeftOut:
 def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats | None = None) -> LeftOut:
     """Fit geometry and causes, and predict each block from the others.
 
-    Parameters
-    ----------
-    causes
-        (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
-    blocks
-        (N,) masks of the poses left out together, a partition.
-    unseen
-        (N c, m) the displacements in a fit without the pose's block, where these are different.
+    ``causes``: (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0. ``blocks``:
+    (N,) masks of the poses left out together, a partition. ``unseen``: (N c, m) the displacements in a fit without the
+    pose's block, where these are different.
     """
     c = design.components
     J = np.hstack([design.B, causes])
@@ -163,22 +143,12 @@ def gap(
 ) -> Gap:
     """Compare a geometry alone with geometry and causes on poses that were left out.
 
-    Parameters
-    ----------
-    design
-        The linear problem, without the causes.
-    causes
-        (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0.
-    floor
-        (N,) expected squared length of each pose's position noise, m^2; for readings (N, c) that of each whitened number.
-    blocks
-        (N,) masks of the poses left out together, a partition.
-    unseen
-        As for :func:`leave_out`.
-    of_blocks
-        True: the interval is for another block, from the differences between blocks. False: it is for other poses.
-    inferred
-        As ``floor``, by the noise that the search assumed; None: the same.
+    ``design``: the linear problem, without the causes. ``causes``: (N c, m) whitened displacements of the causes, for
+    coefficients of one prior sigma; m may be 0. ``floor``: (N,) expected squared length of each pose's position noise, m^2;
+    for readings (N, c) that of each whitened number. ``blocks``: (N,) masks of the poses left out together, a partition.
+    ``unseen``: as for :func:`leave_out`. ``of_blocks``: True: the interval is for another block, from the differences
+    between blocks. False: it is for other poses. ``inferred``: as ``floor``, by the noise that the search assumed; None:
+    the same.
     """
     inferred = floor if inferred is None else inferred
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
@@ -246,10 +216,7 @@ def _reach(powers: Floats, shrinkage: float) -> float:
     e_k = (before_k - after_k - shrinkage before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
     block's departure is Student's t with K - 1 degrees of freedom, times the e_k's scatter, times sqrt(1 + 1 / K).
 
-    Parameters
-    ----------
-    powers
-        (K, 2) each block's mean square error before and after, less the floor, m^2.
+    ``powers``: (K, 2) each block's mean square error before and after, less the floor, m^2.
     """
     from scipy.stats import t
 
@@ -263,12 +230,8 @@ def _reach(powers: Floats, shrinkage: float) -> float:
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
     """Random draws (DRAWS,) of the shrinkage on other poses, given the covariance of what was fitted.
 
-    Parameters
-    ----------
-    error
-        Mean squared length of the prediction error on left-out poses without noise, m^2.
-    squares
-        (N,) squared errors of the poses left out, m^2.
+    ``error``: mean squared length of the prediction error on left-out poses without noise, m^2. ``squares``: (N,) squared
+    errors of the poses left out, m^2.
     """
     count = len(squares)
     unit = rng.standard_normal((len(whole.z), DRAWS))

@@ -20,26 +20,16 @@ from gtpin.typing import Floats
 class Design:
     """Whitened residuals of N rows with c numbers each, and their derivative by the unknowns.
 
-    Parameters
-    ----------
-    situation
-        The poses at the geometry about which the problem is linearised.
-    whitening
-        (N, c, c) whitening matrices of the rows.
-    model
-        That geometry, and the instrument's frame.
-    y
-        (N c,) whitened measured less predicted, with the effect of the fitted deviation of the geometry added: to first
-        order, the residual at nominal geometry.
-    B
-        (N c, p) whitened derivative by the geometry in units of the tolerances, by the instruments' unknowns in units of
-        their prior sigmas, and by unknowns without a prior, such as the pose of a free instrument.
-    n_prior
-        Number of columns of B with a prior, the first ones.
-    taken
-        Number of unknowns without a prior: they take as many degrees of freedom.
-    measured
-        The measured poses or readings.
+    - ``situation``: the poses at the geometry about which the problem is linearised.
+    - ``whitening``: (N, c, c) whitening matrices of the rows.
+    - ``model``: that geometry, and the instrument's frame.
+    - ``y``: (N c,) whitened measured less predicted, with the effect of the fitted deviation of the geometry added: to
+      first order, the residual at nominal geometry.
+    - ``B``: (N c, p) whitened derivative by the geometry in units of the tolerances, by the instruments' unknowns in units
+      of their prior sigmas, and by unknowns without a prior, such as the pose of a free instrument.
+    - ``n_prior``: number of columns of B with a prior, the first ones.
+    - ``taken``: number of unknowns without a prior: they take as many degrees of freedom.
+    - ``measured``: the measured poses or readings.
     """
 
     situation: Situation
@@ -63,12 +53,8 @@ class Design:
     ) -> Design:
         """Set up the linear problem about a fitted model.
 
-        Parameters
-        ----------
-        measured, weight
-            The measured poses or readings, and (N,) their weights in the fit.
-        pivot
-            (3,) centre of rotation of a free instrument's pose, instrument's frame, m; by default the middle of the poses.
+        ``measured``, ``weight``: the measured poses or readings, and (N,) their weights in the fit. ``pivot``: (3,) centre
+        of rotation of a free instrument's pose, instrument's frame, m; by default the middle of the poses.
         """
         J_q = measured.seen(situation.command_jacobian, model, situation.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]

@@ -74,10 +74,7 @@ class Groups(Generic[K]):
     def add(self, term: K, columns: Floats, core: tuple[int, ...] = ()) -> None:
         """Add a group of whitened displacements (m, c); ``core`` as in :func:`best_scales`.
 
-        Raises
-        ------
-        ValueError
-            If there already is a group with this key.
+        Raises `ValueError` if there already is a group with this key.
         """
         self._new(term, core)
         self._columns[term] = columns
@@ -87,10 +84,7 @@ class Groups(Generic[K]):
     def join(self, term: K, parts: Sequence[K]) -> None:
         """Add a group that consists of several groups side by side; its core consists of their cores.
 
-        Raises
-        ------
-        ValueError
-            If there already is a group with this key.
+        Raises `ValueError` if there already is a group with this key.
         """
         ends = np.cumsum([0, *(self.width(part) for part in parts)])
         self._new(term, tuple(int(end) + i for part, end in zip(parts, ends, strict=False) for i in self.core[part]))
@@ -149,12 +143,8 @@ def best_scales(
     A scale is admitted only where the coefficients of the group's core have a root mean square of at least
     ``priors.least_core`` times the scale (core and modulation in the glossary).
 
-    Parameters
-    ----------
-    grams, moments
-        (S, c, c) inner products of each group with itself and (S, c) with the residual, the rest of the model marginalised.
-    core
-        Indices of the core's columns; empty where all columns are the core.
+    ``grams``, ``moments``: (S, c, c) inner products of each group with itself and (S, c) with the residual, the rest of the
+    model marginalised. ``core``: indices of the core's columns; empty where all columns are the core.
     """
     values, vectors = np.linalg.eigh(grams)
     values = np.maximum(values, 0.0)
@@ -180,12 +170,8 @@ def gains_of_draws(
 ) -> Floats:
     """(S,) largest gain in log evidence of one group over the scales, as :func:`best_scales`, for S residuals.
 
-    Parameters
-    ----------
-    values, vectors
-        (c,) eigenvalues and (c, c) eigenvectors of the group's inner products.
-    along
-        (S, c) inner products of the group with each residual, along the eigenvectors.
+    ``values``, ``vectors``: (c,) eigenvalues and (c, c) eigenvectors of the group's inner products. ``along``: (S, c) inner
+    products of the group with each residual, along the eigenvectors.
     """
     s2 = (SCALES**2)[:, None]
     shrunk = s2 / (1.0 + s2 * values)

@@ -25,10 +25,7 @@ T = TypeVar("T")
 def exchanged(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
     """The model with one group in the place of another, at the same scales.
 
-    Parameters
-    ----------
-    old, new
-        The group that is removed, and the one that takes its place; both are in ``groups``.
+    ``old``, ``new``: the group that is removed, and the one that takes its place; both are in ``groups``.
     """
     before, after = groups.parts(old), groups.parts(new)
     if len(after) < len(before) and after == tuple(part for part in before if part in after):

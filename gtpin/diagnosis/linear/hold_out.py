@@ -22,12 +22,7 @@ STRETCHES = 10
 def check_hold_out(dataset: Dataset, hold_out: str) -> None:
     """Check that a dataset can be split in this way.
 
-    Raises
-    ------
-    ModelError
-        If there is no such way to split.
-    DatasetError
-        If the column is missing, or has one value only.
+    Raises `ModelError` if there is no such way to split. `DatasetError` if the column is missing, or has one value only.
     """
     if hold_out not in get_args(HoldOut):
         raise ModelError(f"no hold-out is called {hold_out!r}", hint=f"use {', '.join(get_args(HoldOut))}")
@@ -48,10 +43,7 @@ def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> 
     With ``region`` and ``random``, visits to one pose are in one block. With ``session`` and ``time`` they need not be: these
     blocks are to show how well another session or time is predicted.
 
-    Raises
-    ------
-    DatasetError
-        If the dataset can't be split in this way.
+    Raises `DatasetError` if the dataset can't be split in this way.
     """
     check_hold_out(dataset, hold_out)
     if hold_out == "session":

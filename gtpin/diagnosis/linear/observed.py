@@ -26,23 +26,14 @@ from gtpin.typing import Floats
 class Observed:
     """The poses that a diagnosis works on.
 
-    Parameters
-    ----------
-    measured
-        Commands and poses, instrument's frame.
-    covariates
-        (N,) values of each covariate, by name.
-    noise, weight
-        The noise of the poses, and (N,) their weights.
-    temperature
-        Temperature at which the geometry holds, degC.
-    free_frame
-        Whether the instrument's pose is identified too.
-    unusable
-        Names of covariates that were recorded but cannot be right.
-    tails
-        Tails of the noise by number of the rows' kind (``kinds``), where a fit computes the weights from its residuals; where
-        it is empty, ``weight`` has them.
+    - ``measured``: commands and poses, instrument's frame.
+    - ``covariates``: (N,) values of each covariate, by name.
+    - ``noise``, ``weight``: the noise of the poses, and (N,) their weights.
+    - ``temperature``: temperature at which the geometry holds, degC.
+    - ``free_frame``: whether the instrument's pose is identified too.
+    - ``unusable``: names of covariates that were recorded but cannot be right.
+    - ``tails``: tails of the noise by number of the rows' kind (``kinds``), where a fit computes the weights from its
+      residuals; where it is empty, ``weight`` has them.
     """
 
     measured: Readings

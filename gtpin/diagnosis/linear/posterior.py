@@ -22,18 +22,12 @@ K = TypeVar("K", bound=Hashable)
 class Posterior(Generic[K]):
     """A model of some groups.
 
-    Parameters
-    ----------
-    terms
-        The groups.
-    widths
-        Number of coefficients of each.
-    scale
-        Scale of each group.
-    log_evidence
-        Log evidence relative to the model without a group, with the scales' priors, nats.
-    mean, covariance
-        Mean (n,) and covariance (n, n) of the coefficients of all groups, in units of their typical sizes.
+    - ``terms``: the groups.
+    - ``widths``: number of coefficients of each.
+    - ``scale``: scale of each group.
+    - ``log_evidence``: log evidence relative to the model without a group, with the scales' priors, nats.
+    - ``mean``, ``covariance``: mean (n,) and covariance (n, n) of the coefficients of all groups, in units of their typical
+      sizes.
     """
 
     terms: tuple[K, ...]

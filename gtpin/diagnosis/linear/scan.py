@@ -41,16 +41,11 @@ explains up to 0.047 of another one's power where commands are spread evenly (th
 class Found:
     """The best value of an effect at a site.
 
-    Parameters
-    ----------
-    value, sigma
-        The value, and its standard deviation.
-    gain
-        Gain in log evidence.
-    scale
-        Scale of the coefficients.
-    others
-        Other maxima of the gain, each as (value, sigma, gain), with gains of at least ``ALIKE`` times the best one.
+    - ``value``, ``sigma``: the value, and its standard deviation.
+    - ``gain``: gain in log evidence.
+    - ``scale``: scale of the coefficients.
+    - ``others``: other maxima of the gain, each as (value, sigma, gain), with gains of at least ``ALIKE`` times the best
+      one.
     """
 
     value: float
@@ -64,14 +59,8 @@ class Found:
 class _Products:
     """Inner products of S values, c columns each, with the geometry marginalised.
 
-    Parameters
-    ----------
-    halves
-        (p, S c) their :meth:`Marginal.half`.
-    grams
-        (S, c, c) of each value with itself.
-    moments
-        (S, c) with the residual.
+    ``halves``: (p, S c) their :meth:`Marginal.half`. ``grams``: (S, c, c) of each value with itself. ``moments``: (S, c)
+    with the residual.
     """
 
     halves: Floats
@@ -195,13 +184,9 @@ class Scan:
     def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> Found:
         """Best value given a model.
 
-        Parameters
-        ----------
-        model
-            The model to which the effect is added.
-        others
-            Values of the same cause that the model already has: values that can't be distinguished from them are left out.
-            Where no value is left, the gain is ``LEAST`` and the value means nothing.
+        ``model``: the model to which the effect is added. ``others``: values of the same cause that the model already has:
+        values that can't be distinguished from them are left out. Where no value is left, the gain is ``LEAST`` and the
+        value means nothing.
         """
         products = self._prepared[1]
         gains, scales = self._all_gains(products, model, self._resolved(self.values, others))
@@ -222,10 +207,7 @@ class Scan:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
         gain, which is less than ``LEAST`` where no value is left.
 
-        Parameters
-        ----------
-        model, others
-            As in :meth:`best`.
+        ``model``, ``others``: as in :meth:`best`.
         """
         ordered = np.sort(self.values)
         at = int(np.searchsorted(ordered, value))

@@ -33,16 +33,11 @@ _SPEED = re.compile(r"speed[0-9]+")
 class Prepared:
     """The data that a diagnosis can use, and their calibration.
 
-    Parameters
-    ----------
-    recorded
-        All rows, in the order of the file.
-    dataset
-        The usable rows and columns, in an order that does not depend on the order of the file.
-    baseline
-        The calibration of ``dataset``.
-    declared
-        Declared sigma of each group of numbers, m or rad; None where none is declared, or where the data show less noise.
+    - ``recorded``: all rows, in the order of the file.
+    - ``dataset``: the usable rows and columns, in an order that does not depend on the order of the file.
+    - ``baseline``: the calibration of ``dataset``.
+    - ``declared``: declared sigma of each group of numbers, m or rad; None where none is declared, or where the data show
+      less noise.
     """
 
     recorded: Dataset
@@ -62,10 +57,7 @@ class Prepared:
 def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
     """Check a dataset against the nominal robot, leave out rows and columns that cannot be right, and calibrate the rest.
 
-    Raises
-    ------
-    GtpinError
-        If the data can't be those of this robot.
+    Raises `GtpinError` if the data can't be those of this robot.
     """
     geometry = with_free_target(Geometry.nominal(nominal), dataset)
     recorded = prepared(dataset, Model(geometry))
@@ -102,10 +94,7 @@ def without_filled_in(dataset: Dataset) -> Dataset:
     A recorded covariate that does not vary excludes its effects. A constant that somebody filled in would exclude them wrongly.
     Constant payloads, forces and sessions, and speeds of 0, are usual statements about a measurement, and are kept.
 
-    Warns
-    -----
-    GtpinWarning
-        Names the columns.
+    Warns: names the columns.
     """
     constant = [name for name, values in dataset.covariates.items() if len(values) > 1 and (values == values[0]).all()]
     filled = [name for name in constant if _filled_in(name, dataset)]
@@ -128,10 +117,7 @@ def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
     Readings of a working thermometer differ from row to row. A logger that repeats its last value, begins late or was read at
     another time gives such a sequence. Readings in coarse steps are not judged.
 
-    Warns
-    -----
-    GtpinWarning
-        Names the columns and the rows.
+    Warns: names the columns and the rows.
     """
     order = np.argsort(dataset.covariates["time"], kind="stable") if "time" in dataset.covariates else slice(None)
     frozen = []
@@ -170,10 +156,7 @@ def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset
     A direction of approach that belongs to other rows, or to another drive, makes backlash look like servo lag, and the
     reverse. Nothing tells which of the two columns is wrong, so both count as missing.
 
-    Warns
-    -----
-    GtpinWarning
-        Names the columns.
+    Warns: names the columns.
     """
     wrong: list[str] = []
     for actuator in range(1, dataset.n_actuators + 1):

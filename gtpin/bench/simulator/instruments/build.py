@@ -90,10 +90,8 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     ``recipe.poses`` is the number of poses at which the reading instruments read, and the number of touches of each touched
     one.
 
-    Raises
-    ------
-    GtpinError
-        If an instrument, effect or site is not known, the robot can't make the touches, or there is nothing to measure.
+    Raises `GtpinError` if an instrument, effect or site is not known, the robot can't make the touches, or there is nothing
+    to measure.
     """
     kinds, noise, seed = checked(instruments), recipe.noise, recipe.seed
     if not kinds or recipe.poses < 2 or recipe.held_out < 1:
@@ -206,27 +204,14 @@ def simulate_measured(
 ) -> InstrumentCase:
     """Draw a machine without effects, command it, and measure it by some instruments.
 
-    Parameters
-    ----------
-    robot
-        The nominal robot.
-    reference, tcp
-        Name of the robot and of its TCP frame in the dataset.
-    instruments
-        Kinds of instruments: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`.
-    poses
-        Number of poses at which the reading instruments read (a tenth of them twice), and number of touches of each touched
-        one.
-    seed
-        Seed of the random numbers. The same seed gives the same bytes.
-    held_out
-        Number of further commands, which are not measured and whose truth is given.
+    ``robot``: the nominal robot. ``reference``, ``tcp``: name of the robot and of its TCP frame in the dataset.
+    ``instruments``: kinds of instruments: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`. ``poses``: number of
+    poses at which the reading instruments read (a tenth of them twice), and number of touches of each touched one.
+    ``seed``: seed of the random numbers. The same seed gives the same bytes. ``held_out``: number of further commands,
+    which are not measured and whose truth is given.
 
-    Raises
-    ------
-    GtpinError
-        If an instrument is not known, the robot hardly reaches its range or can't make the touches, or there is nothing to
-        measure.
+    Raises `GtpinError` if an instrument is not known, the robot hardly reaches its range or can't make the touches, or
+    there is nothing to measure.
     """
     kinds, noise = checked(instruments), Noise()
     if not kinds or poses < 1 or held_out < 1:

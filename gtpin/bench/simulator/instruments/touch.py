@@ -105,14 +105,8 @@ def begun(
 ) -> Floats:
     """(M, n) commands, m or rad, at which a machine without effects makes the touches of an instrument's rows.
 
-    Parameters
-    ----------
-    pool
-        (P, n) commands all over the workspace; the solution starts from the nearest.
-    ranges
-        (n,) lower and upper ends of the commands.
-
-    Raises UnreachableError if the machine can't make some of the touches.
+    ``pool``: (P, n) commands all over the workspace; the solution starts from the nearest. ``ranges``: (n,) lower and upper
+    ends of the commands. ``Raises UnreachableError if the machine can't make some of the touches.``: .
     """
     asked = np.column_stack(
         [getattr(gauge, name) for name in gauge.by_row]
