@@ -20,7 +20,7 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
-from gtpin.diagnosis.inference.settle import Settled, settle
+from gtpin.diagnosis.inference.settle import SearchState, settle
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.preparation.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
@@ -67,7 +67,7 @@ def measured(case: int, prior: str) -> list[dict[str, object]]:
 
 
 @lru_cache(maxsize=1)
-def _settled(case: int) -> tuple[Settled, Scope, dict[tuple[str, str], float], str] | None:
+def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float], str] | None:
     """A case before its hypotheses are compared, with its truth and kind; None where it is refused."""
     draft = list(drafts(case + 1, SEED))[case]
     drawn = made(draft)
@@ -84,7 +84,7 @@ def _settled(case: int) -> tuple[Settled, Scope, dict[tuple[str, str], float], s
     return settled, scope, {(t.effect, t.site): t.energy for t in drawn.effects}, draft.kind
 
 
-def _inferred(settled: Settled, scope: Scope) -> Conclusion:
+def _inferred(settled: SearchState, scope: Scope) -> Conclusion:
     return infer(replace(settled, proposal=propose(settled.hypotheses.design, scope)))
 
 

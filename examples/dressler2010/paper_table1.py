@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from paper_tables import tables
 
-from gtpin.accuracy.expected import ExpectedError, Response, Uncertainty, expected_of, response
+from gtpin.accuracy.expected import ErrorResponse, ExpectedError, Uncertainty, expected_of, response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.model.model import Model
 
@@ -34,7 +34,7 @@ def expected_table1(model: Model, q: Floats, draws: int = 2000, seed: int = 0) -
     return tuple(found)
 
 
-def _reduced(model: Model, q: Floats, sigmas: Floats) -> Response:
+def _reduced(model: Model, q: Floats, sigmas: Floats) -> ErrorResponse:
     """Three closures of a platform that does not turn (eqs. 1 to 3): position only.
 
     Both reduced models' clusters point as model 1's: that of model 2 is printed in another frame.
@@ -44,4 +44,4 @@ def _reduced(model: Model, q: Floats, sigmas: Floats) -> Response:
     assert reduced.direction is not None
     T = reached_poses(kinematics, q).T
     d = T[:, None] - reduced.offset - q[..., None] * reduced.direction
-    return Response(np.zeros((len(q), 3, 0)), np.asarray(np.linalg.inv(d) / 2.0 * sigmas))
+    return ErrorResponse(np.zeros((len(q), 3, 0)), np.asarray(np.linalg.inv(d) / 2.0 * sigmas))

@@ -42,7 +42,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class Response:
+class ErrorResponse:
     """Response of the TCP to independent standard normal causes.
 
     ``fixed``: (N, c, a) response to causes that are the same at all poses of a machine, m and rad. ``fresh``: (N, c, b)
@@ -100,7 +100,7 @@ def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floa
     return np.asarray(np.linalg.inv(pose_jacobian(*rod_vectors(poses, kinematics.ends(q)))) / 2.0)
 
 
-def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
+def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse:
     """The TCP's response at commands q (N, n), base frame, to the causes of an uncertainty.
 
     Raises `ModelError` if the uncertainty does not have the model's number of parameters, or has closures for a robot
@@ -123,7 +123,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> Response:
         fresh.append(closure_response(rods, q, poses) * uncertainty.closures)
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
-    return Response(fixed, np.concatenate(fresh, axis=2))
+    return ErrorResponse(fixed, np.concatenate(fresh, axis=2))
 
 
 def expected_error(
@@ -133,7 +133,9 @@ def expected_error(
     return expected_of(response(model, q, uncertainty), visits=visits, draws=draws, seed=seed)
 
 
-def expected_of(response: Response, *, visits: int | None = None, draws: int = 2000, seed: int = 0) -> ExpectedError:
+def expected_of(
+    response: ErrorResponse, *, visits: int | None = None, draws: int = 2000, seed: int = 0
+) -> ExpectedError:
     """The error to expect of a response to standard normal causes.
 
     Means are in closed form (see :func:`mean_length`); percentiles and largest errors are from random machines.
@@ -171,7 +173,7 @@ def _error(covariance: Floats, lengths: Floats) -> Error:
     return Error(at, float(at.mean()), p95, float(largest.mean()), float(mean.std()), float(largest.std()))
 
 
-def _sample(response: Response, visits: int, draws: int, rng: np.random.Generator) -> Floats:
+def _sample(response: ErrorResponse, visits: int, draws: int, rng: np.random.Generator) -> Floats:
     """(1 or 2, draws, visits) lengths of position and orientation errors."""
     count, components, causes = response.fresh.shape
     kept = np.empty((components // 3, draws, visits))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
-from gtpin.model.fit_conditions import Unexplained
+from gtpin.model.fit_conditions import ModelDiscrepancy
 
 Floats = npt.NDArray[np.float64]
 Groups = npt.NDArray[np.intp]
@@ -61,7 +61,7 @@ def between(fit: Fit[Any]) -> tuple[float, float, float]:
     return mean_power(left, places, weight), float((weight * left**2).sum()), float(counted[some][own].sum())
 
 
-def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> Unexplained:
+def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
     """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
 
     Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
@@ -85,7 +85,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     if known:
         chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
         if chance >= LACK_OF_FIT:
-            return Unexplained(0.0, 0.0)
+            return ModelDiscrepancy(0.0, 0.0)
 
     def size(some: npt.NDArray[np.bool_]) -> float:
         if not some.any():
@@ -94,4 +94,4 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
         random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
         return float(np.sqrt(max(seen - random, 0.0)))
 
-    return Unexplained(size(~turns[own]), size(turns[own]), known)
+    return ModelDiscrepancy(size(~turns[own]), size(turns[own]), known)

@@ -96,7 +96,7 @@ def _unit(vector: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Linearity:
+class TrackLinearity:
     """Residuals of a linear function of the command fitted to one cart's positions (Dressler et al. 2010, eq. 2, figs. 5, 6).
 
     ``q``: (K,) commands, ascending, m. ``along``: (K,) residual along the fitted track, m. ``across``: (K,) distance of the
@@ -108,7 +108,7 @@ class Linearity:
     across: Floats
 
     @staticmethod
-    def of(carts: CartMeasurements, cart: int) -> Linearity:
+    def of(carts: CartMeasurements, cart: int) -> TrackLinearity:
         """The residuals of cart number ``cart``, from 1; its positions may be in any frame.
 
         Raises `DatasetError` if the cart was measured at fewer than three places.
@@ -123,7 +123,7 @@ class Linearity:
         slope, start = np.polyfit(q, position, 1)
         residual, direction = position - start - np.outer(q, slope), _unit(slope)
         along = residual @ direction
-        return Linearity(q, along, np.linalg.norm(residual - np.outer(along, direction), axis=1))
+        return TrackLinearity(q, along, np.linalg.norm(residual - np.outer(along, direction), axis=1))
 
     @property
     def absolute(self) -> Floats:

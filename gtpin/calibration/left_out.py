@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.left_out_block import Block
+from gtpin.calibration.left_out_block import LeftOutBlock
 from gtpin.typing import Floats
 
 Groups = npt.NDArray[np.intp]
@@ -57,5 +57,7 @@ def of_poses(half: Floats, left: Floats, poses: Groups) -> Floats:
     """
     errors, order = np.zeros_like(left), np.argsort(poses, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):
-        errors[rows] = Block.of(half[rows].reshape(-1, half.shape[2]), left[rows].ravel()).errors.reshape(len(rows), -1)
+        errors[rows] = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), left[rows].ravel()).errors.reshape(
+            len(rows), -1
+        )
     return errors

@@ -15,7 +15,7 @@ with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5
 
 
 @dataclass(frozen=True)
-class Block:
+class LeftOutBlock:
     """Residuals of the r numbers of a block from a fit to all other numbers.
 
     ``errors``: (r,) (I - H)^-1 left with H = half half', the block's leverage, and ``left``, its residual from the fit of
@@ -28,7 +28,7 @@ class Block:
     log_density: float
 
     @staticmethod
-    def of(half: Floats, left: Floats) -> Block:
+    def of(half: Floats, left: Floats) -> LeftOutBlock:
         """The block of some rows.
 
         ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``left``:
@@ -47,4 +47,4 @@ class Block:
             seen = half @ U[:, good]
             errors = left - lost @ (lost.T @ left) + seen @ ((seen.T @ left) / w[good])
         density = 0.5 * (float(np.log(w[good]).sum()) - float(left @ errors))
-        return Block(errors, 1.0 - (lost**2).sum(axis=1), density)
+        return LeftOutBlock(errors, 1.0 - (lost**2).sum(axis=1), density)

@@ -30,7 +30,7 @@ WIDEST = 100.0
 
 
 @dataclass(frozen=True)
-class Found:
+class Maximum:
     """Maximum-likelihood noise and factor on the tolerances, with their log marginal likelihood."""
 
     noise: ReadingNoise
@@ -39,7 +39,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Marginal:
+class MarginalLikelihood:
     """Sums over the data from which the marginal likelihood follows, for G groups of numbers and k unknowns.
 
     - ``noise``: noise of the fitted rows. Sigmas that it marks as estimated are open; its repeatability is not used.
@@ -67,7 +67,7 @@ class Marginal:
         noise: ReadingNoise,
         weight: Floats,
         widened: npt.NDArray[np.bool_],
-    ) -> Marginal:
+    ) -> MarginalLikelihood:
         """Sum over a fit's rows, with weights (N,); ``noise`` is that of these rows."""
         problem, groups, k = outcome.problem, len(noise.sigma), outcome.problem.size
         c = outcome.residual.shape[1]
@@ -97,9 +97,9 @@ class Marginal:
                 grams[group] += some.T @ some
         x = outcome.point.x[:k]
         known = (of_known, b_known, A_known)
-        return Marginal(noise, squares, counts, moments, grams, known, x, problem.prior, widened)
+        return MarginalLikelihood(noise, squares, counts, moments, grams, known, x, problem.prior, widened)
 
-    def in_units(self, scale: Floats) -> Marginal:
+    def in_units(self, scale: Floats) -> MarginalLikelihood:
         """The same for unknowns in other units: each is ``scale`` (k,) times as large; the priors hold in the new units."""
         A = np.outer(scale, scale)
         of_known, b, gram = self.known
@@ -122,7 +122,7 @@ class Marginal:
         at = self.squares + 2.0 * self.moments @ self.x + np.einsum("i,gij,j->g", self.x, self.grams, self.x)
         return np.asarray(np.sqrt(np.maximum(at, 0.0) / np.maximum(self.counts, 1.0)))
 
-    def best(self, sigma: Floats, *, widen: bool) -> Found:
+    def best(self, sigma: Floats, *, widen: bool) -> Maximum:
         """The maximum that is found from some sigmas (G,); ``widen``: whether the factor on the tolerances is open too."""
         sigma, factor = np.where(self.open, np.maximum(sigma, SMALLEST), self.noise.sigma), 1.0
         for _ in range(STEPS):
@@ -143,7 +143,7 @@ class Marginal:
             sigma, factor = now, wider
             if changed < SETTLED:
                 break
-        return Found(replace(self.noise, sigma=sigma), factor, self._log_likelihood(sigma, factor))
+        return Maximum(replace(self.noise, sigma=sigma), factor, self._log_likelihood(sigma, factor))
 
     def _prior(self, factor: float) -> Floats:
         return np.where(self.widened, self.prior / factor**2, self.prior)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.between_poses import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.marginal import Marginal
+from gtpin.calibration.marginal import MarginalLikelihood
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.scatter import independent
 from gtpin.distributions import f
@@ -134,7 +134,9 @@ class NoiseEstimator:
         next iteration, and rejected in the one after that.
         """
         weight = outcome.weight * used[fitted]
-        marginal = Marginal.of(outcome, noise.take(fitted), weight, np.zeros(outcome.problem.size, dtype=bool))
+        marginal = MarginalLikelihood.of(
+            outcome, noise.take(fitted), weight, np.zeros(outcome.problem.size, dtype=bool)
+        )
         sigma = marginal.best(noise.sigma, widen=False).noise.sigma
         return replace(
             noise,

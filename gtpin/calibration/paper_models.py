@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import all_tolerances
@@ -65,7 +65,7 @@ def parallelogram(robot: Robot, R: Floats) -> Robot:
     C0 = C[carrier] + P @ R.T
     v = np.array([robot.actuators[i].axis for i in carrier])
     xml = to_urdf(Geometry(robot, (), np.zeros(0)), P, C0, L[carrier], v, (T, R))
-    return Robot(Description.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
+    return Robot(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
 
 
 def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:

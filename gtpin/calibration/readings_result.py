@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.between_poses import poses_of, unexplained_by
+from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import observability
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.result import Calibration, fit_json, lengths
-from gtpin.calibration.settled import Settled
 from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.data import Dataset, Instrument
 from gtpin.estimate import Estimate
@@ -143,7 +143,7 @@ class ReadingsCalibration(Calibration):
 
 
 def calibration_of(
-    settled: Settled,
+    settled: FitState,
     near: Poses,
     whole: Dataset,
     usable: Mask,

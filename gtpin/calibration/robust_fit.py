@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.marginal import Found, Marginal
+from gtpin.calibration.marginal import MarginalLikelihood, Maximum
 from gtpin.calibration.noise_estimator import NoiseEstimator, same
 from gtpin.calibration.problem import Problem
-from gtpin.calibration.settled import Settled
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.noise import weights
@@ -86,7 +86,7 @@ class RobustFit:
     lacking: bool = False
     found: Mask | None = None
 
-    def run(self) -> Settled:
+    def run(self) -> FitState:
         """Iterate until rejected rows and noise do not change.
 
         Raises `ConvergenceError` if a fit or the iteration does not converge.
@@ -104,8 +104,8 @@ class RobustFit:
         return replace(settled, geometry=self.whole.start.geometry)
 
     def _iterated(
-        self, outcome: Fit[Problem], noise: ReadingNoise, x0: Floats | None, steps: int, part: Settled | None
-    ) -> Settled:
+        self, outcome: Fit[Problem], noise: ReadingNoise, x0: Floats | None, steps: int, part: FitState | None
+    ) -> FitState:
         """Reject rows, estimate the noise and its tails, and fit, until nothing changes."""
         used = np.ones(len(self.rows), dtype=bool)
         tails: Tails = tuple(weights.Tails() for _ in self.alike) if part is None else part.tails
@@ -125,7 +125,7 @@ class RobustFit:
                 now_noise = max(noise, now_noise, key=self.estimator.volume)
             settled = all(now.close_to(old) for now, old in zip(now_tails, tails, strict=True))
             if number > 1 and same(noise, now_noise) and settled and (now_used == used).all():
-                return Settled(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
+                return FitState(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have given a wrong rough fit; without them, its start is a good start.
             anew = number == 1 and part is None and not used.all()
@@ -188,13 +188,13 @@ class RobustFit:
                 sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
         return sigma
 
-    def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Found:
+    def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Maximum:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
         n = len(given.parameters)
         factor, size = self._factor(given), outcome.problem.size
         own = np.zeros(size, dtype=bool)
         own[:n] = self._widenable
-        marginal = Marginal.of(outcome, noise, self._huber(outcome.residual), own)
+        marginal = MarginalLikelihood.of(outcome, noise, self._huber(outcome.residual), own)
         # In units of the given tolerances.
         scale = np.where(own, factor, 1.0)
         marginal = marginal.in_units(scale)
@@ -233,7 +233,7 @@ class RobustFit:
         """Groups of rows whose residuals are compared with each other."""
         return self.whole.measured.alike
 
-    def _of_a_part(self) -> Settled | None:
+    def _of_a_part(self) -> FitState | None:
         """The result for a random subset of the rows; None for few rows.
 
         Steps on a subset are cheap, and few steps on all rows remain.
@@ -250,7 +250,7 @@ class RobustFit:
             return None
         return np.sort(np.random.default_rng(0).permutation(len(self.near))[:PART])
 
-    def _fitted_part(self, part: Settled | None) -> Mask:
+    def _fitted_part(self, part: FitState | None) -> Mask:
         """(N,) the rows of a part's fit."""
         assert part is not None
         assert self._part_rows is not None

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from gtpin.accuracy.expected import Response, expected_of
+from gtpin.accuracy.expected import ErrorResponse, expected_of
 from gtpin.certificate.quantity import Missing
-from gtpin.certificate.response import At, Posterior, by_commands
+from gtpin.certificate.response import At, ModelPosterior, by_commands
 from gtpin.distributions import norm, t, truncated
 from gtpin.model.model import root_of
 from gtpin.typing import Floats
@@ -128,7 +128,7 @@ class Contribution:
 
 
 @dataclass(frozen=True)
-class Direction:
+class ErrorDirection:
     """A direction in the space of the model's unknowns that is uncorrelated with the other directions.
 
     ``changes``: the three unknowns of this direction that move the TCP most: name, change for one standard deviation of the
@@ -160,7 +160,7 @@ class Budget:
 
     q: Floats
     rows: tuple[Contribution, ...]
-    directions: tuple[Direction, ...]
+    directions: tuple[ErrorDirection, ...]
     radius: float
     orientation: bool
 
@@ -192,7 +192,7 @@ class Budget:
         return float(np.trace(row.covariance[:, :3, :3], axis1=1, axis2=2).mean() / max(float(whole), 1e-300))
 
 
-def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
+def budget(posterior: ModelPosterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
     """Propagate all contributions to the TCP at N commands, to first order.
 
     ``posterior``: uncertainty of the model's unknowns. ``at``: the commands. ``spreads``: the other contributions.
@@ -241,12 +241,12 @@ def budget(posterior: Posterior, at: At, spreads: Spreads, *, orientation: bool,
         )
         fixed.append(np.broadcast_to(size, (count, 6, 6)))
     expected = expected_of(
-        Response(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2)), draws=DRAWS, seed=seed
+        ErrorResponse(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2)), draws=DRAWS, seed=seed
     )
     return Budget(at.q, tuple(rows), _directions(posterior, D), expected.position.p95, orientation)
 
 
-def _directions(posterior: Posterior, D: Floats) -> tuple[Direction, ...]:
+def _directions(posterior: ModelPosterior, D: Floats) -> tuple[ErrorDirection, ...]:
     """Principal directions of the TCP's position error: eigenvectors of the mean over the poses of F' J' J F, with J the
     derivative of the position by the unknowns and F F' the posterior covariance."""
     model, root = posterior.model, posterior.root
@@ -261,5 +261,5 @@ def _directions(posterior: Posterior, D: Floats) -> tuple[Direction, ...]:
         change = root @ axes[:, i]
         largest: list[int] = np.argsort(-np.abs(change) * motion, kind="stable")[:UNKNOWNS].tolist()
         changes = tuple((names[k][0], float(change[k]), names[k][1]) for k in largest)
-        found.append(Direction(changes, float(np.sqrt(max(powers[i], 0.0)))))
+        found.append(ErrorDirection(changes, float(np.sqrt(max(powers[i], 0.0)))))
     return tuple(found)

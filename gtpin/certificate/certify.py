@@ -12,7 +12,7 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget
 from gtpin.certificate.evaluate import Evaluation
 from gtpin.certificate.held_against import HeldAgainst
-from gtpin.certificate.response import At, Posterior
+from gtpin.certificate.response import At, ModelPosterior
 from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
@@ -85,7 +85,7 @@ def certify(
     rows = _rows(dataset, used, found)
     noise, free = _noise(dataset, used), dataset.instrument.frame == "free"
     held = HeldAgainst.of(used, rows, noise, align=free and found is None)
-    posterior = Posterior(held.model, held.frame() if free else None)
+    posterior = ModelPosterior(held.model, held.frame() if free else None)
     basis: Basis = "left_out" if found is not None else "fitted" if held.fitted(posterior) else "new"
     known = dataset.instrument.target == "tcp"
     bare = Model(Geometry.nominal(used.robot)) if known else held.model.without([a.name for a in held.model.effects])

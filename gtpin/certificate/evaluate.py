@@ -23,7 +23,7 @@ from gtpin.certificate.pose_accuracy import (
 )
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
-from gtpin.certificate.response import Posterior, by_commands
+from gtpin.certificate.response import ModelPosterior, by_commands
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.typing import Floats
@@ -51,7 +51,7 @@ class Evaluation:
     nominal: HeldAgainst
     nominal_known: bool
     corrected: HeldAgainst
-    posterior: Posterior
+    posterior: ModelPosterior
     gap: Gap | None
     fitted: bool
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.left_out import of_poses
 from gtpin.calibration.problem import Measured, measured_poses, rough_frame
-from gtpin.certificate.response import At, FreeFrame, Posterior, by_commands, by_unknowns
+from gtpin.certificate.response import At, FreeFrame, ModelPosterior, by_commands, by_unknowns
 from gtpin.data import Dataset
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.rotations import exp, frame_motions
@@ -87,7 +87,7 @@ class HeldAgainst:
         noise = replace(self.noise, repeatability=0.0, estimated=(False, False)).rows(*found.shape)
         return likeliest(noise, found, J, np.ones(len(found))).repeatability
 
-    def fitted(self, posterior: Posterior) -> bool:
+    def fitted(self, posterior: ModelPosterior) -> bool:
         """Whether the model was fitted to exactly these rows.
 
         The score z = L' D' W'W e, with e the errors, D their derivative by the unknowns and L L' the posterior covariance, is
@@ -104,7 +104,7 @@ class HeldAgainst:
         squares = score[own] ** 2 / (size[own] + size[own] ** 2)
         return bool(own.sum() >= FEWEST and squares.mean() < SMALL)
 
-    def left_out(self, posterior: Posterior, visits: npt.NDArray[np.intp]) -> tuple[Floats, float]:
+    def left_out(self, posterior: ModelPosterior, visits: npt.NDArray[np.intp]) -> tuple[Floats, float]:
         """Errors at poses that are left out, each with all its visits, of the fit to these rows; and its number of parameters.
 
         ``posterior``: uncertainty of the model that was fitted to these rows. Only its frame is used: its covariance may be

@@ -17,7 +17,7 @@ SYMBOLS = ("B", "E", "R", "A")
 
 
 @dataclass(frozen=True)
-class Line:
+class MeasuredLine:
     """Targets (commanded positions) of one actuator, while the other actuators stand still.
 
     ``deviations``: for each target: deviations of the travel from the command, m or rad, of visits approached towards
@@ -78,7 +78,7 @@ def positioning(
     return found
 
 
-def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tuple[Line | None, int]:
+def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tuple[MeasuredLine | None, int]:
     """The line of actuator i with the most targets that have enough visits, and the largest number of targets on one line, with
     any number of visits. The line is None where it has fewer than ``TARGETS`` targets."""
     others = np.round(np.delete(q, i, axis=1), DIGITS)
@@ -96,7 +96,7 @@ def longest_line(q: Floats, deviations: Floats, approach: Floats, i: int) -> tup
         ]
         enough = tuple(both for both in sides if min(map(len, both)) >= APPROACHES)
         best = max(best, enough, key=len)
-    return (Line(best) if len(best) >= TARGETS else None), have
+    return (MeasuredLine(best) if len(best) >= TARGETS else None), have
 
 
 def mean_reversal(

@@ -82,7 +82,7 @@ class FreeFrame:
 
 
 @dataclass(frozen=True)
-class Posterior:
+class ModelPosterior:
     """Uncertainty of a model's unknowns: geometry, effects, and a free frame.
 
     ``model``: an identified model. ``frame``: posterior of the instrument's frame where that is unknown; None where the

@@ -9,7 +9,7 @@ import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
 from gtpin.data import Commands
-from gtpin.data.checks import Rows
+from gtpin.data.checks import CheckedRows
 from gtpin.data.files import read_table
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
 from gtpin.model.model import Model
@@ -68,7 +68,7 @@ def _table(model: Model, file: Path, instrument: str | None) -> pd.DataFrame:
     names = instrument_of(model, name).table.ids
     given = Commands.read(file, model.robot.n_actuators, ids=names)
     columns = read_table(given.file or file, ids=names).columns
-    rows = Rows.of(given.file, given.row, len(given))
+    rows = CheckedRows.of(given.file, given.row, len(given))
     ids = {column: rows.ids(columns[column], column) for column in names if column in columns}
     poses = run_prediction(model, given)
     return pd.DataFrame({"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)})

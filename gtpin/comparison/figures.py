@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.calibration.cart_tracks import Linearity
+from gtpin.calibration.cart_tracks import TrackLinearity
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
@@ -41,7 +41,7 @@ def linearity(carts: CartMeasurements) -> Figure:
     figure = new_figure(8.0, 4.5)
     axis = figure.subplots()
     for i in range(carts.n_actuators):
-        found = Linearity.of(carts, i + 1)
+        found = TrackLinearity.of(carts, i + 1)
         axis.plot(1e3 * found.q, 1e6 * found.absolute, LINES[i % 3], color=f"C{i}", label=f"cart {i + 1}")
     axis.set_xlabel("commanded cart position (mm)")
     axis.set_ylabel("absolute residual (um)")
@@ -64,10 +64,10 @@ def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None =
     axes = figure.subplots(2, n, sharex=True, sharey="row", squeeze=False)
     for i in range(n):
         if roaming is not None:
-            stars = Linearity.of(roaming, i + 1)
+            stars = TrackLinearity.of(roaming, i + 1)
             axes[0, i].plot(1e3 * stars.q, 1e6 * stars.along, "*", color="0.6", markersize=4, label="TCP anywhere")
             axes[1, i].plot(1e3 * stars.q, 1e6 * stars.across, "*", color="0.6", markersize=4)
-        line = Linearity.of(carts, i + 1)
+        line = TrackLinearity.of(carts, i + 1)
         axes[0, i].plot(1e3 * line.q, 1e6 * line.along, "k-", label="carts together")
         axes[1, i].plot(1e3 * line.q, 1e6 * line.across, "k-")
         axes[0, i].set_title(f"cart {i + 1}", fontsize=10)

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from gtpin.compensation.box import Box
-from gtpin.compensation.machine import Machine
+from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.model.model import Model
@@ -45,7 +45,7 @@ class ModelController:
         return commands_for(self.model.kinematics, xyz + self.origin)[0]
 
 
-def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wanted: Floats) -> Floats:
+def positions_to_ask_for(machine: CompensatedMachine, controller: Controller, box: Box, wanted: Floats) -> Floats:
     """(N, 3) positions to command so that the machine's TCP reaches ``wanted`` (N, 3), controller's coordinates, m.
 
     Raises `UnreachableError` if the machine can't bring its TCP to one of them.
@@ -56,7 +56,9 @@ def positions_to_ask_for(machine: Machine, controller: Controller, box: Box, wan
     return asked
 
 
-def there(machine: Machine, controller: Controller, box: Box, asked: Floats, approach: Floats | None = None) -> Floats:
+def there(
+    machine: CompensatedMachine, controller: Controller, box: Box, asked: Floats, approach: Floats | None = None
+) -> Floats:
     """(N, 3) positions that the machine's TCP reaches for commanded positions ``asked`` (N, 3), controller's coordinates, m.
 
     ``approach``: (N,) direction, +1 or -1, from which all actuators come to each position; None: the mean of both.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.compensation.machine import Machine
+from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -65,7 +65,7 @@ class GridTable:
         return pd.concat(blocks, ignore_index=True)
 
 
-def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
+def grid_table(machine: CompensatedMachine, controller: Model, temperatures: Sequence[float] = ()) -> GridTable:
     """The table of a machine. It has a step for each combination of the ``temperatures``, degC, over the temperature columns.
 
     Raises `ModelError` if the robot has more than ``ACTUATORS`` actuators, or one without limits.
@@ -87,7 +87,7 @@ def grid_table(machine: Machine, controller: Model, temperatures: Sequence[float
     return GridTable(nodes, steps, change.reshape(shape))
 
 
-def _changes(machine: Machine, controller: Model, q: Floats) -> Floats:
+def _changes(machine: CompensatedMachine, controller: Model, q: Floats) -> Floats:
     """(N, n) additions to commands q (N, n) of the controller, m or rad; NaN for commands that the robot can't reach."""
     kinematics = controller.kinematics
     wanted = kinematics.forward(q)

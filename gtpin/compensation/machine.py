@@ -20,7 +20,7 @@ CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
 
 
 @dataclass(frozen=True)
-class Machine:
+class CompensatedMachine:
     """A model at constant temperatures, in one session, at rest, without a load on the tool, at the end of its dataset's time.
 
     ``model``: the model in the base frame, without effects of the instrument. ``session``: session whose zero shifts apply;
@@ -75,7 +75,7 @@ class Machine:
 
 def machine_at(
     model: Model, session: str | None = None, temperatures: Mapping[str, float] | None = None
-) -> tuple[Machine, tuple[str, ...]]:
+) -> tuple[CompensatedMachine, tuple[str, ...]]:
     """The machine of a model under conditions, without effects whose conditions are not known, and the names of these.
 
     Raises `ModelError` if the session is not one of the model's.
@@ -85,10 +85,10 @@ def machine_at(
         raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
     machine = machine_of(model)
     unknown = tuple(active.name for active in machine.effects if not _is_known(machine, active, session))
-    return Machine(machine.without(unknown), session, temperatures or {}), unknown
+    return CompensatedMachine(machine.without(unknown), session, temperatures or {}), unknown
 
 
-def parts(machine: Machine, controller: Model) -> dict[str, Machine]:
+def parts(machine: CompensatedMachine, controller: Model) -> dict[str, CompensatedMachine]:
     """By name, machines that each have one part of the errors: the model's geometry, or the controller's with one effect."""
     model = machine.model
     found = {} if _same(model, controller) else {"geometry": replace(machine, model=Model(model.geometry))}

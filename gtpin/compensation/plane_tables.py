@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import Controller, positions_to_ask_for
-from gtpin.compensation.machine import Machine
+from gtpin.compensation.machine import CompensatedMachine
 from gtpin.typing import Floats
 
 NODES = 21
@@ -55,7 +55,7 @@ class PlaneTables:
         return p
 
 
-def plane_tables(machine: Machine, controller: Controller, box: Box) -> PlaneTables:
+def plane_tables(machine: CompensatedMachine, controller: Controller, box: Box) -> PlaneTables:
     """The correction of a machine in a box: offset and skew by least squares, then the heights, as a mean over `LEVELS`.
 
     Raises `UnreachableError` if the machine can't reach all of the box.

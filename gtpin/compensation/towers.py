@@ -11,7 +11,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import ModelController, positions_to_ask_for
-from gtpin.compensation.machine import Machine
+from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -128,7 +128,7 @@ def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
     return Drives(towers, actuator, sign, q.mean(axis=0)[actuator] - sign * height.mean(axis=0))
 
 
-def fitted_towers(machine: Machine, drives: Drives, box: Box, scales: bool = True) -> Towers:
+def fitted_towers(machine: CompensatedMachine, drives: Drives, box: Box, scales: bool = True) -> Towers:
     """The dimensions with which the root mean square error of the TCP in a box is smallest.
 
     ``scales``: whether the travel per step may change.

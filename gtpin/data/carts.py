@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.checks import Rows, frozen, unnumbered
+from gtpin.data.checks import CheckedRows, frozen, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_CARTS
 from gtpin.data.table import Column
@@ -55,7 +55,7 @@ class CartMeasurements:
     file: Path | None = None
 
     def __post_init__(self) -> None:
-        rows = Rows.of(self.file, self.row, len(self.cart))
+        rows = CheckedRows.of(self.file, self.row, len(self.cart))
         cart = rows.floats(self.cart, ["cart"])
         known = np.isin(cart, np.arange(1, self.n_actuators + 1))
         if not known.all():

@@ -37,14 +37,14 @@ def frozen(array: Column) -> Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class CheckedRows:
     """File and lines, (N,), of N rows; its checks raise errors that name the file and line of the row."""
 
     file: Path | None
     line: NDArray[np.int64]
 
     @classmethod
-    def of(cls, file: Path | None, line: NDArray[np.int64], length: int) -> Rows:
+    def of(cls, file: Path | None, line: NDArray[np.int64], length: int) -> CheckedRows:
         """Take the lines given or, where none are, number rows as in a file with a header: 2, 3, ..."""
         if length == 0:
             raise DatasetError("no rows", file=file, hint="at least one is needed")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.checks import Rows, unnumbered
+from gtpin.data.checks import CheckedRows, unnumbered
 from gtpin.data.files import read_table, write_table
 from gtpin.data.ids import Ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
@@ -58,7 +58,7 @@ class Commands:
     file: Path | None = None
 
     def __post_init__(self) -> None:
-        rows = Rows.of(self.file, self.row, len(self.pose))
+        rows = CheckedRows.of(self.file, self.row, len(self.pose))
         pose, q = rows.ids(self.pose, "pose"), rows.commands(self.q)
         rows.same_commands(pose, q)
         covariates = rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.data.carts import CartMeasurements
-from gtpin.data.checks import Rows, unnumbered
+from gtpin.data.checks import CheckedRows, unnumbered
 from gtpin.data.commands import Commands
 from gtpin.data.description import (
     SCHEMA,
@@ -132,7 +132,7 @@ class Dataset(Shown):
 
     def __post_init__(self) -> None:
         description = self._description(self.robot)
-        rows = Rows.of(self.file, self.row, len(self.pose))
+        rows = CheckedRows.of(self.file, self.row, len(self.pose))
         pose, q = rows.ids(self.pose, "pose"), rows.commands(self.q)
         rows.same_commands(pose, q)
         values = {

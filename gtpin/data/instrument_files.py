@@ -74,7 +74,7 @@ def warn_of_files(path: Path, used: set[str]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class TablePart:
     """The rows of one instrument.
 
     - ``table``, ``file``: its section of dataset.toml, and the file of its table.
@@ -92,7 +92,7 @@ class Part:
     covariates: dict[str, Column]
 
 
-def filled(part: Part, name: str, parts: list[Part]) -> Column:
+def filled(part: TablePart, name: str, parts: list[TablePart]) -> Column:
     """(N,) column ``name`` of one instrument's readings; full of NaN, or "" for ids, where the instrument does not have it."""
     if name in part.readings:
         return part.readings[name]
@@ -104,7 +104,7 @@ def filled(part: Part, name: str, parts: list[Part]) -> Column:
     return np.full(len(part.pose), np.nan)
 
 
-def covariates_of(toml: Path, parts: list[Part]) -> dict[str, Column]:
+def covariates_of(toml: Path, parts: list[TablePart]) -> dict[str, Column]:
     """Covariates of all rows, by name.
 
     A table without the column takes the values of other tables at the same poses. Where those do not have all its poses, the

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.data.checks import Rows
+from gtpin.data.checks import CheckedRows
 from gtpin.data.description import SECOND, Instrument, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
-from gtpin.data.instrument_files import Part, columns_beside, covariates_of, file_of, filled, warn_of_files
+from gtpin.data.instrument_files import TablePart, columns_beside, covariates_of, file_of, filled, warn_of_files
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
@@ -116,21 +116,21 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
     return contents
 
 
-def _part(file: Path, table: InstrumentTable, beside: set[str]) -> Part:
+def _part(file: Path, table: InstrumentTable, beside: set[str]) -> TablePart:
     """The rows of a table, without the columns ``beside`` that other instruments read in the same file."""
     read = read_table(file, ids=table.ids)
     line = read.row
-    rows = Rows.of(file, line, len(line))
+    rows = CheckedRows.of(file, line, len(line))
     q = rows.commands(read.commands())
     pose = rows.ids(read.column("pose"), "pose")
     readings = _readings(read, table, rows)
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
     covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
     read.warn_of_covariates(taken)
-    return Part(table, file, line, pose, q, readings, covariates)
+    return TablePart(table, file, line, pose, q, readings, covariates)
 
 
-def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Column]:
+def _readings(read: Table, table: InstrumentTable, rows: CheckedRows) -> dict[str, Column]:
     """The columns of readings, by name, that a table of the instrument's kind has."""
     found: dict[str, Column] = {}
     for name in table.numbers:
@@ -146,7 +146,7 @@ def _readings(read: Table, table: InstrumentTable, rows: Rows) -> dict[str, Colu
     return found
 
 
-def _check_tracker(read: Table, found: dict[str, Column], rows: Rows) -> None:
+def _check_tracker(read: Table, found: dict[str, Column], rows: CheckedRows) -> None:
     quaternions = read.orientation()
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
@@ -169,11 +169,11 @@ def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
         warn(f"{toml}: {only}: that of {', '.join(names)} is not used")
 
 
-def _check_commands(parts: list[Part]) -> None:
+def _check_commands(parts: list[TablePart]) -> None:
     """Raise where rows that share a pose id, in one table or in two, differ in their commands."""
     known: dict[str, tuple[Floats, Path]] = {}
     for part in parts:
-        Rows.of(part.file, part.line, len(part.line)).same_commands(part.pose, part.q)
+        CheckedRows.of(part.file, part.line, len(part.line)).same_commands(part.pose, part.q)
         ids, first = np.unique(part.pose.astype(str), return_index=True)
         for pose, index in zip(ids, first, strict=True):
             q = part.q[index]

@@ -19,7 +19,7 @@ from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outliers
-from gtpin.diagnosis.inference.settle import Settled, settle
+from gtpin.diagnosis.inference.settle import SearchState, settle
 from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.verdict import considered
 from gtpin.diagnosis.inference.where import where
@@ -31,7 +31,7 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import driver_effects
-from gtpin.effects.driver_motion import Instrument
+from gtpin.effects.driver_motion import InstrumentAxes
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError, noted, warn
 from gtpin.memory import require
@@ -223,7 +223,7 @@ def _diagnose(
 
 
 def _diagnosis(
-    prepared: Prepared, settled: Settled, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
+    prepared: Prepared, settled: SearchState, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
 ) -> Diagnosis:
     """Put the result of a diagnosis together from those of its steps."""
     found, hypotheses = fitted.conclusion, settled.hypotheses
@@ -250,11 +250,11 @@ def _diagnosis(
     )
 
 
-def _instrument(prepared: Prepared) -> Instrument:
+def _instrument(prepared: Prepared) -> InstrumentAxes:
     """The instrument's origin and axes in the base frame."""
     frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
     origin = np.zeros(3) if station is None else np.array(station)
-    return Instrument(frame.R.T @ (origin - frame.T), frame.R.T)
+    return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)
 
 
 def _require_memory(dataset: Dataset) -> None:

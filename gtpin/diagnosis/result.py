@@ -24,7 +24,7 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
-from gtpin.model.fit_conditions import Unexplained as LeftBefore
+from gtpin.model.fit_conditions import ModelDiscrepancy as LeftBefore
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
 

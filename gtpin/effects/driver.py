@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.data import Dataset
 from gtpin.data.description import Driver
 from gtpin.effects.basis import Basis
-from gtpin.effects.driver_motion import Instrument, moved, refusal
+from gtpin.effects.driver_motion import InstrumentAxes, moved, refusal
 from gtpin.effects.effect import Effect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import turns
@@ -25,7 +25,7 @@ PREFIX = "driver:"
 
 
 @dataclass(frozen=True)
-class Column:
+class DriverColumn:
     """A recorded column: its name, and its mean and range in the data that the effect was fitted to."""
 
     name: str
@@ -46,9 +46,11 @@ class DriverEffect(Effect):
     Typical size: ``size`` in the dataset's ``[[driver]]`` table.
     """
 
-    def __init__(self, column: Column, drivers: Iterable[Driver], instrument: Instrument | None = None) -> None:
+    def __init__(
+        self, column: DriverColumn, drivers: Iterable[Driver], instrument: InstrumentAxes | None = None
+    ) -> None:
         """Take a column, its ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the base frame)."""
-        self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or Instrument()
+        self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or InstrumentAxes()
         self.id = PREFIX + column.name
         self.title = f"moves with the column {column.name}"
         self.clause = f"{{site}} moves with the column {column.name}"
@@ -97,7 +99,9 @@ class DriverEffect(Effect):
         return found
 
 
-def driver_effects(dataset: Dataset, robot: Robot, instrument: Instrument | None = None) -> tuple[DriverEffect, ...]:
+def driver_effects(
+    dataset: Dataset, robot: Robot, instrument: InstrumentAxes | None = None
+) -> tuple[DriverEffect, ...]:
     """The effects that a dataset's ``[[driver]]`` tables describe, one for each column.
 
     ``instrument``: its pose, for motions of the site ``frame``; None: the base frame.
@@ -123,7 +127,7 @@ def driver_effects(dataset: Dataset, robot: Robot, instrument: Instrument | None
     )
 
 
-def _column(dataset: Dataset, name: str) -> Column:
+def _column(dataset: Dataset, name: str) -> DriverColumn:
     values = np.asarray(dataset.covariates[name], dtype=float)
     # The range of a column that does not vary is not used: its effect can't be tested.
-    return Column(name, float(values.mean()), float(np.ptp(values)) or 1.0)
+    return DriverColumn(name, float(values.mean()), float(np.ptp(values)) or 1.0)

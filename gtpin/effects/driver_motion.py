@@ -20,7 +20,7 @@ from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Instrument:
+class InstrumentAxes:
     """The instrument's pose in the base frame: its origin (3,), m, and its axes as the columns of a (3, 3) matrix."""
 
     origin: Floats = field(default_factory=lambda: np.zeros(3))
@@ -43,7 +43,7 @@ def refusal(robot: Robot, site: str, motion: str) -> str | None:
 
 
 def moved(
-    at: Situation, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: Instrument
+    at: Situation, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: InstrumentAxes
 ) -> Basis:
     """Displacements of a site by w motions with c columns each: ``columns`` is (N, w, c), m or rad; ``sigma`` (w c,) sizes.
 

@@ -13,7 +13,7 @@ from gtpin.effects.basis import rods_of
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach
-from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, Curve, fitted, line, waves
+from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
 from gtpin.kinematics.rotations import skew
@@ -43,7 +43,7 @@ class Give:
     """
 
     compliance: float
-    place: Curve
+    place: DriveCurve
     slip: float
 
     def at(self, load: Floats, q: Floats, approach: Floats) -> Floats:
@@ -61,7 +61,7 @@ def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[flo
     """
     one = np.ones(len(q))
     compliance, rest = line(load, moved, tangent)
-    simple = Give(compliance, Curve(rest, 0.0), 0.0)
+    simple = Give(compliance, DriveCurve(rest, 0.0), 0.0)
     place = waves(q, load, ends, one, PLACES)
     own = load - place(q)
     if np.std(own) > FREE * np.std(load):
@@ -174,7 +174,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
     return mechanism, shown
 
 
-def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[Curve]) -> Mechanism:
+def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[DriveCurve]) -> Mechanism:
     index = robot.sites.index(site)
     there = np.linspace(robot.lower[index], robot.upper[index], 101)
     joints, couplings = [], []

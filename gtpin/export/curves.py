@@ -37,7 +37,7 @@ class Harmonic:
 
 
 @dataclass(frozen=True)
-class Curve:
+class DriveCurve:
     """offset + proportion x + sum of harmonics of x; values in m or rad."""
 
     offset: float
@@ -54,66 +54,66 @@ class Curve:
         """Derivative at a coordinate."""
         return self.proportion - float(sum(h.amplitude * h.rate * np.sin(h.rate * x + h.phase) for h in self.harmonics))
 
-    def about(self, origin: float) -> Curve:
+    def about(self, origin: float) -> DriveCurve:
         """The same curve as a function of x - origin."""
         moved = tuple(replace(h, phase=h.phase + h.rate * origin) for h in self.harmonics)
-        return Curve(self.offset + self.proportion * origin, self.proportion, moved)
+        return DriveCurve(self.offset + self.proportion * origin, self.proportion, moved)
 
-    def times(self, factor: float) -> Curve:
+    def times(self, factor: float) -> DriveCurve:
         """The curve with all its values multiplied by a factor."""
         waves = tuple(replace(h, amplitude=factor * h.amplitude) for h in self.harmonics)
-        return Curve(factor * self.offset, factor * self.proportion, waves)
+        return DriveCurve(factor * self.offset, factor * self.proportion, waves)
 
-    def plus(self, other: Curve) -> Curve:
+    def plus(self, other: DriveCurve) -> DriveCurve:
         """The sum of two curves; harmonics of equal rate and phase are added."""
         total: dict[tuple[float, float], float] = {}
         for h in (*self.harmonics, *other.harmonics):
             total[h.rate, h.phase] = total.get((h.rate, h.phase), 0.0) + h.amplitude
         waves = tuple(Harmonic(rate, phase, amplitude) for (rate, phase), amplitude in total.items())
-        return Curve(self.offset + other.offset, self.proportion + other.proportion, waves)
+        return DriveCurve(self.offset + other.offset, self.proportion + other.proportion, waves)
 
 
-NOTHING = Curve(0.0, 0.0)
+NOTHING = DriveCurve(0.0, 0.0)
 """The curve that is zero."""
-SAME = Curve(0.0, 1.0)
+SAME = DriveCurve(0.0, 1.0)
 """The curve of a joint that has the coordinate of the other."""
 
 
-def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats | None = None) -> Curve:
+def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats | None = None) -> DriveCurve:
     """The curve through values (N,) at coordinates x (N,), by least squares with weights (N,).
 
     Its harmonics are half waves 1 to ``HARMONICS`` over the range between ``ends``: the functions of the smooth effects.
     """
     weight = np.ones(len(x)) if weight is None else weight
     proportion, offset = np.polyfit(x, values, 1, w=weight)
-    line = Curve(float(offset), float(proportion))
+    line = DriveCurve(float(offset), float(proportion))
     if _off(line, x, values, weight) <= CLOSE:
         return line
     return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), x]), HARMONICS)
 
 
-def waves(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, count: int) -> Curve:
+def waves(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, count: int) -> DriveCurve:
     """As :func:`fitted`, but without slope: a constant and, if that is not close enough, half waves 1 to ``count``."""
-    constant = Curve(float(np.average(values, weights=weight**2)), 0.0)
+    constant = DriveCurve(float(np.average(values, weights=weight**2)), 0.0)
     if _off(constant, x, values, weight) <= CLOSE:
         return constant
     return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), np.zeros(len(x))]), count)
 
 
-def _off(curve: Curve, x: Floats, values: Floats, weight: Floats) -> float:
+def _off(curve: DriveCurve, x: Floats, values: Floats, weight: Floats) -> float:
     return float(np.sqrt(np.average((curve(x) - values) ** 2, weights=weight**2)))
 
 
 def _with_harmonics(
     x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, line: Floats, count: int
-) -> Curve:
+) -> DriveCurve:
     """A curve by least squares; ``line`` (N, 2) has the columns of offset and proportion."""
     lower, upper = ends
     rates = np.pi * np.arange(1, count + 1) / (upper - lower)
     columns = np.column_stack([line, np.cos(np.outer(x - lower, rates))])
     found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=SHOWN)[0]
     own = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
-    return Curve(float(found[0]), float(found[1]), tuple(h for h in own if abs(h.amplitude) > LEAST))
+    return DriveCurve(float(found[0]), float(found[1]), tuple(h for h in own if abs(h.amplitude) > LEAST))
 
 
 def line(load: Floats, moved: Floats, tangent: float) -> tuple[float, float]:

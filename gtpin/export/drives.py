@@ -13,7 +13,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
-from gtpin.export.curves import NOTHING, SAME, WORTH, Curve, fitted, waves
+from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
 from gtpin.model.model import Model
@@ -42,8 +42,8 @@ class Law:
     fit, N or N m.
     """
 
-    along: Curve
-    half_width: Curve
+    along: DriveCurve
+    half_width: DriveCurve
     load: float
 
     def at(self, q: Floats, approach: Floats | float) -> Floats:
@@ -96,13 +96,13 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
 
 
-def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> Curve:
+def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> DriveCurve:
     """Half the play as a curve, negative for a drive that overshoots; a constant if it is too small somewhere."""
     curve = waves(q, half, ends, weight, WIDTHS)
     mean = float(np.average(half, weights=weight**2))
     if (np.sign(mean) * curve(np.linspace(*ends, 101))).min() > LEAST_PLAY:
         return curve
-    return Curve(mean, 0.0)
+    return DriveCurve(mean, 0.0)
 
 
 def _largest_load(at: Situation, site: str) -> float:
@@ -179,7 +179,7 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
     return mechanism.with_joints(body.name, list(joints.values()))
 
 
-def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve) -> Mechanism:
+def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: DriveCurve) -> Mechanism:
     """The mechanism with a motor whose coordinate is the command, and the actuator's joint coupled to it by the curve
     ``travel``.
 
@@ -192,7 +192,7 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: Curve)
     motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
     base = mechanism.bodies[0].name
     body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
-    about_home = travel.about(home).plus(Curve(-joint.home, 0.0))
+    about_home = travel.about(home).plus(DriveCurve(-joint.home, 0.0))
     mechanism = replace(mechanism, bodies=(*mechanism.bodies, body))
     mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, about_home)])
     return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))

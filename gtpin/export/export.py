@@ -29,7 +29,7 @@ from gtpin.export.text import numbers, xml_text
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
-from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
@@ -142,7 +142,7 @@ def texts(
         scales, carried = drive_scales(model)
         urdf = with_transmissions(urdf, model.robot, scales)
         return Export({file.name: urdf}, left_out(model), tuple(name for name in left_out(model) if name in carried))
-    robot = Robot(Description.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
+    robot = Robot(RobotDescription.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
         return Export(files, left_out(model))

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.export.curves import SAME, Curve
+from gtpin.export.curves import SAME, DriveCurve
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import joint_jacobian
 from gtpin.robot.description import parse_xml
@@ -109,7 +109,7 @@ class Coupling:
 
     joint: str
     other: str
-    curve: Curve
+    curve: DriveCurve
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class Play:
 
     joint: str
     other: str
-    half: Curve
+    half: DriveCurve
 
 
 @dataclass(frozen=True, eq=False)

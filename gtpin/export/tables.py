@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import Controller, ModelController, there
 from gtpin.compensation.grid_table import GridTable, grid_table
-from gtpin.compensation.machine import Machine, machine_at, parts
+from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
 from gtpin.compensation.plane_tables import PlaneTables, plane_tables
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
 from gtpin.compensation.towers import Drives, TowerController, Towers, drives_of, fitted_towers
@@ -59,7 +59,7 @@ class TablesFor:
             raise ModelError(what, hint="give a model of the same robot")
         return Model(self.controller.geometry)
 
-    def machine(self, model: Model, session: str | None) -> tuple[Machine, tuple[str, ...]]:
+    def machine(self, model: Model, session: str | None) -> tuple[CompensatedMachine, tuple[str, ...]]:
         """The machine, and names of the effects that no table can represent; raises `ModelError` if temperatures are given
         and no effect is thermal."""
         machine, unknown = machine_at(model, session)
@@ -111,7 +111,7 @@ def both_approaches(count: int) -> Floats:
 
 
 def by_parts(
-    machines: Mapping[str, Machine], left: Callable[[Machine], Left]
+    machines: Mapping[str, CompensatedMachine], left: Callable[[CompensatedMachine], Left]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
     move nothing under the conditions of the tables."""
@@ -165,20 +165,20 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
     known = [{} if t is None else dict.fromkeys(machine.temperature_columns, t) for t in steps]
     machines = [replace(machine, temperatures=temperatures) for temperatures in known]
 
-    def corrected(part: Machine) -> tuple[Towers | None, Controller]:
+    def corrected(part: CompensatedMachine) -> tuple[Towers | None, Controller]:
         """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""
         if present is None:
             return None, plain
         towers = fitted_towers(replace(part, temperatures=known[0]), present.drives, box)
         return towers, TowerController(present.drives, towers)
 
-    def left(part: Machine, controller: Controller, table: PlaneTables) -> Left:
+    def left(part: CompensatedMachine, controller: Controller, table: PlaneTables) -> Left:
         points = box.fill(POINTS)
         approach = both_approaches(POINTS)
         before = there(part, plain, box, points, approach) - points
         return Left(before, there(part, controller, box, table.applied(points), approach) - points)
 
-    def left_alone(part: Machine) -> Left:
+    def left_alone(part: CompensatedMachine) -> Left:
         controller = corrected(part)[1]
         return left(part, controller, plane_tables(part, controller, box))
 
@@ -237,7 +237,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     table = grid_table(machine, believed, wanted.temperatures)
     last = replace(machine, temperatures=table.temperatures[-1])
 
-    def left(part: Machine) -> Left:
+    def left(part: CompensatedMachine) -> Left:
         return _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures))
 
     remains = _left_of_grid(last, believed, table)
@@ -251,7 +251,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     return Written({file.name: text}, (*unknown, *absent), tuple(notes))
 
 
-def _left_of_grid(machine: Machine, controller: Model, table: GridTable) -> Left:
+def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable) -> Left:
     """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
     from scipy.stats import qmc
 

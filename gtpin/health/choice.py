@@ -87,7 +87,7 @@ def _usual(model: Model, given: Collection[str], count: int) -> dict[str, Column
     return found
 
 
-class Choice:
+class PoseChoice:
     """Chooses the poses that best determine some unknowns, in groups; all other unknowns are nuisance parameters.
 
     The score of a set of poses is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the

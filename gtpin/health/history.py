@@ -31,13 +31,13 @@ def refuse_readings(dataset: Dataset) -> None:
         raise GtpinError(what, file=dataset.file, hint="leave --history out")
 
 
-class Part(BaseModel):
+class HistoryPart(BaseModel):
     """The base class of the parts of a line. Unknown keys, and text in place of numbers, are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, frozen=True)
 
 
-class Changed(Part):
+class Changed(HistoryPart):
     """A change that a check named: the leader of its class, with its probability, and value and unit of its first parameter."""
 
     effect: str
@@ -48,7 +48,7 @@ class Changed(Part):
     unit: str
 
 
-class Entry(Part):
+class Entry(HistoryPart):
     """One check. Lengths in m; ``date`` is UTC, as in ISO 8601."""
 
     schema_: Literal["gtpin-history/1"] = Field(alias="schema", default=SCHEMA)

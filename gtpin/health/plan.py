@@ -25,7 +25,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError
-from gtpin.health.choice import Candidates, Choice, candidates
+from gtpin.health.choice import Candidates, PoseChoice, candidates
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
@@ -45,7 +45,7 @@ For effects that are to be distinguished it is 1: the others are not larger than
 
 
 @dataclass(frozen=True)
-class Told:
+class Separability:
     """How well an effect is distinguished from all others.
 
     ``effect``, ``site``, ``parameter``: the effect's first parameter; where the effect has several coefficients, the first core
@@ -114,7 +114,7 @@ class PosePlan(Shown):
     false_alarm: float = FALSE_ALARM
     power: float = POWER
     threshold: float | None = None
-    told: tuple[Told, ...] = ()
+    told: tuple[Separability, ...] = ()
     information: Information | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -239,7 +239,7 @@ def checked_first() -> tuple[str, ...]:
     return tuple(effect.id for effect in catalogue() if effect.first_checked)
 
 
-def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Choice:
+def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> PoseChoice:
     """The choice of poses that determines the cores of some effects; everything else is unknown too.
 
     ``variance``: prior variance of the cores' coefficients, in units of the squared typical size.
@@ -254,16 +254,16 @@ def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Ch
         prior.append(np.where(np.isin(np.arange(own.shape[1]), core), variance, 1.0))
         groups.append([place + i for i in core if i < own.shape[1]])
         place += own.shape[1]
-    return Choice(np.hstack(columns).reshape(N, c, -1), np.concatenate(prior), groups)
+    return PoseChoice(np.hstack(columns).reshape(N, c, -1), np.concatenate(prior), groups)
 
 
 def _told(
     design: Design,
-    choice: Choice,
+    choice: PoseChoice,
     wanted: Sequence[Hypothesis],
     rows: npt.NDArray[np.intp],
     random: Sequence[npt.NDArray[np.intp]],
-) -> list[Told]:
+) -> list[Separability]:
     planned = np.sqrt(np.diag(choice.covariance(rows)))
     others = np.mean([np.sqrt(np.diag(choice.covariance(drawn))) for drawn in random], axis=0)
     robot, found = design.situation.robot, []
@@ -274,7 +274,9 @@ def _told(
         name, (value, unit) = next(iter(hypothesis.effect.parameters_of(robot, hypothesis.site, one, ()).items()))
         typical = abs(float(value))
         at = int(group[0])
-        found.append(Told(*hypothesis.place, name, float(planned[at]) * typical, float(others[at]) * typical, unit))
+        found.append(
+            Separability(*hypothesis.place, name, float(planned[at]) * typical, float(others[at]) * typical, unit)
+        )
     return found
 
 

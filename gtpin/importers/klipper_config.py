@@ -33,7 +33,7 @@ _COMMENT = re.compile(r"#.*|(?:^|\s);.*")  # Klipper ends a line at #, and confi
 
 
 @dataclass(frozen=True)
-class Line:
+class ConfigLine:
     """A line of a value: its text without comments, and where it was read."""
 
     text: str
@@ -46,7 +46,7 @@ class Option:
     """An option: its lines, the first of which may be blank."""
 
     name: str
-    lines: tuple[Line, ...]
+    lines: tuple[ConfigLine, ...]
 
     @property
     def file(self) -> Path:
@@ -132,7 +132,7 @@ class _Reader:
                 continue
             if text[0].isspace() and section is not None and last:  # the line continues the value above
                 option = into[section][last]
-                into[section][last] = Option(last, (*option.lines, Line(text.strip(), file, row)))
+                into[section][last] = Option(last, (*option.lines, ConfigLine(text.strip(), file, row)))
                 continue
             if head := _SECTION.fullmatch(text.strip()):
                 section, last = " ".join(head[1].split()), ""
@@ -149,7 +149,7 @@ class _Reader:
                 what = f"{shown} is no line of a Klipper configuration"
                 raise DatasetError(what, file=file, row=row, hint="give printer.cfg, as Klipper reads and writes it")
             last = match[1].strip().lower()
-            into[section][last] = Option(last, (Line(match[2].strip(), file, row),))
+            into[section][last] = Option(last, (ConfigLine(match[2].strip(), file, row),))
         for name, options in saved.items():
             self.found[name] = {**options, **self.found.get(name, {})}
         self.above.pop()

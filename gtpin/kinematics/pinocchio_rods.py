@@ -12,9 +12,9 @@ from gtpin.kinematics.geometry_jacobian import geometry_jacobian
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies
+from gtpin.kinematics.rod_attachments import Turned
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.seats import Turned
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import rotation_axes
@@ -72,7 +72,7 @@ class PinocchioRods(RodKinematics):
     def _posture(self) -> ClosedPosture:
         robot, there = self.geometry.robot, self.home
         xml = to_urdf(self.geometry, self.P, self.C0, self.L0, self.v, (there.T[0], there.R[0]))
-        return home(Robot(Description.parse(xml, source=robot.name), robot.tcp_frame))
+        return home(Robot(RobotDescription.parse(xml, source=robot.name), robot.tcp_frame))
 
     @cached_property
     def _travel_scale(self) -> Floats:

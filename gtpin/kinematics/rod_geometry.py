@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import RodEnds
-from gtpin.kinematics.seats import ArmJoint, CarrierJoint, MeasuredJoint, TrackJoint, Turned
+from gtpin.kinematics.rod_attachments import ArmJoint, CarrierJoint, JointReading, TrackJoint, Turned
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.robot import Robot
@@ -115,7 +115,7 @@ class RodGeometry:
         turned = Turned(rotation_axes(actuator.axis), self._turns[i])
         track = self.geometry.track(i)
         if track is not None:
-            return MeasuredJoint(C0, track, turned)
+            return JointReading(C0, track, turned)
         if actuator.revolute:
             return ArmJoint(C0, actuator.axis, actuator.origin, turned)
         return TrackJoint(C0, actuator.axis, turned)

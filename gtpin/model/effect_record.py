@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 from gtpin.data.description import Driver, Motion
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
-from gtpin.effects.driver import PREFIX, Column, DriverEffect
-from gtpin.effects.driver_motion import Instrument, refusal
+from gtpin.effects.driver import PREFIX, DriverColumn, DriverEffect
+from gtpin.effects.driver_motion import InstrumentAxes, refusal
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import PARTS, References, Situation
 from gtpin.effects.situation import Column as Covariate
@@ -188,8 +188,8 @@ def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
         if why:
             raise ModelError(why, column="column")
     drivers = [Driver(stored.name, d.site, d.motion, d.size) for d in stored.drivers]
-    instrument = Instrument(np.array(stored.origin), np.array(stored.axes))
-    return DriverEffect(Column(stored.name, stored.mean, stored.range), drivers, instrument)
+    instrument = InstrumentAxes(np.array(stored.origin), np.array(stored.axes))
+    return DriverEffect(DriverColumn(stored.name, stored.mean, stored.range), drivers, instrument)
 
 
 def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:

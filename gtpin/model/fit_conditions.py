@@ -15,7 +15,7 @@ TEMPERATURES = ("temp_frame", "temp_link")
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class ModelDiscrepancy:
     """Errors of a fitted model that differ from pose to pose and are not noise, per axis, as standard deviations.
 
     They are a part of the uncertainty of every prediction of the model.
@@ -35,7 +35,7 @@ class Unexplained:
         return self.position == 0.0 and self.orientation == 0.0
 
 
-EXPLAINED = Unexplained(0.0, 0.0)
+EXPLAINED = ModelDiscrepancy(0.0, 0.0)
 """Nothing is unexplained."""
 
 
@@ -60,7 +60,7 @@ class FitConditions:
 
     @staticmethod
     def of(
-        noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: Unexplained
+        noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: ModelDiscrepancy
     ) -> FitConditions:
         """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, covariates (N,) by name,
         and what it left unexplained."""

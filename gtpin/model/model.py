@@ -17,7 +17,7 @@ from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import FitConditions, Unexplained
+from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -129,7 +129,7 @@ class Model:
     instruments: tuple[FittedInstrument, ...] = ()
     joint_covariance: Floats | None = None
     fit: FitConditions | None = None
-    unexplained: Unexplained | None = None
+    unexplained: ModelDiscrepancy | None = None
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"

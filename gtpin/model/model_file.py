@@ -55,7 +55,7 @@ class FitRecord(Record):
 
 
 class UnexplainedRecord(Record):
-    """What a fit left unexplained; see :class:`~gtpin.model.fit_conditions.Unexplained`."""
+    """What a fit left unexplained; see :class:`~gtpin.model.fit_conditions.ModelDiscrepancy`."""
 
     position: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     orientation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]

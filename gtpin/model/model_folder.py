@@ -18,7 +18,7 @@ from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
-from gtpin.model.fit_conditions import FitConditions, Unexplained
+from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import FittedInstrument, Frame, Model
 from gtpin.model.model_file import (
     AGAIN,
@@ -33,7 +33,7 @@ from gtpin.model.model_file import (
     read_model_file,
 )
 from gtpin.output.results import results_folder
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import placements_to_urdf, to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
@@ -205,7 +205,7 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
     content = read_model_file(file)
-    robot = Robot(Description.read(folder / content.nominal_urdf), content.tcp)
+    robot = Robot(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
     instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     try:
         robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
@@ -215,7 +215,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
-    left = None if content.unexplained is None else Unexplained(**content.unexplained.model_dump())
+    left = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
     return Model(
         geometry,
         frame,

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gtpin.calibration.cart_tracks import Linearity
+from gtpin.calibration.cart_tracks import TrackLinearity
 from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
-from gtpin.report.embedded import Choice, Plot
+from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.palette import ACCENT, FIT, GOOD, INK, SOFT, WARN
@@ -39,7 +39,7 @@ MODELS = {
 COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
 FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
 COST = {"pose": "pose residuals, tolerances as priors", "closure": "squared closure residuals, as in the paper"}
-ANGLES = Choice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
+ANGLES = PlotChoice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
 """ZYZ Euler angles."""
 UNKNOWN = (float("nan"), float("nan"))
 
@@ -211,7 +211,7 @@ def carts_drawing(carts: CartMeasurements) -> Drawing:
     """Residuals of a straight line fitted to each cart's measured positions."""
     traces = []
     for j in range(carts.n_actuators):
-        line = Linearity.of(carts, j + 1)
+        line = TrackLinearity.of(carts, j + 1)
         rows = shown(len(line.q))
         traces.append(scatter("lines", line.q[rows], 1e6 * line.absolute[rows], name=f"cart {j + 1}"))
     layout = titled("commanded position (m)", "off a straight line (µm)")

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.estimate import WIDE
-from gtpin.report.effect_curves import Curve, Line
+from gtpin.report.effect_curves import CurveLine, EffectCurve
 from gtpin.report.embedded import Plot, escaped
 from gtpin.report.figure import Drawing, scatter, titled
 from gtpin.report.palette import CURVES, DATA
@@ -22,12 +22,12 @@ MOST = 6
 """Largest number of curves that are drawn per effect."""
 
 
-def drawn_curves(found: Sequence[Curve]) -> list[Curve]:
+def drawn_curves(found: Sequence[EffectCurve]) -> list[EffectCurve]:
     """The curves of an effect that are drawn: those that differ from zero."""
     return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
 
 
-def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
+def curve_plots(name: str, found: Sequence[EffectCurve]) -> list[Plot]:
     """Plots of an effect's curves.
 
     ``name``: beginning of the plots' names.
@@ -38,7 +38,7 @@ def curve_plots(name: str, found: Sequence[Curve]) -> list[Plot]:
     ]
 
 
-def curve_drawing(curve: Curve) -> Drawing:
+def curve_drawing(curve: EffectCurve) -> Drawing:
     """A curve of an effect with its 95 % interval, and the measurements less everything else that the model explains."""
     factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
     traces: list[dict[str, Any]] = []
@@ -47,7 +47,7 @@ def curve_drawing(curve: Curve) -> Drawing:
     return Drawing(traces, _layout(curve, factor, unit))
 
 
-def curve_notes(found: Sequence[Curve]) -> list[str]:
+def curve_notes(found: Sequence[EffectCurve]) -> list[str]:
     """Notes on an effect's curves: how to read them, and which quantities have no detected displacement."""
     if not found:
         return []
@@ -63,7 +63,7 @@ def curve_notes(found: Sequence[Curve]) -> list[str]:
     return notes + ([f"Not detected, but possible for this effect: {joined(hidden)}."] if hidden else [])
 
 
-def reach(found: Sequence[Curve]) -> str:
+def reach(found: Sequence[EffectCurve]) -> str:
     """The largest displacement by an effect in each unit, as text; for a robot without rods also its motion of the TCP."""
     words = []
     for unit in ("m", "rad"):
@@ -84,7 +84,9 @@ def _texts(x: npt.NDArray[np.generic]) -> Any:
     return [escaped(str(s)) for s in x] if x.dtype == object else x
 
 
-def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank: int) -> list[dict[str, Any]]:
+def _traces(
+    curve: EffectCurve, line: CurveLine, factor: float, color: str, band: str, rank: int
+) -> list[dict[str, Any]]:
     rows, thin = shown(len(line.points_x)), shown(len(line.x))
     x, y, reach = _texts(line.x[thin]), factor * line.y[thin], factor * WIDE * line.sigma[thin]
     points = scatter(
@@ -112,7 +114,7 @@ def _traces(curve: Curve, line: Line, factor: float, color: str, band: str, rank
     ]
 
 
-def _layout(curve: Curve, factor: float, unit: str) -> dict[str, Any]:
+def _layout(curve: EffectCurve, factor: float, unit: str) -> dict[str, Any]:
     points = np.concatenate([line.points_y for line in curve.lines])
     ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
     # A few distant points must not flatten the curve.

@@ -17,8 +17,8 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.effect import Effect
 from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
-from gtpin.report.effect_curves import Curve, curves
-from gtpin.report.embedded import Choice
+from gtpin.report.effect_curves import EffectCurve, curves
+from gtpin.report.embedded import PlotChoice
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.next_experiment import experiment_notes
@@ -181,7 +181,7 @@ def _regions(where: Where) -> dict[str, float]:
     }
 
 
-def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[Curve]]) -> Section:
+def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[EffectCurve]]) -> Section:
     """Each cause with its parameters, what they mean, and its curves; then how a controller corrects them."""
     content: list[Block] = []
     given = ", given the other causes" if len(d.causes) > 1 else ""
@@ -225,7 +225,7 @@ def _explains(d: Diagnosis, cause: Cause) -> str:
     return percent(cause.shrinkage) if _estimable(d) else "not estimable"
 
 
-def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[Curve]]) -> str:
+def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[EffectCurve]]) -> str:
     """The nonlinear parameter of a cause, such as a period, and its largest displacement, as text."""
     words = [reach(by_cause.get((c.effect, c.site), ()))]
     if d.effect(c.effect).has_nonlinear:  # it is the first of the parameters
@@ -252,7 +252,7 @@ def _marked(text: str) -> Markup:
     )
 
 
-def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: Choice) -> Section:
+def _left(d: Diagnosis, residuals: Residuals, views: Mapping[str, View], component: PlotChoice) -> Section:
     """What is left unexplained, and the coordinates with which it correlates, if it is more than noise."""
     left, p = percent(d.unexplained.share), _rare(d.unexplained.p_value)
     noise = d.unexplained.p_value >= CHANCE

@@ -18,7 +18,7 @@ from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
-class Line:
+class CurveLine:
     """A curve with its band, and the measurements that belong to it.
 
     ``label``: label of the line; empty if there is only one. ``x``, ``y``, ``sigma``: (m,) the curve and its standard
@@ -35,7 +35,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Curve:
+class EffectCurve:
     """One quantity that an effect displaces, as a curve.
 
     - ``name``, ``unit``: the displaced quantity; m or rad.
@@ -51,7 +51,7 @@ class Curve:
     name: str
     unit: str
     x_title: str
-    lines: tuple[Line, ...]
+    lines: tuple[CurveLine, ...]
     smooth: bool
     straightened: bool = False
     categories: bool = False
@@ -76,7 +76,7 @@ class _Level:
     rows: npt.NDArray[np.intp]
 
 
-def curves(active: ActiveEffect, residuals: Residuals) -> tuple[Curve, ...]:
+def curves(active: ActiveEffect, residuals: Residuals) -> tuple[EffectCurve, ...]:
     """The curves of an effect, one for every quantity that it displaces.
 
     If the effect depends on a coordinate that can be varied alone (a command, time, a temperature), the curve is along this
@@ -158,7 +158,7 @@ def _situation(active: ActiveEffect, residuals: Residuals, given: Mapping[str, n
     return residuals.at(*residuals.middle(given), active.references)
 
 
-def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list[_Level]) -> tuple[Curve, ...]:
+def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list[_Level]) -> tuple[EffectCurve, ...]:
     found = []
     at_poses = {motion.name: motion for motion in motions(active, _measured(active, residuals))}
     by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
@@ -173,15 +173,15 @@ def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list
         for level, columns in zip(levels, parts, strict=True):
             y, sigma = _with_sigma(active, columns)
             x = _x_of(residuals, x_name)[level.rows]
-            lines.append(Line(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
+            lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
         title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
         sessions = x_name == "session"
         lever = _lever(residuals, at_poses[name])
-        found.append(Curve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever))
+        found.append(EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever))
     return tuple(found)
 
 
-def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[Curve, ...]:
+def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[EffectCurve, ...]:
     at = _measured(active, residuals)
     found = []
     for number, motion in enumerate(motions(active, at)):
@@ -190,8 +190,10 @@ def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ..
         left, lever = residuals.along(residuals.after, motion.tcp), _lever(residuals, motion)
         for x_name, unit, x in _places(active, at, motion, number, own):
             order = np.argsort(x, kind="stable")
-            line = Line("", x[order], y[order], sigma[order], x[order], (y + left)[order])
-            found.append(Curve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever))
+            line = CurveLine("", x[order], y[order], sigma[order], x[order], (y + left)[order])
+            found.append(
+                EffectCurve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever)
+            )
     return tuple(found)
 
 

@@ -23,7 +23,7 @@ SHORT = 25
 
 
 @dataclass(frozen=True)
-class Choice:
+class PlotChoice:
     """A choice of the reader for several plots together: its name in plots, its label, and (value, label) of each option."""
 
     name: str
@@ -47,7 +47,7 @@ class Plot:
     name: str
     title: str
     draw: Callable[..., Drawing]
-    follows: Sequence[Choice] = ()
+    follows: Sequence[PlotChoice] = ()
     caption: str = ""
     height: int = 340
     whole: bool = False

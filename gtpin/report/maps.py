@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtpin.errors import GtpinError
-from gtpin.report.embedded import Choice, Plot
+from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.palette import SCALE, ZERO
 from gtpin.report.poses import VIEWS
@@ -65,7 +65,7 @@ class Maps:
     top: str
     unit: str
     magnified: str = ""
-    instrument: Choice | None = None
+    instrument: PlotChoice | None = None
 
 
 def sizes(residuals: Residuals, after: bool) -> Floats:
@@ -76,10 +76,10 @@ def sizes(residuals: Residuals, after: bool) -> Floats:
     return np.asarray(np.sqrt(((left / residuals.sigma) ** 2).mean(axis=1)))
 
 
-def maps(residuals: Residuals, layers: Choice) -> Maps:
+def maps(residuals: Residuals, layers: PlotChoice) -> Maps:
     """Map the residuals without and with the causes."""
     scale, names = MapScale.of(residuals), [one.name for one in residuals.readings.instruments]
-    choice = Choice("instrument", "Instrument", ((ALL, "all"), *((name, name) for name in names)))
+    choice = PlotChoice("instrument", "Instrument", ((ALL, "all"), *((name, name) for name in names)))
     instrument = choice if len(names) > 1 else None
     what = "Residual map" if residuals.of_poses else "Errors of readings"
 

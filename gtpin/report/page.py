@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from gtpin.report.embedded import Choice, Embedded, Plot, Shared, key_of
+from gtpin.report.embedded import Embedded, Plot, PlotChoice, Shared, key_of
 from gtpin.report.figure import Drawing, alone, has_plotly
 from gtpin.report.palette import DARK, INK, LIGHT, LINE
 from gtpin.report.words import typeset
@@ -154,7 +154,7 @@ class Plots:
 
     plots: Sequence[Plot]
     words: str = ""
-    choices: Sequence[Choice] = ()
+    choices: Sequence[PlotChoice] = ()
     ramp: str = ""
     legend: bool = False
     drawn: bool = True

@@ -63,7 +63,7 @@ class Along:
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnFit:
     """A command or covariate that residuals are plotted against.
 
     - ``name``, ``title``: the column, and the title of its axis.
@@ -132,7 +132,7 @@ def commanded(residuals: Residuals) -> dict[str, Floats]:
     return {f"q{j + 1}": residuals.dataset.q[:, j] for j in range(residuals.dataset.n_actuators)}
 
 
-def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[Column]:
+def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[ColumnFit]:
     """Each command and covariate that varies: first those on which a cause depends, then those with the strongest correlation.
 
     ``share``: strength of the residuals' correlation with each, by name. ``causes``: whether there are causes.
@@ -142,7 +142,7 @@ def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> l
     return sorted(found, key=lambda one: (one.line is None, -share.get(one.name, 0.0)))
 
 
-def column(residuals: Residuals, name: str, causes: bool = True) -> Column:
+def column(residuals: Residuals, name: str, causes: bool = True) -> ColumnFit:
     """A command (``q1``) or covariate.
 
     Raises `DatasetError` if the dataset has no such column.
@@ -155,10 +155,10 @@ def column(residuals: Residuals, name: str, causes: bool = True) -> Column:
     turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
     title = escaped(with_unit(name, covariate_unit(name, turns)))
     if name != "session" and len(np.unique(values.astype(float))) > FEW:
-        return Column(name, title, values, None, fit_along(residuals, name) if causes else None)
+        return ColumnFit(name, title, values, None, fit_along(residuals, name) if causes else None)
     words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
     order = dict.fromkeys(words[i] for i in np.argsort(values, kind="stable"))
-    return Column(name, title, np.array(words, dtype=object), tuple(order), None)
+    return ColumnFit(name, title, np.array(words, dtype=object), tuple(order), None)
 
 
 def fit_along(residuals: Residuals, name: str) -> Along | None:

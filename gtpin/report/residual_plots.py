@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.report.embedded import Choice, Plot, escaped
+from gtpin.report.embedded import Plot, PlotChoice, escaped
 from gtpin.report.figure import Drawing, alone, scatter, titled
 from gtpin.report.palette import DATA, DIVERGING, FIT, INK, ZERO
-from gtpin.report.residual_columns import Column, View, column, columns, commanded, view
+from gtpin.report.residual_columns import ColumnFit, View, column, columns, commanded, view
 from gtpin.report.residuals import Residuals, evenly
 from gtpin.report.words import coordinate_words
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 MOST = 1500
 """Largest number of poses in a plot; of more, an even selection is shown."""
 POINTS = {"size": 4.5, "opacity": 0.6}
-LAYERS = Choice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
-ONE_LAYER = Choice("layer", "Left by", LAYERS.options[:1])
+LAYERS = PlotChoice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
+ONE_LAYER = PlotChoice("layer", "Left by", LAYERS.options[:1])
 """The choice of layer where there are no causes."""
 
 
@@ -58,15 +58,15 @@ def residual_figure(
     return alone(made, f"Residuals against {coordinate_words(against)}")
 
 
-def components(residuals: Residuals, first: str) -> tuple[dict[str, View], Choice]:
+def components(residuals: Residuals, first: str) -> tuple[dict[str, View], PlotChoice]:
     """Views of the residuals along every component, and the choice between them."""
     views = {name: view(residuals, name) for name in residuals.component_names}
     options = sorted(((name, one.title) for name, one in views.items()), key=lambda option: option[0] != first)
-    return views, Choice("component", "Component", tuple(options))
+    return views, PlotChoice("component", "Component", tuple(options))
 
 
 def against_columns(
-    residuals: Residuals, share: Mapping[str, float], views: Mapping[str, View], follows: tuple[Choice, Choice]
+    residuals: Residuals, share: Mapping[str, float], views: Mapping[str, View], follows: tuple[PlotChoice, PlotChoice]
 ) -> list[Plot]:
     """Plots of residuals against each command and covariate that varies.
 
@@ -75,7 +75,7 @@ def against_columns(
     """
     causes = len(follows[1].options) > 1
 
-    def draw(one: Column, component: str, layer: str) -> Drawing:
+    def draw(one: ColumnFit, component: str, layer: str) -> Drawing:
         return _drawing(residuals, one, views[component], causes, layer == "after")
 
     return [
@@ -91,7 +91,7 @@ def against_columns(
     ]
 
 
-def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: Choice) -> Plot:
+def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: PlotChoice) -> Plot:
     """Residuals over two commands, in colour, for a dependence on both."""
     return Plot("left", f"Residuals over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
 
@@ -112,7 +112,7 @@ def _drawn(seen: View) -> npt.NDArray[np.intp]:
     return seen.rows[shown(len(seen.rows))]
 
 
-def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, after: bool) -> Drawing:
+def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool, after: bool) -> Drawing:
     rows = _drawn(seen)
     left = seen.left("after" if after else "before")
     made = (seen.before - seen.after)[rows] if causes and not after else None
@@ -136,7 +136,7 @@ def _drawing(residuals: Residuals, against: Column, seen: View, causes: bool, af
 
 def _dots(
     residuals: Residuals,
-    against: Column,
+    against: ColumnFit,
     rows: npt.NDArray[np.intp],
     left: npt.ArrayLike,
     made: npt.ArrayLike | None,
@@ -151,7 +151,9 @@ def _dots(
     ]
 
 
-def _boxes(against: Column, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None) -> list[Any]:
+def _boxes(
+    against: ColumnFit, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None
+) -> list[Any]:
     trace: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
     layers = [
         (left, "residuals of one value: median, quartiles, ends", DATA),
@@ -160,14 +162,14 @@ def _boxes(against: Column, rows: npt.NDArray[np.intp], left: npt.ArrayLike, mad
     return [trace | {"y": y, "name": name, "marker": {"color": color}} for y, name, color in layers if y is not None]
 
 
-def _cause_line(against: Column, seen: View) -> dict[str, Any]:
+def _cause_line(against: ColumnFit, seen: View) -> dict[str, Any]:
     assert against.line is not None
     name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
     y = seen.factor * against.line.fit[seen.name]
     return scatter("lines", against.line.x, y, name=name, hoverinfo="skip", line=look)
 
 
-def _means(against: Column, rows: npt.NDArray[np.intp], left: npt.NDArray[np.float64]) -> dict[str, Any]:
+def _means(against: ColumnFit, rows: npt.NDArray[np.intp], left: npt.NDArray[np.float64]) -> dict[str, Any]:
     values, groups = against.values.astype(float), against.groups(rows)
     x, y = (np.array([of[group].mean() for group in groups]) for of in (values, left))
     return scatter(

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtpin.report.ball_bar_plot import circular_tests
-from gtpin.report.embedded import Choice, Plot
+from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.maps import maps
 from gtpin.report.page import Block, Fold, Heading, Plots, Section, Table
 from gtpin.report.quality import Quality
@@ -44,7 +44,7 @@ def circle_sections(residuals: Residuals, causes: bool) -> list[Section]:
     return [Section("circles", "Circular tests", [Plots(tests[0].plots, CIRCLES, legend=True, drawn=False), *content])]
 
 
-def map_section(residuals: Residuals, layers: Choice) -> Section:
+def map_section(residuals: Residuals, layers: PlotChoice) -> Section:
     """Residuals over the workspace, without and with the causes."""
     views = maps(residuals, layers)
     if residuals.of_poses:
@@ -61,7 +61,7 @@ def map_section(residuals: Residuals, layers: Choice) -> Section:
     return Section("maps", "Over the workspace", [Plots(views.plots, words, choices, f"{views.top} {views.unit}")])
 
 
-def column_section(residuals: Residuals, plots: Sequence[Plot], choices: Sequence[Choice], causes: bool) -> Section:
+def column_section(residuals: Residuals, plots: Sequence[Plot], choices: Sequence[PlotChoice], causes: bool) -> Section:
     """Residuals against each recorded column."""
     order = ", the column with the strongest correlation first" if causes else ""
     words = f"Residuals at each pose{order}. {selection(residuals)}"

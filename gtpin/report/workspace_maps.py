@@ -10,7 +10,7 @@ from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.expected import mean_length, response
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
-from gtpin.report.embedded import Choice, Plot
+from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import Drawing, alone
 from gtpin.report.palette import SCALE
 from gtpin.report.residual_columns import scale_of
@@ -25,11 +25,11 @@ SLICES = 3
 """Largest number of slices that are shown."""
 
 
-def slices(found: Accuracy) -> tuple[Choice, list[Plot]]:
+def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
     """The choice of the quantity that determines the colours, and the slices, orthogonal to an axis of the base frame."""
     values, space = _quantities(found), found.space
     options = tuple((name, _label(name, unit)) for name, (_, unit) in values.items())
-    choice = Choice("quantity", "Coloured by", options)
+    choice = PlotChoice("quantity", "Coloured by", options)
 
     def plot(number: int, layer: int) -> Plot:
         def draw(quantity: str) -> Drawing:

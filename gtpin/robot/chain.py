@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
-from gtpin.robot.description import ActuatorElement, Anchor, Description
+from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
@@ -101,7 +101,7 @@ class Chain:
         If nothing names the TCP, and there are several ends of chains that it can be.
     """
 
-    def __init__(self, description: Description, tcp: str | None = None) -> None:
+    def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
         self.description = description
         self.name = description.name
         self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))

@@ -6,11 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 from xml.etree.ElementTree import Element, tostring
 
 from gtpin.errors import RobotError
-from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.tree import Tree
 
 
-def with_actuators(description: Description, names: Sequence[str]) -> Description:
+def with_actuators(description: RobotDescription, names: Sequence[str]) -> RobotDescription:
     """The description with these joints as actuators, in this order; without names, with its own.
 
     The ``<actuator>`` elements of its text are replaced, so that files that are written from it have them too. Actuators that
@@ -45,18 +45,18 @@ def with_actuators(description: Description, names: Sequence[str]) -> Descriptio
         home.set("q", " ".join(repr(q.get(name, 0.0)) for name in names))
     for place, name in enumerate(names):
         own.insert(place, before.get(name, Element("actuator", joint=name)))
-    described = Description.parse(tostring(root, encoding="unicode"), description.source, description.kind)
+    described = RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
     return _without_resting_loops(described, names)
 
 
-def _without_resting_loops(description: Description, driven: Sequence[str]) -> Description:
+def _without_resting_loops(description: RobotDescription, driven: Sequence[str]) -> RobotDescription:
     """The description without the loops that no actuator moves; itself where there are none, or no actuators."""
     if not description.loops or not driven:
         return description
     root = parse_xml(description.xml, description.source)
     if not remove_resting_loops(root, driven, description.source):
         return description
-    return Description.parse(tostring(root, encoding="unicode"), description.source, description.kind)
+    return RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
 
 
 def _error(what: str, hint: str) -> RobotError:

@@ -84,7 +84,7 @@ class Home:
 
 
 @dataclass(frozen=True)
-class Description:
+class RobotDescription:
     """A URDF's text, and what its ``<loop_joint>`` and ``<gtpin>`` elements say.
 
     - ``kind``: what was read: ``urdf`` or ``mjcf``.
@@ -115,31 +115,31 @@ class Description:
     tree: Tree
     tcp_guessed: bool
 
-    def __reduce__(self) -> tuple[Callable[[str, str, Kind], Description], tuple[str, str, Kind]]:
-        return Description.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
+    def __reduce__(self) -> tuple[Callable[[str, str, Kind], RobotDescription], tuple[str, str, Kind]]:
+        return RobotDescription.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
 
     @staticmethod
-    def read(path: Path) -> Description:
+    def read(path: Path) -> RobotDescription:
         """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
 
         Raises `RobotError` if the file can't be read, or is no URDF and no MJCF that gtpin understands. Warns: if angles in
         a URDF look like degrees, or an MJCF has what is not read.
         """
         if path.suffix.lower() == SUFFIX:
-            return Description.parse(urdf_with_loops(path, parse_xml), source=str(path))
+            return RobotDescription.parse(urdf_with_loops(path, parse_xml), source=str(path))
         text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
-        described = Description.parse(text, source=str(path))
+        described = RobotDescription.parse(text, source=str(path))
         if described.kind == "urdf":
             warn_of_degrees(parse_xml(text, str(path)), str(path))
         return described
 
     @staticmethod
-    def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> Description:
+    def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> RobotDescription:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
         root, xml = parse_xml(xml, source), xml.lstrip()
         if root.tag == "mujoco":
             with_includes(root, Path(source), parse_xml)
-            return Description.parse(mjcf_to_urdf(root, source), source, "mjcf")
+            return RobotDescription.parse(mjcf_to_urdf(root, source), source, "mjcf")
         if root.tag != "robot":
             hint = "a URDF's is <robot>, an MJCF's <mujoco>"
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
@@ -161,7 +161,7 @@ class Description:
         compliance = own.find("compliance")
         tree = Tree.of(root, source)
         several = len(tree.ends) > 1 and tree.tip != TOOL
-        return Description(
+        return RobotDescription(
             kind=kind,
             xml=xml,
             source=source,

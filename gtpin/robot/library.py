@@ -10,7 +10,7 @@ from pathlib import Path
 from gtpin.errors import RobotError, warn
 from gtpin.references import is_path
 from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.examples import example_names, example_path
 from gtpin.robot.robot import Robot
 
@@ -85,7 +85,7 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
     7
     """
-    found = Robot(with_actuators(Description.read(robot_path(robot)), actuators), tcp)
+    found = Robot(with_actuators(RobotDescription.read(robot_path(robot)), actuators), tcp)
     for note in (*found.assembly.notes, *_without_effect(found)):
         warn(note)
     return found

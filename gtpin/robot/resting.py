@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.tree import Mimic
 from gtpin.typing import Floats
 
@@ -22,7 +22,7 @@ LINK = "link: "
 """Prefix of links' names for the time of a reduction."""
 
 
-def moving_model(description: Description, driven: Sequence[str]) -> Any:
+def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     """Pinocchio's model of what moves: the driven joints, those in loops, and the followers of both.
 
     The other joints are fixed at their neutral coordinates (followers at their offsets); their links and masses stay.
@@ -72,7 +72,7 @@ def _reduced(model: Any, resting: Sequence[str], posture: Floats) -> Any:
     return reduced
 
 
-def neutral(model: Any, description: Description) -> Floats:
+def neutral(model: Any, description: RobotDescription) -> Floats:
     """(nq,) Pinocchio's neutral configuration, with followers at their coordinates for masters at zero."""
     configuration: Floats = pin.neutral(model)
     for mimic in description.tree.mimics:
@@ -82,7 +82,7 @@ def neutral(model: Any, description: Description) -> Floats:
     return configuration
 
 
-def _in_loops(model: Any, description: Description) -> set[str]:
+def _in_loops(model: Any, description: RobotDescription) -> set[str]:
     """Names of the joints that carry only one of a loop's two anchors: the closure of the loop moves them."""
     found: set[str] = set()
     for loop in description.loops:

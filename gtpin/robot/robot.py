@@ -12,7 +12,7 @@ import pinocchio as pin
 from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.chain import Chain
 from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
@@ -51,7 +51,7 @@ class Robot(Chain):
     (3, ('cart1', 'cart2', 'cart3'), ('link1', 'link2a', 'link2b', 'link3a', 'link3b', 'link3c'))
     """
 
-    def __init__(self, description: Description, tcp: str | None = None) -> None:
+    def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
         super().__init__(description, tcp)
         self.rods: tuple[Rod, ...] = rods(self)
         self.measured_joints: tuple[MeasuredJoint, ...] = ()
@@ -64,7 +64,7 @@ class Robot(Chain):
 
         ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.chain.Chain`.
         """
-        return Robot(with_actuators(Description.read(Path(path)), ()), tcp)
+        return Robot(with_actuators(RobotDescription.read(Path(path)), ()), tcp)
 
     @property
     def nominal(self) -> Robot:
@@ -158,7 +158,7 @@ class Robot(Chain):
         other.prepare_constraints()
         return other
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[Description, str], State]:
+    def __reduce__(self) -> tuple[type[Robot], tuple[RobotDescription, str], State]:
         state = (self._placements(), tuple(j.name for j in self.measured_joints))
         return Robot, (self.description, self.tcp_frame), state
 

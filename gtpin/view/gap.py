@@ -21,7 +21,7 @@ from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
-class Gap:
+class DrawnGap:
     """Measured less predicted at N rows of a dataset: poses, or readings of any instruments.
 
     - ``whose``: text after "errors" that says of which model they are, such as "of the nominal model".
@@ -111,7 +111,7 @@ class Gap:
         return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[FittedInstrument, ...]]:
+def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tuple[FittedInstrument, ...]]:
     """The gap of a model at a dataset, and the model's instruments.
 
     For a model without instruments, such as a nominal one, they are those of the dataset, and their unknowns have the values
@@ -125,7 +125,7 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[Gap, tuple[Fit
     return gap_of(model, dataset, fitted), fitted
 
 
-def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> Gap:
+def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> DrawnGap:
     """Measured less predicted at the rows of a dataset, base frame; ``fitted``: the instruments with their unknowns.
 
     Raises `DatasetError` if the commands do not fit the robot, or it can reach none of the poses. `ModelError` if a
@@ -165,7 +165,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         if not one.name:
             share = _shares(model, kept, left @ np.kron(np.eye(left.shape[1] // 3), frame.R))
     words = tuple(map(str, name)), tuple(map(str, unit))
-    return Gap(whose(model), kept.pose, rows.line, kept.q, T, error, share, words[0], value, words[1], whitened)
+    return DrawnGap(whose(model), kept.pose, rows.line, kept.q, T, error, share, words[0], value, words[1], whitened)
 
 
 def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:

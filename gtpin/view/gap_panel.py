@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.typing import Floats
-from gtpin.view.gap import Gap
+from gtpin.view.gap import DrawnGap
 from gtpin.view.shapes import of_errors
 
 BLACK = np.array([0.1, 0.1, 0.1])
@@ -28,7 +28,7 @@ class GapPanel:
     - ``go``: function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
     """
 
-    def __init__(self, server: Any, name: str, gap: Gap, go: Callable[[Floats], str]) -> None:
+    def __init__(self, server: Any, name: str, gap: DrawnGap, go: Callable[[Floats], str]) -> None:
         self.gap, self._scene, self._go = gap, server.scene, go
         self.names = gap.names
         gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
@@ -99,7 +99,7 @@ class GapPanel:
             rest.wait(STEP)
 
 
-def _summary(name: str, gap: Gap) -> str:
+def _summary(name: str, gap: DrawnGap) -> str:
     text = f"**{name}**: {gap.what}, {gap.summary}."
     shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
     return f"{text} Rods by share of the gap: {shares}." if shares else text

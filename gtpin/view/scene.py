@@ -19,10 +19,10 @@ from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import Skeleton, skeleton
 from gtpin.typing import Floats
 from gtpin.view.chain_display import ChainDisplay
-from gtpin.view.gap import Gap
+from gtpin.view.gap import DrawnGap
 from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.shapes import Part, joint_places, parts, robot_as_modelled, shapes
+from gtpin.view.shapes import Shape, joint_places, parts, robot_as_modelled, shapes
 
 
 class Scene:
@@ -55,7 +55,7 @@ class Scene:
     def __init__(
         self,
         model: Model,
-        gap: Gap | None,
+        gap: DrawnGap | None,
         host: str = "localhost",
         port: int = 8080,
         instruments: Sequence[FittedInstrument] | None = None,
@@ -126,7 +126,7 @@ class Scene:
         visualizer.display(self.posture.configuration)
         return visualizer
 
-    def _name_parts(self) -> dict[Part, Any]:
+    def _name_parts(self) -> dict[Shape, Any]:
         """A label at each part."""
         data = self._visualizer.data
         return {

@@ -15,7 +15,7 @@ import pinocchio as pin
 from gtpin.errors import warn
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.examples import package_folder
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -42,7 +42,7 @@ def of_errors(lengths: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Shape:
     """A part: its name, the number of the Pinocchio joint that it moves with, and its place (3,) in that joint's frame, m."""
 
     name: str
@@ -54,14 +54,14 @@ class Part:
         return np.asarray(data.oMi[self.joint].act(self.at))
 
 
-def parts(robot: Robot) -> tuple[Part, ...]:
+def parts(robot: Robot) -> tuple[Shape, ...]:
     """The parts of a robot. Their names are drawn at the TCP (the platform), at the actuators' joints, and at the rods'
     middles."""
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
     found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
     # A leg is an actuator and a rod: its name is drawn only once, at its middle.
     found |= {rod.site: _middle(robot, rod.loop, rod.rod_end) for rod in robot.rods}
-    return tuple(Part(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
+    return tuple(Shape(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
 
 def platform_name(robot: Robot) -> str:
@@ -89,7 +89,7 @@ def _middle(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
 
 def robot_as_modelled(model: Model) -> Robot:
     """A robot with the model's geometry, as far as a URDF can carry it."""
-    return Robot(Description.parse(calibrated_urdf(model), model.robot.description.source))
+    return Robot(RobotDescription.parse(calibrated_urdf(model), model.robot.description.source))
 
 
 def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
@@ -125,7 +125,7 @@ def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, 
     return shape
 
 
-def with_its_meshes(description: Description) -> str:
+def with_its_meshes(description: RobotDescription) -> str:
     """The URDF's text with absolute paths of its visual meshes, and without the shapes whose mesh is missing.
 
     ``package://`` paths are looked for in all folders that contain the URDF, and in that of example-robot-data.

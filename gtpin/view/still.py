@@ -22,7 +22,7 @@ from gtpin.report.palette import ACCENT, FIT, GOOD, WARN, ZERO
 from gtpin.report.skeleton import Kind, Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
-from gtpin.view.gap import Gap
+from gtpin.view.gap import DrawnGap
 from gtpin.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ PATCH, AXIS = 0.12, 0.08
 """Half the side of a plane's patch, and length of a sensor's axes, over the picture's size."""
 
 
-def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInstrument] | None = None) -> Figure:
+def still(model: Model, gap: DrawnGap | None = None, instruments: Sequence[FittedInstrument] | None = None) -> Figure:
     """A picture of a machine and its instruments, the errors magnified, rods coloured by their share of the gap.
 
     ``instruments``: the instruments to show; the model's by default.
@@ -77,7 +77,7 @@ def still(model: Model, gap: Gap | None = None, instruments: Sequence[FittedInst
 def write_still(
     file: Path,
     model: Model,
-    gap: Gap | None = None,
+    gap: DrawnGap | None = None,
     *,
     force: bool = False,
     instruments: Sequence[FittedInstrument] | None = None,
@@ -138,7 +138,7 @@ def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
     axes.text(*at, words, **{"fontsize": 9, "path_effects": rim, "zorder": 1000} | style)
 
 
-def _errors(axes: Any, gap: Gap) -> str:
+def _errors(axes: Any, gap: DrawnGap) -> str:
     """Draw the errors. Returns text with their size and magnification."""
     rows = np.unique(np.linspace(0, len(gap.q) - 1, min(len(gap.q), MOST)).astype(np.intp))
     factor, colors = gap.magnification(), of_errors(gap.size)[rows]

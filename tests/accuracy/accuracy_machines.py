@@ -12,7 +12,7 @@ import gtpin
 from gtpin.accuracy.expected import closure_response
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 sys.path.append(str(Path(__file__).parents[1] / "kinematics"))
 import machines
@@ -32,7 +32,7 @@ def commands(count: int, seed: int = 0) -> Floats:
 def other(name: str) -> gtpin.Model:
     """Another machine with rods, written by the kinematics' tests."""
     machine = machines.MAKERS[name]()
-    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(machine.urdf, machine.name))))
+    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(machine.urdf, machine.name))))
 
 
 def numbers() -> dict[str, Floats]:

@@ -18,7 +18,7 @@ from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
 from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.workspace_maps import slices
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
@@ -36,7 +36,7 @@ def robot(*joints: tuple[str, str, str, float]) -> gtpin.Model:
     tool = '<link name="tool0"/><joint name="tool" type="fixed"><parent link="{}"/><child link="tool0"/>{}</joint>'
     parts.append(tool.format(parent, '<origin xyz="0.4 0 0"/>'))
     text = f'<robot name="chain">{"".join(parts)}</robot>'
-    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "chain"))))
+    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(text, "chain"))))
 
 
 GANTRY = robot(
@@ -124,7 +124,7 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
     pytest.importorskip("matplotlib")
     # The left drive alone moves the elbow, from which the left far link reaches on.
     text = FIVE_BAR.read_text(encoding="utf-8").replace('<platform link="tool0"/>', f'<platform link="{tcp}"/>')
-    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(text, "five_bar"))))
+    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(text, "five_bar"))))
     found = analyse(model, default_commands(model, 30))
     write_accuracy(found, tmp_path)
     assert (tmp_path / "map_condition.png").exists() == bounded

@@ -15,7 +15,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.stiffness import stiffness
 from gtpin.accuracy.workspace import default_commands, workspace
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 ROD, CARTS = 5e7, np.array([3e7, 2e7, 4e7])
 
@@ -67,7 +67,7 @@ def test_distance_from_singularity_does_not_know_where_the_tcp_is() -> None:
     xml = re.sub(
         r'tcp_xyz="[^"]*"', f'tcp_xyz="{T[0]!r} {T[1]!r} {T[2]!r}"'.replace("np.float64(", "").replace(")", ""), xml
     )
-    longer = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(Description.parse(xml))))
+    longer = gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(xml))))
     assert np.linalg.norm(longer.predict(q).T - MODEL.predict(q).T, axis=1).min() > 0.4
     np.testing.assert_allclose(dexterity(longer, q).singularity, dexterity(MODEL, q).singularity, rtol=1e-8)
 

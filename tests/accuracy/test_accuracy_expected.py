@@ -7,7 +7,7 @@ import pytest
 from accuracy_machines import MODEL, ROBOT, commands, drawn_measurements, other
 
 import gtpin
-from gtpin.accuracy.expected import Response, Uncertainty, expected_error, expected_of, mean_length, response
+from gtpin.accuracy.expected import ErrorResponse, Uncertainty, expected_error, expected_of, mean_length, response
 from gtpin.errors import ModelError
 
 Q = commands(25, seed=1)
@@ -104,7 +104,7 @@ def test_same_seed_same_numbers_and_nothing_uncertain_no_error() -> None:
 
 @pytest.mark.slow
 def test_more_visits_than_poses_go_round_again() -> None:
-    one = Response(np.zeros((2, 3, 0)), np.tile(np.eye(3), (2, 1, 1)))
+    one = ErrorResponse(np.zeros((2, 3, 0)), np.tile(np.eye(3), (2, 1, 1)))
     few, many = (expected_of(one, visits=visits).position.maximum for visits in (2, 200))
     assert many > few
 

@@ -18,7 +18,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.moving_links import moving_links
 
 ROBOT = gtpin.load_robot("ur5")
@@ -138,7 +138,9 @@ def measured_in(robot: gtpin.Robot, order: list[int], *, frame: Literal["robot",
 
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", ["robot", "free"])
-@pytest.mark.parametrize("robot", [ROBOT, gtpin.Robot(Description.parse(TURNER, "turner"))], ids=["ur5", "one joint"])
+@pytest.mark.parametrize(
+    "robot", [ROBOT, gtpin.Robot(RobotDescription.parse(TURNER, "turner"))], ids=["ur5", "one joint"]
+)
 def test_the_order_of_quaternions_is_recognised_with_a_free_target(
     robot: gtpin.Robot, frame: Literal["robot", "free"]
 ) -> None:

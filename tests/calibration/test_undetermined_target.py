@@ -14,7 +14,7 @@ import gtpin
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import GtpinWarning
 from gtpin.kinematics.frame_and_target import frame_and_target
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = gtpin.load_robot(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
 UR5 = gtpin.load_robot("ur5")
@@ -24,7 +24,7 @@ SLIDES = "".join(
 <limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint>"""
     for before, axis, way in (("base", "x", "1 0 0"), ("carriage_x", "y", "0 1 0"), ("carriage_y", "z", "0 0 1"))
 )
-GANTRY = gtpin.Robot(Description.parse(f'<robot name="gantry"><link name="base"/>{SLIDES}</robot>', "gantry"))
+GANTRY = gtpin.Robot(RobotDescription.parse(f'<robot name="gantry"><link name="base"/>{SLIDES}</robot>', "gantry"))
 COUNT, NOISE, TURNS = 60, 2e-5, 5e-5
 
 

@@ -14,7 +14,7 @@ from gtpin.certificate.pose_accuracy import (
     standard_accuracy,
     standard_repeatability,
 )
-from gtpin.certificate.positioning import Line, mean_reversal, positioning
+from gtpin.certificate.positioning import MeasuredLine, mean_reversal, positioning
 
 TRIALS = 200
 COVARIANCE = np.array([[9.0, 2.0, 0.0], [2.0, 4.0, 1.0], [0.0, 1.0, 16.0]]) * 1e-12
@@ -157,7 +157,7 @@ PUBLISHED = {
 
 def test_reversal_repeatability_and_accuracy_are_those_of_a_published_report():
     unit = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / np.sqrt(2.5)  # mean 0, standard deviation 1
-    line = Line(tuple((up + s * unit, down + t * unit) for up, down, s, t in PUBLISHED.values()))
+    line = MeasuredLine(tuple((up + s * unit, down + t * unit) for up, down, s, t in PUBLISHED.values()))
     found = line.evaluated()
     assert found["B"] == pytest.approx(4.56, abs=0.01)
     assert found["A"] == pytest.approx(18.58, abs=0.03)
@@ -173,7 +173,7 @@ def test_the_systematic_deviation_of_another_published_report_is_the_range_of_al
     forward = [-2.73, -2.21, -1.12, -0.46, -4.76, -3.94, 5.89, -2.88]
     backward = [-0.49, 0.47, 1.83, 2.23, -1.69, -0.96, 8.92, 0.63]
     unit = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / np.sqrt(2.5)
-    line = Line(tuple((up + 0.3 * unit, down + 0.3 * unit) for up, down in zip(forward, backward, strict=True)))
+    line = MeasuredLine(tuple((up + 0.3 * unit, down + 0.3 * unit) for up, down in zip(forward, backward, strict=True)))
     assert line.evaluated()["E"] == pytest.approx(13.68, abs=0.01)
     assert line.evaluated()["B"] == pytest.approx(3.52, abs=0.02)
 

@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
 from gtpin.diagnosis.hypotheses.lines import settled
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.classes import contenders
@@ -146,7 +146,7 @@ def of_arm(q: np.ndarray) -> Design:
     )
 
 
-def check(hypotheses: HypothesisSet, model: Model) -> None:
+def check(hypotheses: HypothesisSet, model: Explanation) -> None:
     places = [term.place for term in causes(model)]
     assert len(set(places)) == len(places)
     for cause in causes(model):

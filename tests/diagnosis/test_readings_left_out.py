@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binomtest, chi2
 
 import gtpin
-from gtpin.calibration.left_out_block import Block
+from gtpin.calibration.left_out_block import LeftOutBlock
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
@@ -75,7 +75,7 @@ def test_what_others_can_not_predict_is_left_out_of_the_errors() -> None:
     root = np.linalg.inv(np.linalg.cholesky(both.T @ both + np.eye(4))).T
     half = both @ root
     left = y - half @ (half.T @ y)
-    found = Block.of(half[:4], left[:4])
+    found = LeftOutBlock.of(half[:4], left[:4])
     assert found.kept.sum() == pytest.approx(3.0)
     z = np.linalg.solve(J[4:].T @ J[4:] + np.eye(3), J[4:].T @ y[4:])
     unit = own[:4, 0] / np.linalg.norm(own[:4])
@@ -96,7 +96,7 @@ def test_a_block_is_the_same_by_rows_and_by_coefficients(rows: int) -> None:
     rng = np.random.default_rng(2)
     half = np.linalg.qr(rng.standard_normal((60, 10)))[0] * np.sqrt(rng.uniform(0.1, 0.99, 10))
     left = rng.standard_normal(rows)
-    found = Block.of(half[:rows], left)
+    found = LeftOutBlock.of(half[:rows], left)
     leverage = np.eye(rows) - half[:rows] @ half[:rows].T
     assert_allclose(found.errors, np.linalg.solve(leverage, left), rtol=1e-9)
     expected = 0.5 * (np.linalg.slogdet(leverage)[1] - left @ np.linalg.solve(leverage, left))

@@ -8,7 +8,7 @@ import pytest
 
 import gtpin
 from gtpin.data import Dataset, Instrument
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 TURNER = """<robot name="turner"><link name="base"/><link name="arm"/><joint name="turn" type="revolute">
 <parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3" rpy="1.3 0.2 0.1"/><axis xyz="0 0 1"/>
@@ -19,7 +19,7 @@ OF_LOAD = {"joint_compliance", "bearing_compliance", "joint_clearance", "link_co
 
 def test_a_robot_without_masses_is_told_and_its_effects_of_load_are_not_tested() -> None:
     rng = np.random.default_rng(2)
-    robot = gtpin.Robot(Description.parse(TURNER, "turner"))
+    robot = gtpin.Robot(RobotDescription.parse(TURNER, "turner"))
     q = rng.uniform(-2.5, 2.5, (40, 1))
     plain = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
     noise = [pin.exp6(np.repeat([1.5e-5, 5e-5], 3) * rng.standard_normal(6)) for _ in q]

@@ -13,7 +13,7 @@ from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference import settle as settling
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.settle import Settled, settle
+from gtpin.diagnosis.inference.settle import SearchState, settle
 from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 
 pytestmark = pytest.mark.slow
@@ -37,12 +37,12 @@ def heavy_tailed(seed: int) -> Dataset:
     )
 
 
-def settled(prepared: Prepared) -> Settled:
+def settled(prepared: Prepared) -> SearchState:
     rows = prepared.baseline.used(prepared.dataset)
     return settle(prepared, rows, every_effect(), np.random.default_rng(0))
 
 
-def geometry(of: Settled, prepared: Prepared, **changed: object) -> np.ndarray:
+def geometry(of: SearchState, prepared: Prepared, **changed: object) -> np.ndarray:
     references = of.hypotheses.design.situation.references
     everything = replace(of.everything, **changed)
     model = fit_together(everything, prepared.baseline.model, [], [], references)

@@ -12,7 +12,7 @@ from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
@@ -77,7 +77,7 @@ def some(name: str, site: str, at: Situation, seed: int = 3) -> Floats:
 
 
 def robot_of(xml: str) -> gtpin.Robot:
-    return gtpin.Robot(Description.parse(xml, "test"))
+    return gtpin.Robot(RobotDescription.parse(xml, "test"))
 
 
 def beam(length: float, axis: str = "0 0 1", mass: float = 0.0) -> gtpin.Robot:

@@ -10,14 +10,14 @@ import pytest
 from effect_places import EFFECTS, SETTINGS, Floats, drawn, situation
 
 from gtpin.data import Driver
-from gtpin.effects.driver import Column, DriverEffect
+from gtpin.effects.driver import DriverColumn, DriverEffect
 from gtpin.effects.modulation import MODULATION
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 MACHINES = [situation(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
 MACHINES.append(situation(10, kinematics=ChainKinematics(drawn("ur5"))))
-DRIVEN = DriverEffect(Column("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
+DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
 ALL = {**EFFECTS, DRIVEN.id: DRIVEN}
 
 

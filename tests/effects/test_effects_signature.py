@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 OTHERS = ["tau", "stewart", "linear_delta", "gantry_tau_6dof"]
 
@@ -55,7 +55,7 @@ def by_pinocchio(changes: dict[str, float], q: np.ndarray) -> tuple[np.ndarray, 
     for parameter, change in changes.items():
         values[GEOMETRY.names.index(parameter)] += change
     urdf = calibrated_urdf(gtpin.Model(GEOMETRY.with_values(values)))
-    posture = gtpin.home(gtpin.Robot(Description.parse(urdf, "changed"))).moved_to(q)
+    posture = gtpin.home(gtpin.Robot(RobotDescription.parse(urdf, "changed"))).moved_to(q)
     return posture.T, posture.R
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtpin.export.curves import Curve, Harmonic, fitted, waves
+from gtpin.export.curves import DriveCurve, Harmonic, fitted, waves
 
-CURVE = Curve(0.1, 0.9, (Harmonic(3.0, 0.4, 2e-3), Harmonic(7.0, -1.0, -5e-4)))
+CURVE = DriveCurve(0.1, 0.9, (Harmonic(3.0, 0.4, 2e-3), Harmonic(7.0, -1.0, -5e-4)))
 X = np.linspace(-0.6, 0.7, 40)
 
 
@@ -22,7 +22,7 @@ def test_the_slope_is_the_difference_quotient() -> None:
 
 
 def test_sums_and_multiples_are_those_of_the_values() -> None:
-    other = Curve(-0.2, 0.1, (Harmonic(3.0, 0.4, 1e-3), Harmonic(2.0, 0.0, 1e-3)))
+    other = DriveCurve(-0.2, 0.1, (Harmonic(3.0, 0.4, 1e-3), Harmonic(2.0, 0.0, 1e-3)))
     np.testing.assert_allclose(CURVE.plus(other.times(-2.0))(X), CURVE(X) - 2.0 * other(X), rtol=0, atol=1e-15)
     assert len(CURVE.plus(other).harmonics) == 3
 

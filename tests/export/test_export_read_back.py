@@ -12,7 +12,7 @@ from drawn_machines import without_scales
 import gtpin
 from gtpin.export import export
 from gtpin.kinematics.first_guess import halton
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 LINK = (
     '<link name="{0}"><inertial><origin xyz="0.1 0 0.02"/><mass value="{1}"/>'
@@ -46,7 +46,7 @@ FORMATS = {".urdf": ".urdf", ".xml": ".xml", ".yaml": ".urdf"}
 def drawn(name: str) -> gtpin.Model:
     """A robot whose geometry deviates from nominal by half its tolerances; a format has no place for drive scales."""
     if name.startswith("tree"):
-        robot = gtpin.Robot(Description.parse(TREE), "eye" if "TCP" in name else "e")
+        robot = gtpin.Robot(RobotDescription.parse(TREE), "eye" if "TCP" in name else "e")
     elif name == "five-bar":
         robot = gtpin.load_robot(FIVE_BAR)
     elif name == "panda":

@@ -7,13 +7,13 @@ import pytest
 from checked_machines import machine
 
 import gtpin
-from gtpin.health.choice import Choice
+from gtpin.health.choice import PoseChoice
 from gtpin.noise.noise import Noise
 
 
 def test_no_exchange_of_one_pose_improves_a_choice_much_and_random_ones_are_worse():
     rng = np.random.default_rng(3)
-    choice = Choice(rng.standard_normal((40, 3, 8)), np.ones(8), [[6], [7]])
+    choice = PoseChoice(rng.standard_normal((40, 3, 8)), np.ones(8), [[6], [7]])
     rows = list(choice.best(5))
     own = score(choice, rows)
     assert own > max(score(choice, list(rng.choice(40, 5, replace=False))) for _ in range(200))
@@ -28,7 +28,7 @@ def score(choice, rows):
 
 def test_the_score_of_one_more_pose_is_that_of_the_information_matrix():
     rng = np.random.default_rng(4)
-    choice = Choice(rng.standard_normal((12, 2, 6)), np.array([1.0, 1.0, 4.0, 1.0, 100.0, 9.0]), [[4, 5], [2]])
+    choice = PoseChoice(rng.standard_normal((12, 2, 6)), np.array([1.0, 1.0, 4.0, 1.0, 100.0, 9.0]), [[4, 5], [2]])
     found = choice.scores([3, 7])
     assert found[3] == found[7] == -np.inf
     for row in (0, 5, 11):

@@ -15,7 +15,7 @@ from gtpin.instruments import BUILT_IN, Encoder, Instrument, Tracker
 from gtpin.instruments.instrument import Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def _robot() -> gtpin.Robot:
     )
     loop = '<loop_joint name="pin"><link1 link="coupler" xyz="0.3 0 0"/><link2 link="slider" xyz="0 0 0"/></loop_joint>'
     own = '<gtpin><actuator joint="crank_joint"/><platform link="coupler"/><gravity xyz="0 -5.886 -7.848"/></gtpin>'
-    return gtpin.Robot(Description.parse(f'<robot name="slider"><link name="base"/>{joints}{loop}{own}</robot>'))
+    return gtpin.Robot(RobotDescription.parse(f'<robot name="slider"><link name="base"/>{joints}{loop}{own}</robot>'))
 
 
 def _poses(rng: np.random.Generator) -> Poses:

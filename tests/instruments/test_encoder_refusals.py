@@ -11,7 +11,7 @@ from virtual_five_bar import SIGMA, FiveBar, commands, drawn, encoder, table, ur
 
 import gtpin
 from gtpin.errors import DatasetError, RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 TURN = 2.0 * np.pi
@@ -72,7 +72,7 @@ def test_a_joint_that_follows_rests_or_has_several_coordinates_is_refused(joint:
     text = urdf().replace("<gtpin>", "".join(more) + (held if joint == "float" else "") + "<gtpin>")
     if joint != "float":
         text = text.replace(more[3], "")
-    robot = Description.parse(text)
+    robot = RobotDescription.parse(text)
     with pytest.raises(RobotError, match=what):
         gtpin.Robot(robot).measuring([joint])
 

@@ -12,7 +12,7 @@ from machines import Machine
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 NAMES = ("gantry_tau", *machines.MAKERS)
 
@@ -83,4 +83,4 @@ FOUR_BAR = """<robot name="four_bar">
 @pytest.fixture(scope="session")
 def four_bar() -> gtpin.Robot:
     """A planar crank and rocker (0.2, 0.5, 0.45 m on a base of 0.6 m); the crank turns round and round."""
-    return gtpin.Robot(Description.parse(FOUR_BAR))
+    return gtpin.Robot(RobotDescription.parse(FOUR_BAR))

@@ -6,11 +6,11 @@ import numpy as np
 from machines import Machine
 
 import gtpin
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 
 def load(machine: Machine) -> gtpin.Robot:
-    return gtpin.Robot(Description.parse(machine.urdf, machine.name))
+    return gtpin.Robot(RobotDescription.parse(machine.urdf, machine.name))
 
 
 def drawn(robot: gtpin.Robot, seed: int, **options: str) -> gtpin.Geometry:

@@ -14,7 +14,7 @@ import gtpin
 from gtpin.bench.simulator.simulate import TrueRobot
 from gtpin.errors import GtpinWarning
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 MARGIN = 1e-6
@@ -94,7 +94,7 @@ class FiveBar:
         )
         parts.append('<actuator joint="m1"/><platform link="tip"/>')
         parts.append(f'<home q="0 0" tcp_xyz="{x} {y} 0" tcp_rotvec="0 0 {turn}"/></gtpin></robot>')
-        return gtpin.Robot(Description.parse("".join(parts)))
+        return gtpin.Robot(RobotDescription.parse("".join(parts)))
 
     def straight(self, q: Floats) -> Floats:
         """(N,) smallest clearance, m, on the straight line of commands from home: on a grid, then refined about its minima."""
@@ -184,7 +184,7 @@ def test_a_robot_without_home_says_its_assembly_and_how_to_choose_another(tmp_pa
 
 
 def test_displaced_robots_and_their_files_keep_the_assembly_that_was_chosen(tmp_path: Path) -> None:
-    robot = gtpin.Robot(Description.parse(STRAIGHT_DOWN))
+    robot = gtpin.Robot(RobotDescription.parse(STRAIGHT_DOWN))
     nominal = gtpin.Geometry.nominal(robot)
     # A first link that is longer by 50 mm opens the loop by as much with all joints at zero.
     values = nominal.values.copy()

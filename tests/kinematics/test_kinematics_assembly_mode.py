@@ -11,7 +11,7 @@ import gtpin
 from gtpin.errors import AssemblyModeError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 
@@ -145,7 +145,7 @@ def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
     old = gantry.urdf[gantry.urdf.index("<home") : gantry.urdf.index("<gravity")]
     rotvec = Rotation.from_matrix(R).as_rotvec()
     new = f'<home q="0 0 0" tcp_xyz="{T[0]} {T[1]} {T[2]}" tcp_rotvec="{rotvec[0]} {rotvec[1]} {rotvec[2]}"/>'
-    other = gtpin.Robot(Description.parse(gantry.urdf.replace(old, new)))
+    other = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace(old, new)))
     np.testing.assert_allclose(gtpin.home(other).T, T, rtol=0, atol=1e-11)
     poses = RodKinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
     np.testing.assert_allclose(poses.T[0], T, rtol=0, atol=1e-11)
@@ -170,7 +170,7 @@ def test_the_home_that_a_urdf_names_selects_the_assembly_of_a_planar_loop(
 ) -> None:
     at, turn = closed_by_hand(q, side)[link]
     named = f'<platform link="{link}"/><home q="{q}" tcp_xyz="{at[0]} {at[1]} 0" tcp_rotvec="0 0 {turn}"/>'
-    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
+    robot = gtpin.Robot(RobotDescription.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
     home = gtpin.home(robot)
     np.testing.assert_allclose(home.T[:2], at, atol=1e-12)
     np.testing.assert_allclose(log(home.R)[2], turn, atol=1e-9)
@@ -182,7 +182,7 @@ def test_the_home_that_a_urdf_names_selects_the_assembly_of_a_planar_loop(
 @pytest.mark.parametrize("turn", [0.4, -2.0])
 def test_a_home_where_the_loop_does_not_close_is_refused(four_bar: gtpin.Robot, turn: float) -> None:
     named = f'<platform link="coupler"/><home q="0" tcp_xyz="0.2 0 0" tcp_rotvec="0 0 {turn}"/>'
-    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
+    robot = gtpin.Robot(RobotDescription.parse(four_bar.description.xml.replace('<platform link="rocker"/>', named)))
     with pytest.raises(AssemblyModeError, match="rad from the home"):
         gtpin.home(robot)
     with pytest.raises(AssemblyModeError, match="rad from the home"):

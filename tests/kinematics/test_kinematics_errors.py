@@ -12,7 +12,7 @@ import gtpin
 from gtpin.errors import AssemblyModeError, ClosureError, ModelError, SingularityError, UnreachableError
 from gtpin.kinematics.closures import solve_each
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 
 def one_line(error: Exception) -> str:
@@ -101,7 +101,7 @@ def test_a_home_that_does_not_close_raises(gantry: Machine) -> None:
     short = gantry.urdf.replace('xyz="0 0 2.04422"', 'xyz="0 0 0.4"')
     assert short != gantry.urdf
     with pytest.raises(UnreachableError, match="home") as caught:
-        gtpin.home(gtpin.Robot(Description.parse(short)))
+        gtpin.home(gtpin.Robot(RobotDescription.parse(short)))
     one_line(caught.value)
 
 
@@ -111,7 +111,7 @@ def test_a_geometry_of_another_robot_is_refused(
     nominal = gtpin.Geometry.nominal(robot)
     with pytest.raises(ModelError):
         gtpin.geometry_jacobian(at_home, nominal.with_values(nominal.values + 1e-4))
-    longer = gtpin.Robot(Description.parse(gantry.urdf.replace("2.04422", "2.04522")))
+    longer = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace("2.04422", "2.04522")))
     with pytest.raises(ModelError):
         gtpin.geometry_jacobian(at_home, gtpin.Geometry.nominal(longer))
 
@@ -122,7 +122,7 @@ def test_rods_other_than_six_are_refused_in_arrays(gantry: Machine) -> None:
     assert own is not None
     for rod in own.findall("rod"):
         own.remove(rod)
-    bare = gtpin.Robot(Description.parse(ElementTree.tostring(root, encoding="unicode")))
+    bare = gtpin.Robot(RobotDescription.parse(ElementTree.tostring(root, encoding="unicode")))
     assert bare.rods == ()
     with pytest.raises(ModelError, match="six"):
         RodKinematics(gtpin.Geometry(bare, (), np.zeros(0)))

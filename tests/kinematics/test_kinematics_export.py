@@ -16,7 +16,7 @@ import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 
 def written(geometry: gtpin.Geometry, folder: Path) -> Path:
@@ -121,7 +121,7 @@ def test_an_axis_that_went_without_saying_is_written(gantry: Machine, tmp_path: 
     """<axis> may be left out of a URDF, and is (1, 0, 0) then."""
     start = gantry.urdf.index("<axis", gantry.urdf.index('name="track1"'))
     bare = gantry.urdf[:start] + gantry.urdf[gantry.urdf.index("/>", start) + 2 :]
-    geometry = drawn(gtpin.Robot(Description.parse(bare)), 9)
+    geometry = drawn(gtpin.Robot(RobotDescription.parse(bare)), 9)
     again = gtpin.load_robot(written(geometry, tmp_path))
     q = gantry.commands(20, seed=9)
     difference = RodKinematics(geometry).forward(q).minus(RodKinematics(gtpin.Geometry.nominal(again)).forward(q))

@@ -14,7 +14,7 @@ import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 
@@ -22,7 +22,7 @@ Floats = np.ndarray
 def agree(geometry: gtpin.Geometry, q: Floats, within: float) -> None:
     """Arrays of a geometry, and Pinocchio on the URDF that carries it, give the same poses."""
     poses = RodKinematics(geometry).forward(q)
-    posture = gtpin.home(gtpin.Robot(Description.parse(calibrated_urdf(gtpin.Model(geometry)))))
+    posture = gtpin.home(gtpin.Robot(RobotDescription.parse(calibrated_urdf(gtpin.Model(geometry)))))
     for i, row in enumerate(q):
         there = posture.moved_to(row)
         assert np.abs(there.T - poses.T[i]).max() <= within

@@ -13,7 +13,7 @@ import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 
@@ -126,7 +126,7 @@ def test_geometry_jacobian_of_pinocchio_is_the_derivative_of_the_exported_urdf(
 
     def solved(values: Floats) -> gtpin.Poses:
         urdf = calibrated_urdf(gtpin.Model(geometry.with_values(values)))
-        return one_pose(gtpin.home(gtpin.Robot(Description.parse(urdf))).moved_to(row))
+        return one_pose(gtpin.home(gtpin.Robot(RobotDescription.parse(urdf))).moved_to(row))
 
     analytic = gtpin.geometry_jacobian(gtpin.home(loaded).moved_to(row), geometry)
     numeric = differences(solved, geometry.values, 2e-4)[0]

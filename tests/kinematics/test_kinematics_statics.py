@@ -12,7 +12,7 @@ import gtpin
 from gtpin.errors import ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 FORCE, MOMENT, PAYLOAD = np.array([120.0, -80.0, 45.0]), np.array([4.0, 7.0, -5.0]), 6.5
@@ -100,7 +100,7 @@ def test_rods_forces_in_arrays_are_pinocchios(machine: Machine, loaded: gtpin.Ro
 
 def test_without_rods_of_weight_the_plate_hangs_on_forces_along_the_rods(gantry: Machine) -> None:
     """The textbook's case: six axial forces that balance the plate's weight, solved here by hand."""
-    light = gtpin.Robot(Description.parse(gantry.urdf.replace('<mass value="4.1"/>', '<mass value="0"/>')))
+    light = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace('<mass value="4.1"/>', '<mass value="0"/>')))
     arrays = RodKinematics(gtpin.Geometry.nominal(light))
     q = gantry.commands(20, seed=6)
     poses = arrays.forward(q)
@@ -154,7 +154,7 @@ def test_payload_is_a_weight_at_the_tcp(at_home: gtpin.ClosedPosture) -> None:
 def test_rods_forces_follow_the_geometry(robot: gtpin.Robot) -> None:
     geometry = drawn(robot, 7)
     arrays = RodKinematics(geometry)
-    written = gtpin.Robot(Description.parse(calibrated_urdf(gtpin.Model(geometry))))
+    written = gtpin.Robot(RobotDescription.parse(calibrated_urdf(gtpin.Model(geometry))))
     q = np.random.default_rng(8).uniform(robot.lower, robot.upper, (10, 3))
     forces = gtpin.rod_forces(arrays, q, arrays.forward(q))
     for i in range(10):
@@ -179,7 +179,7 @@ def test_redundant_loops_have_no_static_forces(four_bar: gtpin.Robot) -> None:
     """A second pin beside the first holds what the first holds already."""
     pin = four_bar.description.xml.partition("<loop_joint")[2].partition("</loop_joint>")[0]
     second = f"<loop_joint{pin}</loop_joint>".replace('"pin"', '"beside"').replace(' 0"/>', ' 0.01"/>')
-    robot = gtpin.Robot(Description.parse(four_bar.description.xml.replace("<gtpin>", f"{second}<gtpin>")))
+    robot = gtpin.Robot(RobotDescription.parse(four_bar.description.xml.replace("<gtpin>", f"{second}<gtpin>")))
     with pytest.raises(ModelError, match="redundant"):
         gtpin.static_forces(gtpin.home(robot))
 
@@ -189,4 +189,4 @@ def heavy(xml: str) -> gtpin.Robot:
     inertia = '<inertial><origin xyz="0.1 0.02 0"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     for name in ("crank", "coupler", "rocker"):
         xml = xml.replace(f'<link name="{name}"/>', f'<link name="{name}">{inertia}</inertial></link>')
-    return gtpin.Robot(Description.parse(xml.replace("<gtpin>", '<gtpin><gravity xyz="0 -9.81 0"/>')))
+    return gtpin.Robot(RobotDescription.parse(xml.replace("<gtpin>", '<gtpin><gravity xyz="0 -9.81 0"/>')))

@@ -16,7 +16,7 @@ from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import readable
 
 Floats = np.ndarray
@@ -64,7 +64,7 @@ def spatial_loop() -> gtpin.Robot:
     text = (
         f'<robot name="rusr"><link name="base"/>{joints}{loop("coupler", "0.5 0 0", "rocker", "0.45 0 0")}{own}</robot>'
     )
-    return gtpin.Robot(Description.parse(text))
+    return gtpin.Robot(RobotDescription.parse(text))
 
 
 ROBOTS: dict[str, tuple[Callable[[], gtpin.Robot], tuple[str, ...]]] = {

@@ -11,7 +11,7 @@ import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 
 def hinge(name: str, parent: str, child: str, xyz: str, axis: str, yaw: float = 0.0) -> str:
@@ -29,7 +29,7 @@ def loop(first: str, xyz1: str, second: str, xyz2: str) -> str:
 
 
 def robot_of(name: str, *parts: str) -> gtpin.Robot:
-    return gtpin.Robot(Description.parse(f'<robot name="{name}"><link name="base"/>{"".join(parts)}</robot>'))
+    return gtpin.Robot(RobotDescription.parse(f'<robot name="{name}"><link name="base"/>{"".join(parts)}</robot>'))
 
 
 def five_bar() -> gtpin.Robot:
@@ -115,5 +115,5 @@ def test_it_is_simulated_calibrated_and_its_urdf_read_again(robot: gtpin.Robot, 
 def test_a_plane_of_no_loop_or_no_direction_is_refused(plane: str) -> None:
     text = five_bar().description.xml.replace("<gtpin>", f"<gtpin><plane {plane}/>")
     with pytest.raises(RobotError) as caught:
-        Description.parse(text)
+        RobotDescription.parse(text)
     assert caught.value.hint

@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.errors import RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.sketch import Carrier, Rod, Sketch
 
 ROOT = Path(__file__).parents[2]
@@ -49,4 +49,4 @@ def test_an_actuator_s_scale_is_unknown_or_not_mentioned() -> None:
     assert all(a.scale_unknown for a in gtpin.load_robot("stewart_jugglebot").actuators)
     assert not any(a.scale_unknown for a in gtpin.load_robot("stewart").actuators)
     with pytest.raises(RobotError, match="scale"):
-        Description.parse(urdf.replace('scale="unknown"', 'scale="perhaps"'))
+        RobotDescription.parse(urdf.replace('scale="unknown"', 'scale="perhaps"'))

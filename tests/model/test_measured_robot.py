@@ -14,7 +14,7 @@ from gtpin.bench.simulator import simulate
 from gtpin.data import Driver
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
-from gtpin.robot.description import Description, parse_xml
+from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.library import load_robot
 
 SEVEN = tuple(f"panda_joint{i}" for i in range(1, 8))
@@ -66,6 +66,6 @@ def test_a_urdf_without_masses_loads_and_is_calibrated() -> None:
     for link in root.findall("link"):
         for inertial in link.findall("inertial"):
             link.remove(inertial)
-    robot = gtpin.Robot(Description.parse(tostring(root, encoding="unicode")))
+    robot = gtpin.Robot(RobotDescription.parse(tostring(root, encoding="unicode")))
     assert robot.n_actuators == 6
     assert 0.7 < gtpin.calibrate(simulate(robot, "ur5", poses=60, seed=6).dataset, robot).chi2_per_dof < 1.3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.cart_tracks import Linearity, measured_tracks
+from gtpin.calibration.cart_tracks import TrackLinearity, measured_tracks
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, ModelError
 from gtpin.robot.tracks import MeasuredTrack
@@ -102,7 +102,7 @@ def test_what_a_linear_fit_leaves_is_what_was_put_in(turn: Rotation):
     along = mm.wavy(5e-5, 4)[:, 0]
     bends = np.outer(along, mm.AXES[1]) + residual
     carts = mm.carts_of((PATHS[0], mm.bent(mm.AXES[1], bends), PATHS[2]), turn=turn)
-    found = Linearity.of(carts, 2)
+    found = TrackLinearity.of(carts, 2)
     assert np.allclose(found.along, along, rtol=0, atol=1e-10)
     assert np.allclose(found.across, np.linalg.norm(residual, axis=1), rtol=0, atol=1e-10)
     assert np.allclose(found.absolute, np.linalg.norm(bends, axis=1), rtol=0, atol=1e-10)

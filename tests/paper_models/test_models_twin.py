@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gtpin import Dataset
-from gtpin.calibration.cart_tracks import Linearity
+from gtpin.calibration.cart_tracks import TrackLinearity
 from gtpin.comparison.compare import compare
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
@@ -68,7 +68,9 @@ def test_the_plate_turns_by_a_tenth_to_half_a_degree(twins):
 
 
 def test_cart_2_is_the_least_linear_by_some_tens_to_about_140_micrometres(twins):
-    largest = np.array([[Linearity.of(dataset.carts, c).absolute.max() for c in (1, 2, 3)] for dataset, _ in twins])
+    largest = np.array(
+        [[TrackLinearity.of(dataset.carts, c).absolute.max() for c in (1, 2, 3)] for dataset, _ in twins]
+    )
     assert (largest[:, 1] > 1.5 * largest[:, [0, 2]].max(axis=1)).all()
     assert 100e-6 < largest[:, 1].mean() < 180e-6
 
@@ -85,7 +87,7 @@ def test_elsewhere_the_carts_are_elsewhere_more_across_than_along_and_cart_2_mos
 
 def _beyond(dataset: Dataset, set3: CartMeasurements, cart: int, name: str) -> float:
     """Size, m, by which residuals of set 3 exceed those of set 2, whose carts are moved together."""
-    squares = [(getattr(Linearity.of(carts, cart), name) ** 2).mean() for carts in (set3, dataset.carts)]
+    squares = [(getattr(TrackLinearity.of(carts, cart), name) ** 2).mean() for carts in (set3, dataset.carts)]
     return float(np.sqrt(max(squares[0] - squares[1], 0.0)))
 
 

@@ -18,7 +18,7 @@ from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.report import page
 from gtpin.report.calibration_page import calibration_page
 from gtpin.report.diagnosis_page import diagnosis_page
-from gtpin.report.embedded import Choice, Plot, Shared, key_of
+from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
 from gtpin.report.figure import Drawing
 from gtpin.report.page import render
 from gtpin.report.palette import DARK, DATA, FIT, LIGHT
@@ -172,7 +172,7 @@ def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
 
 
 def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_once():
-    layer, side = Choice("layer", "", (("a", "A"), ("b", "B"))), Choice("side", "", (("x", "X"), ("y", "Y")))
+    layer, side = PlotChoice("layer", "", (("a", "A"), ("b", "B"))), PlotChoice("side", "", (("x", "X"), ("y", "Y")))
     common = np.arange(20.0)
 
     def draw(layer: str, side: str):
@@ -189,7 +189,7 @@ def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_onc
 
 
 def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
-    layer = Choice("layer", "", (("a", "A"), ("b", "B")))
+    layer = PlotChoice("layer", "", (("a", "A"), ("b", "B")))
 
     def draw(layer: str):
         both = {"y": [1.0], "mode": "markers", "name": "both", "marker": {"color": DATA}}

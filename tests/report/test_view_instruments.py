@@ -24,7 +24,7 @@ from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import skeleton
-from gtpin.view.gap import Gap, gap_with_instruments
+from gtpin.view.gap import DrawnGap, gap_with_instruments
 from gtpin.view.still import still
 
 if TYPE_CHECKING:
@@ -104,14 +104,14 @@ def test_without_instruments_nothing_is_drawn() -> None:
 
 
 @pytest.fixture
-def shown(tmp_path: Path) -> tuple[Gap, tuple[FittedInstrument, ...]]:
+def shown(tmp_path: Path) -> tuple[DrawnGap, tuple[FittedInstrument, ...]]:
     """The nominal model's gap at a wire, a cup and a level; of the level only the mounting is not known."""
     write(tmp_path)
     gap, instruments = gap_with_instruments(NOMINAL, Dataset.read(tmp_path))
     return gap, instruments
 
 
-def test_errors_of_readings_are_along_what_is_read(shown: tuple[Gap, tuple[FittedInstrument, ...]]) -> None:
+def test_errors_of_readings_are_along_what_is_read(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> None:
     gap, instruments = shown
     places = InstrumentPlaces.of(instruments)
     assert len(gap.q) == 20 + 16 + 12
@@ -133,7 +133,7 @@ def test_errors_of_readings_are_along_what_is_read(shown: tuple[Gap, tuple[Fitte
             assert gap.said(i).endswith("rad")
 
 
-def test_the_gap_names_each_instrument_and_the_model(shown: tuple[Gap, tuple[FittedInstrument, ...]]) -> None:
+def test_the_gap_names_each_instrument_and_the_model(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> None:
     gap, _ = shown
     assert gap.what == "reading errors of the nominal model"
     assert all(f"{name} " in gap.summary for name in ("wire", "cup", "level"))
@@ -149,7 +149,7 @@ def test_a_model_of_other_instruments_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_still_image_names_stations_sockets_and_known_distances(
-    shown: tuple[Gap, tuple[FittedInstrument, ...]],
+    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
 ) -> None:
     (axes,) = still(NOMINAL, *shown).axes
     told = [text.get_text().strip() for text in axes.texts]
@@ -158,7 +158,7 @@ def test_a_still_image_names_stations_sockets_and_known_distances(
 
 
 def test_without_a_gap_wires_end_at_the_drawn_platform(
-    shown: tuple[Gap, tuple[FittedInstrument, ...]],
+    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
 ) -> None:
     (axes,) = still(replace(NOMINAL, instruments=shown[1])).axes
     machine = skeleton(NOMINAL)
@@ -181,7 +181,7 @@ def test_the_command_writes_a_picture_of_readings(tmp_path: Path, monkeypatch: p
 
 
 @pytest.fixture
-def scene(shown: tuple[Gap, tuple[FittedInstrument, ...]]) -> Iterator[Scene]:
+def scene(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> Iterator[Scene]:
     pytest.importorskip("viser", reason="viser is not installed")
     from gtpin.view.scene import Scene
 
@@ -240,7 +240,7 @@ def test_the_page_tells_which_instrument_is_off_and_by_how_much(scene: Scene) ->
 
 
 def test_a_model_with_instruments_is_shown_with_them(
-    shown: tuple[Gap, tuple[FittedInstrument, ...]],
+    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
 ) -> None:
     pytest.importorskip("viser", reason="viser is not installed")
     from gtpin.view.scene import Scene

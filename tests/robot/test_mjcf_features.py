@@ -11,7 +11,7 @@ import pytest
 
 import gtpin
 from gtpin.errors import GtpinWarning, RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -338,22 +338,22 @@ def test_gravity_is_that_of_the_last_option_unless_it_is_switched_off() -> None:
         model = mujoco.MjModel.from_xml_string(arm(head=head))
         off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
         expected = np.zeros(3) if off else model.opt.gravity
-        np.testing.assert_array_equal(Description.parse(arm(head=head)).gravity, expected)
+        np.testing.assert_array_equal(RobotDescription.parse(arm(head=head)).gravity, expected)
 
 
 def test_a_tcp_that_the_file_names_is_taken() -> None:
     text = arm(inside=GEOM + SITE.format("") + CHILD.replace('name="s"', 'name="t"'))
-    assert gtpin.Robot(Description.parse(text)).tcp_frame == "c"
+    assert gtpin.Robot(RobotDescription.parse(text)).tcp_frame == "c"
     for link in ("s", "a", "b"):
         marked = text.replace("</mujoco>", f'<custom><text name="gtpin_tcp" data="{link}"/></custom></mujoco>')
         mujoco.MjModel.from_xml_string(marked)
-        assert gtpin.Robot(Description.parse(marked)).tcp_frame == link
-    assert gtpin.Robot(Description.parse(text.replace('"s"', '"tool0"'))).tcp_frame == "tool0"
+        assert gtpin.Robot(RobotDescription.parse(marked)).tcp_frame == link
+    assert gtpin.Robot(RobotDescription.parse(text.replace('"s"', '"tool0"'))).tcp_frame == "tool0"
 
 
 def test_a_tcp_that_is_guessed_is_told() -> None:
     two = arm(inside=GEOM + CHILD + CHILD.replace('"c"', '"d"').replace('"three"', '"four"').replace('"s"', '"t"'))
     with pytest.warns(GtpinWarning, match="names no TCP: d is taken, and there are also"):
-        gtpin.Robot(Description.parse(two))
-    robot = gtpin.Robot(Description.parse(two), "c")  # a warning would be an error here
+        gtpin.Robot(RobotDescription.parse(two))
+    robot = gtpin.Robot(RobotDescription.parse(two), "c")  # a warning would be an error here
     assert robot.tcp_frame == "c"

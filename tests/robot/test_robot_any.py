@@ -15,7 +15,7 @@ import pytest
 import gtpin
 from gtpin.errors import RobotError
 from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.examples import FILES, example_names, example_path
 from gtpin.robot.library import load_robot
 
@@ -167,15 +167,15 @@ def test_a_joint_of_several_freedoms_is_refused_unless_the_actuators_leave_it_ou
         '<child link="arm"/><origin xyz="1 0 0"/></joint></robot>'
     )
     with pytest.raises(RobotError, match=r"base_joint has [36] degrees of freedom"):
-        gtpin.Robot(Description.parse(text))
-    assert gtpin.Robot(with_actuators(Description.parse(text), ["turn"])).sites == ("turn",)
+        gtpin.Robot(RobotDescription.parse(text))
+    assert gtpin.Robot(with_actuators(RobotDescription.parse(text), ["turn"])).sites == ("turn",)
 
 
 def test_a_base_above_which_the_urdf_has_more_links_stays_where_these_put_it() -> None:
     text = example_path("ur5").read_text(encoding="utf-8").replace("</robot>", '<link name="hall"/><joint name="foot" '
         'type="fixed"><parent link="hall"/><child link="world"/><origin xyz="1 2 3"/></joint></robot>')  # fmt: skip
     q = np.linspace(-1.0, 1.0, 6)
-    moved = gtpin.home(gtpin.Robot(Description.parse(text))).moved_to(q)
+    moved = gtpin.home(gtpin.Robot(RobotDescription.parse(text))).moved_to(q)
     np.testing.assert_allclose(
         moved.T, gtpin.home(load_robot("ur5")).moved_to(q).T + np.array([1.0, 2.0, 3.0]), rtol=0, atol=1e-13
     )
@@ -209,4 +209,4 @@ def branches(*links: tuple[str, str, str]) -> str:
     ],
 )
 def test_the_tcp_is_tool0_or_the_last_link_of_the_longest_chain(links: list[tuple[str, str, str]], tip: str) -> None:
-    assert gtpin.Robot(Description.parse(branches(*links))).tcp_frame == tip
+    assert gtpin.Robot(RobotDescription.parse(branches(*links))).tcp_frame == tip

@@ -10,7 +10,7 @@ import gtpin
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
 MASS = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -24,7 +24,7 @@ def hinge(name: str, parent: str, child: str, inside: str = "", axis: str = "0 0
 
 
 def robot_of(*joints: str) -> gtpin.Robot:
-    return gtpin.Robot(Description.parse(f'<robot name="m"><link name="base"/>{"".join(joints)}</robot>'))
+    return gtpin.Robot(RobotDescription.parse(f'<robot name="m"><link name="base"/>{"".join(joints)}</robot>'))
 
 
 SERIES = (  # z follows y, which follows a, which comes after both in the document and in the alphabet before

@@ -12,7 +12,7 @@ import pytest
 
 import gtpin
 from gtpin.errors import RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import urdf_path
 
 GANTRY = urdf_path("gantry_tau").read_text(encoding="utf-8")
@@ -192,7 +192,7 @@ def test_a_rod_with_two_actuators_is_refused_and_not_half_understood(refused: Re
 
 
 def test_a_robot_without_loops_needs_no_gtpin_element() -> None:
-    robot = gtpin.Robot(Description.parse(ARM))
+    robot = gtpin.Robot(RobotDescription.parse(ARM))
     assert robot.sites == ("second", "first")
     assert robot.tcp_frame == "c"
     np.testing.assert_array_equal(robot.revolute, [False, True])
@@ -201,7 +201,7 @@ def test_a_robot_without_loops_needs_no_gtpin_element() -> None:
 
 
 def test_any_link_may_be_taken_for_the_tcp_and_only_a_link() -> None:
-    description = Description.parse(ARM)
+    description = RobotDescription.parse(ARM)
     assert gtpin.home(gtpin.Robot(description, tcp="b")).moved_to([0.5, 1.0]).T[0] == pytest.approx(0.5)
     with pytest.raises(RobotError, match="link"):
         gtpin.Robot(description, tcp="first")
@@ -221,7 +221,7 @@ def renamed(new: dict[str, str]) -> str:
 def test_the_order_of_q_is_that_of_the_actuators_however_joints_are_called() -> None:
     usual = gtpin.load_robot("gantry_tau")
     other = gtpin.Robot(
-        Description.parse(renamed({"track1": "zz", "track2": "mm", "track3": "aa", "platform_pose": "nn"}))
+        RobotDescription.parse(renamed({"track1": "zz", "track2": "mm", "track3": "aa", "platform_pose": "nn"}))
     )
     order = [int(other.model.getJointId(name)) for name in ("zz", "mm", "aa")]
     assert order == sorted(order, reverse=True)  # Pinocchio sorts them the other way round
@@ -236,7 +236,7 @@ def test_the_order_of_q_is_that_of_the_actuators_however_joints_are_called() -> 
 def test_actuators_in_another_order_give_commands_in_that_order() -> None:
     one, two = '<actuator joint="track1" site="cart1"/>', '<actuator joint="track3" site="cart3"/>'
     text = GANTRY.replace(one, "@").replace(two, one).replace("@", two)
-    other = gtpin.Robot(Description.parse(text))
+    other = gtpin.Robot(RobotDescription.parse(text))
     assert other.sites == ("cart3", "cart2", "cart1")
     q = np.array([0.1, -0.2, 0.3])
     usual = gtpin.home(gtpin.load_robot("gantry_tau")).moved_to(q)
@@ -246,7 +246,7 @@ def test_actuators_in_another_order_give_commands_in_that_order() -> None:
 
 
 def test_a_joint_and_its_link_may_have_one_name() -> None:
-    robot = gtpin.Robot(Description.parse(renamed({"track1": "cart1", "link1_yaw": "link1"})))
+    robot = gtpin.Robot(RobotDescription.parse(renamed({"track1": "cart1", "link1_yaw": "link1"})))
     usual = gtpin.home(gtpin.load_robot("gantry_tau")).moved_to([0.1, 0.2, 0.3])
     np.testing.assert_allclose(gtpin.home(robot).moved_to([0.1, 0.2, 0.3]).T, usual.T, rtol=0, atol=1e-13)
 
@@ -254,20 +254,20 @@ def test_a_joint_and_its_link_may_have_one_name() -> None:
 def test_the_length_of_an_axis_does_not_matter() -> None:
     axis = "0.99778069049237 -0.06636337147432 -0.005440276383669"
     longer = " ".join(repr(5.0 * float(word)) for word in axis.split())
-    robot = gtpin.Robot(Description.parse(changed(axis, longer)))
+    robot = gtpin.Robot(RobotDescription.parse(changed(axis, longer)))
     usual = gtpin.home(gtpin.load_robot("gantry_tau")).moved_to([0.5, 0.2, 0.3])
     np.testing.assert_allclose(gtpin.home(robot).moved_to([0.5, 0.2, 0.3]).T, usual.T, rtol=0, atol=1e-12)
 
 
 def test_a_home_near_the_machines_leads_to_it() -> None:
     near = re.sub('tcp_xyz="[^"]*"', 'tcp_xyz="-1.28 -4.24 0.01"', GANTRY)
-    there = gtpin.home(gtpin.Robot(Description.parse(near)))
+    there = gtpin.home(gtpin.Robot(RobotDescription.parse(near)))
     np.testing.assert_allclose(there.T, gtpin.home(gtpin.load_robot("gantry_tau")).T, rtol=0, atol=1e-12)
 
 
 def test_gravity_of_the_urdf_is_the_models() -> None:
-    robot = gtpin.Robot(Description.parse(changed('<gravity xyz="0 0 -9.81"/>', '<gravity xyz="1 2 -3"/>')))
+    robot = gtpin.Robot(RobotDescription.parse(changed('<gravity xyz="0 0 -9.81"/>', '<gravity xyz="1 2 -3"/>')))
     np.testing.assert_array_equal(robot.model.gravity.linear, [1, 2, -3])
-    silent = gtpin.Robot(Description.parse(changed('<gravity xyz="0 0 -9.81"/>', "")))
+    silent = gtpin.Robot(RobotDescription.parse(changed('<gravity xyz="0 0 -9.81"/>', "")))
     np.testing.assert_array_equal(silent.model.gravity.linear, [0, 0, -9.81])
     assert pin.computeTotalMass(silent.model) == pytest.approx(3 * 40 + 22 + 6 * 4.1)

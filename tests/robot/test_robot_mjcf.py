@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.errors import RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 ARM = """<mujoco model="arm"><compiler eulerseq="zYx"/><option gravity="1 2 -9"/>
 <default><joint damping="1" axis="0 1 0"/><geom density="700"/>
@@ -114,7 +114,7 @@ def circles(q1: float, q2: float) -> np.ndarray:
 
 
 def test_connect_closes_a_loop_whose_drives_the_file_names() -> None:
-    robot = gtpin.Robot(Description.parse(FIVE.format(ends=BODIES)), "tip")
+    robot = gtpin.Robot(RobotDescription.parse(FIVE.format(ends=BODIES)), "tip")
     assert robot.sites == ("drive2", "drive1")
     for q2, q1 in np.random.default_rng(3).uniform(-0.4, 0.4, (10, 2)):
         np.testing.assert_allclose(gtpin.home(robot).moved_to([q2, q1]).T[:2], circles(q1, q2), rtol=0, atol=1e-9)
@@ -123,15 +123,15 @@ def test_connect_closes_a_loop_whose_drives_the_file_names() -> None:
 def test_connect_of_sites_is_that_of_their_places() -> None:
     text = FIVE.format(ends='site1="tip" site2="other"')
     text = text.replace('<joint name="elbow2"/>', '<joint name="elbow2"/><site name="other" pos="0.3 0 0"/>')
-    one = gtpin.home(gtpin.Robot(Description.parse(text), "tip")).moved_to([0.2, -0.1])
-    other = gtpin.home(gtpin.Robot(Description.parse(FIVE.format(ends=BODIES)), "tip")).moved_to([0.2, -0.1])
+    one = gtpin.home(gtpin.Robot(RobotDescription.parse(text), "tip")).moved_to([0.2, -0.1])
+    other = gtpin.home(gtpin.Robot(RobotDescription.parse(FIVE.format(ends=BODIES)), "tip")).moved_to([0.2, -0.1])
     np.testing.assert_allclose(one.T, other.T, rtol=0, atol=1e-12)
 
 
 def test_a_joint_that_an_equality_ties_to_another_follows_it() -> None:
     text = """<mujoco><worldbody><body name="a"><joint name="m"/><body name="b" pos="1 0 0"><joint name="f"/></body></body>
     </worldbody><equality><joint joint1="f" joint2="m" polycoef="0.1 -2"/></equality></mujoco>"""
-    robot = gtpin.Robot(Description.parse(text))
+    robot = gtpin.Robot(RobotDescription.parse(text))
     assert robot.sites == ("m",)
     turned = gtpin.home(robot).moved_to([0.4]).R
     angle = 0.4 + 0.1 - 2.0 * 0.4
@@ -152,7 +152,7 @@ def test_included_files_are_read_from_the_folder_of_the_file(tmp_path: Path) -> 
 
 
 def test_a_model_of_an_mjcf_is_written_and_read_again(tmp_path: Path) -> None:
-    robot = gtpin.Robot(Description.parse(FIVE.format(ends=BODIES)), "tip")
+    robot = gtpin.Robot(RobotDescription.parse(FIVE.format(ends=BODIES)), "tip")
     geometry = gtpin.Geometry.nominal(robot)
     geometry = geometry.with_values(
         geometry.values + 1e-3 * np.random.default_rng(4).standard_normal(geometry.values.size)

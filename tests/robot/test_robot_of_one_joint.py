@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin import errors
 from gtpin.bench.simulator import simulate
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 URDF = """<robot name="one">
@@ -30,7 +30,7 @@ def poses(kind: str, q: Floats) -> tuple[Floats, Floats]:
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_it_moves_as_it_should(kind: str) -> None:
-    robot = gtpin.Robot(Description.parse(URDF.format(kind=kind)))
+    robot = gtpin.Robot(RobotDescription.parse(URDF.format(kind=kind)))
     q = np.linspace(-1.0, 1.0, 9)[:, None]
     found = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
     T, R = poses(kind, q)
@@ -45,7 +45,7 @@ def test_it_moves_as_it_should(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_it_is_simulated_and_calibrated(kind: str) -> None:
     """Chi-square over some 500 freedoms lies within 25 % of 1 but for 1 in 10,000 draws (sd sqrt(2 / 500) = 6 %)."""
-    robot = gtpin.Robot(Description.parse(URDF.format(kind=kind)))
+    robot = gtpin.Robot(RobotDescription.parse(URDF.format(kind=kind)))
     made = simulate(robot, "one", poses=80, seed=2)
     found = gtpin.calibrate(made.dataset, robot)
     assert 0.8 < found.chi2_per_dof < 1.25
@@ -56,7 +56,7 @@ def test_it_is_simulated_and_calibrated(kind: str) -> None:
 @pytest.mark.slow
 def test_a_planar_loop_with_joints_off_by_tolerances_is_simulated_and_calibrated(four_bar_urdf: str) -> None:
     """Across its plane no such loop closes: play in its bearings takes that up."""
-    robot = gtpin.Robot(Description.parse(four_bar_urdf))
+    robot = gtpin.Robot(RobotDescription.parse(four_bar_urdf))
     made = simulate(robot, "four_bar", poses=80, seed=3)
     found = gtpin.calibrate(made.dataset, robot)
     assert 0.75 < found.chi2_per_dof < 1.25
@@ -87,4 +87,4 @@ def test_a_chain_so_long_that_its_parser_s_stack_overflows_is_refused() -> None:
         f'<joint name="j{i}" type="fixed"><parent link="l{i}"/><child link="l{i + 1}"/></joint>' for i in range(5000)
     )
     with pytest.raises(errors.RobotError, match="5000 joints"):
-        Description.parse(f'<robot name="long">{links}{joints}</robot>')
+        RobotDescription.parse(f'<robot name="long">{links}{joints}</robot>')

@@ -11,7 +11,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.errors import GtpinWarning, RobotError
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 
@@ -78,5 +78,5 @@ def test_a_joint_that_moves_the_tcp_by_a_follower_is_not_missed() -> None:
 def test_other_types_of_loop_joints_say_which_one_is_read(kind: str) -> None:
     text = FIVE_BAR.read_text(encoding="utf-8").replace('type="spherical"', f'type="{kind}"')
     with pytest.raises(RobotError, match=r'write type="spherical".*planar') as caught:
-        Description.parse(text)
+        RobotDescription.parse(text)
     assert f"of type {kind}" in str(caught.value)

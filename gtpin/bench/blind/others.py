@@ -24,7 +24,7 @@ from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
 from gtpin.references import is_path
 from gtpin.robot.closures import SUFFIX
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 
@@ -196,7 +196,7 @@ def take_in(case: Given, place: Path) -> None:
             urdf = _path_of(case.folder, said.common.robot)
             if urdf is not None:
                 of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
-                (place / ROBOT).write_bytes(Description.read(urdf).xml.encode() if of_two else read_bytes(urdf))
+                (place / ROBOT).write_bytes(RobotDescription.read(urdf).xml.encode() if of_two else read_bytes(urdf))
                 moved = said.common.model_copy(update={"robot": ROBOT})
                 write_description(place / "dataset.toml", moved, [written(one) for one in said.instruments])
         except GtpinError:

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.robust_fit import RobustFit
-from gtpin.calibration.settled import Settled
 from gtpin.data.read_instruments import SIGMAS as COLUMNS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -59,7 +59,7 @@ class Declared:
     by_row: bool = False
 
 
-def settled_or_explained(fit: RobustFit) -> Settled:
+def settled_or_explained(fit: RobustFit) -> FitState:
     """Run the robust fit; if it does not converge, find out whether the reason is a declared sigma that is far too small.
 
     Raises `DatasetError` if the fit converges only when the noise is estimated, and a declared sigma is less than a tenth
@@ -85,7 +85,7 @@ def settled_or_explained(fit: RobustFit) -> Settled:
         raise
 
 
-def with_credible_noise(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
+def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, FitState]:
     """The fit and its result with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
     Raises `DatasetError` if a sigma is more than ten times what the data show.
@@ -144,7 +144,7 @@ def _declared(readings: Readings) -> list[Declared]:
     return found
 
 
-def _shown(settled: Settled, one: Declared) -> float:
+def _shown(settled: FitState, one: Declared) -> float:
     """Noise of the numbers of a group, m or rad, of a fit: that of the instrument and the scatter of the machine together."""
     problem, point = settled.fit.problem, settled.fit.point
     some = np.flatnonzero((problem.measured.group == one.group).any(axis=1))
@@ -155,7 +155,7 @@ def _shown(settled: Settled, one: Declared) -> float:
     return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[measured.group == one.group].mean()))
 
 
-def _own(settled: Settled, one: Declared) -> Floats:
+def _own(settled: FitState, one: Declared) -> Floats:
     """Residuals of the numbers with this declared sigma, in units of it."""
     problem, point = settled.fit.problem, settled.fit.point
     readings = problem.measured
@@ -166,13 +166,13 @@ def _own(settled: Settled, one: Declared) -> Floats:
     return np.asarray(problem.left(point, point.poses)[own] / sigma[own])
 
 
-def _ratio(settled: Settled, one: Declared) -> float:
+def _ratio(settled: FitState, one: Declared) -> float:
     """Root mean square of the residuals over a declared sigma."""
     left = _own(settled, one)
     return float(np.sqrt((left**2).mean())) if left.size else np.inf
 
 
-def _chance(settled: Settled, one: Declared) -> float:
+def _chance(settled: FitState, one: Declared) -> float:
     """Probability, by chi-square, of residuals as small as these if the declared sigma is true."""
     fit, left = settled.fit, _own(settled, one)
     taken = 0.0

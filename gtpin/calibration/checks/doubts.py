@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.bumped import check_bumped
 from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.frame_scan import nominal_problem
+from gtpin.calibration.checks.instrument_steps import check_bumped
+from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
-from gtpin.calibration.checks.strain import relieved, strain
 from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import reach_of
+from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
-from gtpin.calibration.settled import Settled
 from gtpin.data import Dataset
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -39,7 +39,7 @@ STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of its tolerance, from which there is a warning. Assumed."""
 
 
-def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> Settled:
+def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> FitState:
     """Calibrate, and raise an error if the instrument moved, or if a declared sigma keeps the fit from converging.
 
     ``dataset``: the rows of the fit.
@@ -58,7 +58,7 @@ def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> Settled:
     return settled
 
 
-def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
+def check_used(kept: Dataset, measured: Measured, settled: FitState) -> None:
     """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them, that no effect can explain.
 
     The fit then does not describe the whole machine. Where an effect can explain these rows, this is a warning.
@@ -89,7 +89,7 @@ def check_used(kept: Dataset, measured: Measured, settled: Settled) -> None:
         warn(str(error))
 
 
-def unstrained(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
+def unstrained(fit: RobustFit, settled: FitState) -> tuple[RobustFit, FitState]:
     """The fit and its result; if the priors contradict the data, repeated with a wider tolerance or a free frame.
 
     A warning names what was assumed wrongly.
@@ -125,7 +125,7 @@ def unstrained(fit: RobustFit, settled: Settled) -> tuple[RobustFit, Settled]:
     return wider, wider.run()
 
 
-def check_convention(dataset: Dataset, settled: Settled) -> None:
+def check_convention(dataset: Dataset, settled: FitState) -> None:
     """Suspect orientations that fit far better when they are read by another convention."""
     found, before, after = other_convention(settled.fit, settled.noise.sigma)
     if found:
@@ -134,7 +134,7 @@ def check_convention(dataset: Dataset, settled: Settled) -> None:
         suspect(error, dataset, before, after, exact=True)
 
 
-def check_fit(kept: Dataset, settled: Settled, nominal: Poses) -> None:
+def check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
     """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
     point, measured = settled.fit.point, settled.fit.problem.poses
     model = point.model

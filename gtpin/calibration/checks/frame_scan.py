@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solve_triangular
 
+from gtpin.calibration.checks.prior_conflict import motions
 from gtpin.calibration.checks.shifted_rows import FEWEST
-from gtpin.calibration.checks.strain import motions
 from gtpin.calibration.problem import Point, Problem
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
@@ -26,7 +26,7 @@ count as two steps."""
 
 
 @dataclass(frozen=True)
-class Scan:
+class FrameScan:
     """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
 
     - ``rows``: (N,) indices of the rows in the problem, in the order of the search.
@@ -45,7 +45,7 @@ class Scan:
     lengths: Floats
 
     @staticmethod
-    def of(problem: Problem, point: Point, noise: ReadingNoise) -> Scan:
+    def of(problem: Problem, point: Point, noise: ReadingNoise) -> FrameScan:
         """Linearise a problem about a point, for all rows."""
         parts = problem.chunks()
         J = np.concatenate([problem.jacobian(point, part) for part in parts])
@@ -56,11 +56,11 @@ class Scan:
         again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
         lengths = colour[:, :3, :] @ F
         rows = np.arange(len(y))
-        return Scan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
+        return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
 
-    def ordered(self, rows: npt.NDArray[np.intp]) -> Scan:
+    def ordered(self, rows: npt.NDArray[np.intp]) -> FrameScan:
         """The same for the rows with these indices, in this order."""
-        return Scan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
+        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
 
     def best(self, steps: Sequence[int]) -> int:
         """The next step: together with ``steps`` it leaves the smallest residuals."""

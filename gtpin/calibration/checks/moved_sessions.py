@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.frame_scan import Scan, nominal_problem
+from gtpin.calibration.checks.frame_scan import FrameScan, nominal_problem
 from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame
@@ -79,7 +79,7 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
         return {}
     rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
     thin, noise = nominal_problem(problem.take(rows, problem.whitening[rows]))
-    scan = Scan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
+    scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
     if scan.left(()) < RATIO * scan.left_by(columns):
         return {}

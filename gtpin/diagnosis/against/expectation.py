@@ -14,7 +14,7 @@ from gtpin.effects.situation import Column, Situation
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import EXPLAINED, Unexplained
+from gtpin.model.fit_conditions import EXPLAINED, ModelDiscrepancy
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -38,7 +38,7 @@ class Conditions:
     noise: ReadingNoise
     free_frame: bool
     temperature: float = 20.0
-    unexplained: Unexplained = EXPLAINED
+    unexplained: ModelDiscrepancy = EXPLAINED
     noise_known: bool = True
 
     def expected(self, measured: Readings) -> ReadingNoise:

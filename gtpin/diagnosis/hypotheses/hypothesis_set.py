@@ -20,7 +20,7 @@ from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 
 Term = Hypothesis | SmoothTerm | Proxy
-Model = Posterior[Term]
+Explanation = Posterior[Term]
 """Some members of the hypothesis set together, each with its scale."""
 T = TypeVar("T", bound=Term)
 
@@ -84,9 +84,9 @@ class HypothesisSet:
         self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self.of_sessions, self.proxied = of_sessions, proxied
         self._scans: dict[Hypothesis, Scan] = {}
-        self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Model] = {}
+        self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Explanation] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.grown: dict[tuple[Term, tuple[Term, ...], int], Model] = {}
+        self.grown: dict[tuple[Term, tuple[Term, ...], int], Explanation] = {}
         """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
@@ -176,11 +176,11 @@ class HypothesisSet:
         open_ = self.without_value(term)
         return self.gains(NOTHING, (open_,))[open_].value
 
-    def worth(self, model: Model) -> float:
+    def worth(self, model: Explanation) -> float:
         """Worth of a model: its log evidence less the log prior odds against its explanations, nats."""
         return model.log_evidence - sum(self.costs(model.terms).values())
 
-    def net_gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
+    def net_gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
         """Gain in worth, nats, by adding each explanation to a model whose scales are not changed."""
         before = sum(self.costs(model.terms).values())
         return {
@@ -188,7 +188,7 @@ class HypothesisSet:
             for term, gain in self.gains(model, terms).items()
         }
 
-    def gains(self, model: Model, terms: Iterable[T]) -> dict[T, Gain]:
+    def gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
         """Gain in log evidence by adding each explanation to a model, with its nonlinear parameter estimated given the model.
 
         The scales of the model are not changed. Explanations that the model already has, with any value of the nonlinear
@@ -214,7 +214,7 @@ class HypothesisSet:
             self._scans[hypothesis] = Scan(self.design, self.groups, hypothesis.effect, hypothesis.site, self.priors)
         return self._scans[hypothesis]
 
-    def scanned_gain(self, hypothesis: Hypothesis, model: Model, others: Sequence[float] = ()) -> Gain:
+    def scanned_gain(self, hypothesis: Hypothesis, model: Explanation, others: Sequence[float] = ()) -> Gain:
         """Gain by the best value of a hypothesis of ``scanned``; ``others``: its values that the model already has."""
         best = self.scan(hypothesis).best(model, others)
         term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
@@ -225,30 +225,30 @@ class HypothesisSet:
         more = sum(gain - self.priors.line for _, _, gain in worth)
         return Gain(best.gain, term, tuple((value, sigma) for value, sigma, _ in worth), more)
 
-    def replaced(self, model: Model, old: Hypothesis, new: Hypothesis) -> Model:
+    def replaced(self, model: Explanation, old: Hypothesis, new: Hypothesis) -> Explanation:
         """The model with one hypothesis in the place of another, at the same scales."""
         if new not in self.groups:
             self._add(new)
         return exchanged(self.groups, model, old, new)
 
-    def extended(self, model: Model, term: Term) -> Model:
+    def extended(self, model: Explanation, term: Term) -> Explanation:
         """A model with one more explanation, all scales estimated again."""
         return self.of((*model.terms, term), (*model.scale, 1.0))
 
-    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Model:
+    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Explanation:
         """A model of some explanations, its scales estimated from given ones."""
         for term in terms:
             if isinstance(term, Hypothesis) and term not in self.groups:
                 self._add(term)
         return tuned(self.groups, terms, scale)
 
-    def modulates(self, smooth: SmoothTerm, model: Model | Collection[Hypothesis]) -> bool:
+    def modulates(self, smooth: SmoothTerm, model: Explanation | Collection[Hypothesis]) -> bool:
         """Whether a smooth term is only a modulation of one of some hypotheses."""
         terms = model.terms if isinstance(model, Posterior) else model
         at = self.design.situation
         return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
 
-    def only(self, model: Model, terms: Iterable[Term]) -> Model:
+    def only(self, model: Explanation, terms: Iterable[Term]) -> Explanation:
         """The model with only some of its explanations, at the same scales."""
         wanted = set(terms)
         kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t in wanted]
@@ -260,16 +260,16 @@ def explained_by(term: Term) -> Hypothesis | SmoothTerm:
     return term.hypothesis if isinstance(term, Proxy) else term
 
 
-def causes(model: Model) -> tuple[Hypothesis, ...]:
+def causes(model: Explanation) -> tuple[Hypothesis, ...]:
     """A model's hypotheses, without its smooth terms."""
     return tuple(term for term in model.terms if isinstance(term, Hypothesis))
 
 
-def smooth_terms(model: Model) -> tuple[SmoothTerm, ...]:
+def smooth_terms(model: Explanation) -> tuple[SmoothTerm, ...]:
     """A model's smooth terms."""
     return tuple(term for term in model.terms if isinstance(term, SmoothTerm))
 
 
-def scales(model: Model) -> Mapping[Term, float]:
+def scales(model: Explanation) -> Mapping[Term, float]:
     """The scale of each explanation of a model."""
     return dict(zip(model.terms, model.scale, strict=True))

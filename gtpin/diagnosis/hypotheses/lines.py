@@ -11,7 +11,7 @@ from collections.abc import Collection
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, causes
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, causes
 from gtpin.diagnosis.linear.exchange import tuned
 from gtpin.diagnosis.linear.scan import LEAST
 
@@ -26,7 +26,7 @@ SWEEPS, SETTLED = 6, 0.1
 
 def further_lines(
     hypotheses: HypothesisSet,
-    model: Model,
+    model: Explanation,
     terms: Collection[Hypothesis] | None = None,
     last: dict[tuple[str, str], float] | None = None,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
@@ -55,7 +55,7 @@ def further_lines(
     return best
 
 
-def with_all_lines(hypotheses: HypothesisSet, model: Model, gain: Gain) -> Model:
+def with_all_lines(hypotheses: HypothesisSet, model: Explanation, gain: Gain) -> Explanation:
     """A model with one more explanation, and with all its lines at once where there are several."""
     if not gain.further or not isinstance(gain.term, Hypothesis):
         return hypotheses.extended(model, gain.term)
@@ -64,13 +64,13 @@ def with_all_lines(hypotheses: HypothesisSet, model: Model, gain: Gain) -> Model
     return tuned(hypotheses.groups, found.terms, found.scale)
 
 
-def widened(hypotheses: HypothesisSet, model: Model, wider: Hypothesis, old: Hypothesis) -> Model:
+def widened(hypotheses: HypothesisSet, model: Explanation, wider: Hypothesis, old: Hypothesis) -> Explanation:
     """A model with more lines in the place of one of its periodic errors, all of them estimated again."""
     found = _with_lines(hypotheses, hypotheses.replaced(model, old, wider), wider)
     return tuned(hypotheses.groups, found.terms, found.scale)
 
 
-def settled(hypotheses: HypothesisSet, model: Model) -> Model:
+def settled(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     """The model with the lines of every periodic error estimated again until the gain is below ``SETTLED``."""
     for place in [cause.place for cause in causes(model) if cause.further]:
         for _ in range(SWEEPS):
@@ -85,7 +85,7 @@ def settled(hypotheses: HypothesisSet, model: Model) -> Model:
     return model
 
 
-def with_its_lines(hypotheses: HypothesisSet, rest: Model, term: Hypothesis) -> Model:
+def with_its_lines(hypotheses: HypothesisSet, rest: Explanation, term: Hypothesis) -> Explanation:
     """A model with one more hypothesis, and with each further line of it that increases the worth."""
     key = rest.terms, rest.scale, term
     if key not in hypotheses.lined:
@@ -100,7 +100,7 @@ def with_its_lines(hypotheses: HypothesisSet, rest: Model, term: Hypothesis) -> 
     return hypotheses.lined[key]
 
 
-def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Model:
+def _with_lines(hypotheses: HypothesisSet, model: Explanation, term: Hypothesis) -> Explanation:
     """The model with each line of a hypothesis estimated again given the others, or left out where that increases the worth."""
     for old in term.lines:
         less = term.with_lines([line for line in term.lines if line != old])
@@ -117,7 +117,7 @@ def _with_lines(hypotheses: HypothesisSet, model: Model, term: Hypothesis) -> Mo
 
 
 def _estimated(
-    hypotheses: HypothesisSet, model: Model, others: Hypothesis, old: tuple[float, float]
+    hypotheses: HypothesisSet, model: Explanation, others: Hypothesis, old: tuple[float, float]
 ) -> tuple[float, float]:
     """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished."""
     scan = hypotheses.scan(others.template)
@@ -126,7 +126,7 @@ def _estimated(
     return old if found.gain <= LEAST else (found.value, found.sigma)
 
 
-def strongest_first(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Hypothesis:
+def strongest_first(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> Hypothesis:
     """A cause of a model with its lines by the size of their cores, the largest first; other causes as they are."""
     if not cause.further:
         return cause

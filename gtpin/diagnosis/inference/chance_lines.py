@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import betaincc
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.typing import Floats
 
@@ -48,7 +48,7 @@ class FittedLines:
     taken: float = 0.0
 
     @staticmethod
-    def of(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> FittedLines:
+    def of(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> FittedLines:
         """The errors of a drive that the geometry and a model without one periodic error leave, and the lines of this error.
 
         What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;

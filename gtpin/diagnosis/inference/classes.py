@@ -10,7 +10,7 @@ from math import exp
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes
 from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.search import most
 from gtpin.diagnosis.inference.verdict import Contender
@@ -18,7 +18,7 @@ from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.priors import CLASS_SHARE, Priors
 
 
-def contenders(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> tuple[Contender, ...]:
+def contenders(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> tuple[Contender, ...]:
     """The class of a cause, the most probable member first. Smooth terms share the probability but are not members."""
     found = ranked(hypotheses, model, cause).named
     least = CLASS_SHARE * found[0].probability
@@ -38,7 +38,7 @@ class Ranking:
     heat: float
 
 
-def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Ranking:
+def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> Ranking:
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
@@ -85,7 +85,7 @@ def ranked(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> Rankin
 
 
 def _with_lines(
-    hypotheses: HypothesisSet, rest: Model, gains: Mapping[Hypothesis, Gain], cause: Hypothesis
+    hypotheses: HypothesisSet, rest: Explanation, gains: Mapping[Hypothesis, Gain], cause: Hypothesis
 ) -> dict[Hypothesis, Gain]:
     """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
     found: dict[Hypothesis, Gain] = {}
@@ -129,7 +129,7 @@ LEAST_SHARE = 0.5
 cause, the larger explains at least half of it."""
 
 
-def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
+def exchanged_for_two(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     """The model with two hypotheses in the place of one of its causes, where that increases the worth.
 
     A search that adds one explanation at a time can end with one cause where two are true.
@@ -144,7 +144,7 @@ def exchanged_for_two(hypotheses: HypothesisSet, model: Model) -> Model:
     return model
 
 
-def with_two_instead(hypotheses: HypothesisSet, model: Model, classes: Classes) -> Classes:
+def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Classes) -> Classes:
     """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
 
     Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
@@ -195,15 +195,15 @@ def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
-def _odds_of_two(hypotheses: HypothesisSet, other: Model, model: Model, own: float) -> float:
+def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
     """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
     ahead = hypotheses.worth(other) - hypotheses.worth(model)
     return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
 
 
 def _best_two(
-    hypotheses: HypothesisSet, rest: Model, out: Sequence[Hypothesis], least: float
-) -> tuple[Model, tuple[Hypothesis, Hypothesis]] | None:
+    hypotheses: HypothesisSet, rest: Explanation, out: Sequence[Hypothesis], least: float
+) -> tuple[Explanation, tuple[Hypothesis, Hypothesis]] | None:
     """The model of largest worth with two hypotheses beside ``rest``, and these two.
 
     Neither is one of ``out``, and the first gains at least ``least``, nats.
@@ -212,7 +212,7 @@ def _best_two(
     plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
     firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
-    found: list[tuple[Model, tuple[Hypothesis, Hypothesis]]] = []
+    found: list[tuple[Explanation, tuple[Hypothesis, Hypothesis]]] = []
     for first in firsts:
         one = hypotheses.extended(rest, first)
         more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.inference.classes import unnamed
-from gtpin.diagnosis.inference.findings import Description, Doubt, Undecided
+from gtpin.diagnosis.inference.findings import Doubt, FlexibleFamily, Undecided
 from gtpin.diagnosis.inference.unexplained import marginal_power
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.exchange import without
@@ -31,7 +31,9 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
         flexible = cause.effect.nature == "description" and members[0].probability >= UNDECIDED
         if flexible and not is_mechanism(hypotheses, found.model, cause):
             over = tuple(sorted(cause.drivers(hypotheses.design.situation.robot)))
-            told.append(Description(*cause.place, over, size(hypotheses, found.model, cause), members[0].probability))
+            told.append(
+                FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), members[0].probability)
+            )
             if not weak(hypotheses, found.model, cause):
                 doubts.append(Doubt("description", cause.site, over))
     if not told:
@@ -52,7 +54,7 @@ def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusio
     return replace(found, also=small) if len(small) < len(found.classes) else found
 
 
-def is_mechanism(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> bool:
+def is_mechanism(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
     """Whether forms with few parameters explain what a flexible family does, as likely as the family and any smooth function.
 
     The forms are chosen one after the other, each against the prior odds of a choice among all of them. The family may be
@@ -67,7 +69,7 @@ def is_mechanism(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> 
         if form not in groups:
             groups.add(form, columns[:, list(chosen)])
         forms.append(form)
-    simple: Model = rest
+    simple: Explanation = rest
     for _ in range(min(MOST_FORMS, len(forms))):
         gains = hypotheses.gains(simple, forms)
         best = max(gains, key=lambda form: gains[form].value)
@@ -87,14 +89,14 @@ def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, 
     return tuple(Undecided(c.site, size(hypotheses, found.model, c), found.members(c)) for c in found.also)
 
 
-def weak(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> bool:
+def weak(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
     """Whether a cause explains only a small part of the chi-square beyond noise that the geometry leaves."""
     less = without(hypotheses.groups, model, cause, sweeps=1)
     own = marginal_power(hypotheses, less) - marginal_power(hypotheses, model)
     return own < hypotheses.priors.weak * (hypotheses.groups.power - hypotheses.design.dof)
 
 
-def size(hypotheses: HypothesisSet, model: Model, cause: Hypothesis) -> float:
+def size(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> float:
     """Root mean square of the TCP's displacement by a cause over the poses of the search, m."""
     at = hypotheses.design.situation
     start = sum(model.widths[: model.terms.index(cause)])

@@ -67,7 +67,7 @@ class Undecided:
 
 
 @dataclass(frozen=True)
-class Description:
+class FlexibleFamily:
     """A flexible family that fits, but is no cause: it says where the error is and over what, not why.
 
     ``rms`` is its root mean square at the TCP, m, and ``probability`` that of the family among all hypotheses.
@@ -143,7 +143,7 @@ class Unexplained:
     p_value: float
     correlates: tuple[tuple[str, str, float], ...]
     could_be: tuple[tuple[str, str], ...] = ()
-    descriptions: tuple[Description, ...] = ()
+    descriptions: tuple[FlexibleFamily, ...] = ()
 
 
 Reason = Literal[

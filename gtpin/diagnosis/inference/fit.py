@@ -17,7 +17,7 @@ from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
 from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
-from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.suspicious_data import (
     hidden_in_scatter,
@@ -58,7 +58,7 @@ class Fitted:
 
 
 def fit(
-    prepared: Prepared, settled: Settled, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
+    prepared: Prepared, settled: SearchState, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
 ) -> Fitted:
     """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
 
@@ -116,7 +116,7 @@ def fit(
     )
 
 
-def _scatter(prepared: Prepared, settled: Settled) -> float:
+def _scatter(prepared: Prepared, settled: SearchState) -> float:
     """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
     visits, noise = prepared.baseline.noise, settled.observed.noise
     if settled.hypotheses.design.tracked:
@@ -125,7 +125,7 @@ def _scatter(prepared: Prepared, settled: Settled) -> float:
     return float(np.median(noise.repeatability * moved / noise.each))
 
 
-def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Model, list[Cause]]:
+def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:
     """The model fitted with the causes, and the causes with their parameters."""
     named: Sequence[Hypothesis] = list(found.classes)
     scale = [
@@ -136,7 +136,7 @@ def _fitted(prepared: Prepared, settled: Settled, found: Conclusion) -> tuple[Mo
     return model, [cause(model, own, found, c) for c, own in zip(named, ordered, strict=True)]
 
 
-def _floor(settled: Settled) -> Floats:
+def _floor(settled: SearchState) -> Floats:
     """(N,) expected squared length of each searched pose's position noise, m^2; zeros for readings."""
     design = settled.hypotheses.design
     if not design.tracked:

@@ -9,14 +9,14 @@ from functools import partial
 from scipy.special import expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, smooth_terms
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.chance_lines import chance_lines
 from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, temperature, unnamed, with_two_instead
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.inference.settle import Settled
+from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.exchange import tuned, without
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -26,7 +26,7 @@ LEADS = 0.1
 hypotheses."""
 
 
-def infer(settled: Settled, barred: Collection[tuple[str, str]] = ()) -> Conclusion:
+def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Conclusion:
     """Search, compare named causes with smooth terms, and look for an actuator whose errors change too fast for these terms.
 
     Periodic errors that scatter alone would show are barred in a further search. ``barred``: effects and sites that cannot be
@@ -56,7 +56,7 @@ def infer(settled: Settled, barred: Collection[tuple[str, str]] = ()) -> Conclus
     return kept.doubted(Doubt("restless", site, (own,)))
 
 
-def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
+def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusion:
     """Search with and without smooth terms, compare both models, and conclude which causes are named.
 
     ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
@@ -85,7 +85,7 @@ def decide(hypotheses: HypothesisSet, guess: Model = NOTHING) -> Conclusion:
     return found.only(hypotheses, found.sure()) if doubts else found
 
 
-def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
+def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) -> float:
     """Probability of the model with smooth terms, as opposed to the one without."""
     priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
@@ -95,7 +95,7 @@ def _unknown(hypotheses: HypothesisSet, mixed: Model, named: Model) -> float:
     return float(expit(ahead / temperature(max(named.log_evidence, 0.0), priors)))
 
 
-def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...]:
+def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTerm, ...]:
     """Smooth terms that are more probable than a cause and its whole class."""
     found = []
     for cause in causes(named):
@@ -106,7 +106,7 @@ def _replacing(hypotheses: HypothesisSet, named: Model) -> tuple[SmoothTerm, ...
     return tuple(dict.fromkeys(found))
 
 
-def _led(hypotheses: HypothesisSet, named: Model) -> Model:
+def _led(hypotheses: HypothesisSet, named: Explanation) -> Explanation:
     """The model with the leader of each class in the place of its cause, where that increases the worth.
 
     This is repeated, because the new cause can have a class with another leader.
@@ -123,7 +123,7 @@ def _led(hypotheses: HypothesisSet, named: Model) -> Model:
     return named
 
 
-def _apart(hypotheses: HypothesisSet, model: Model) -> tuple[Hypothesis, ...]:
+def _apart(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
     """Causes that cannot look like the model's smooth terms, and gain more than twice the prior odds against them."""
     costs = hypotheses.costs(model.terms)
     sure = []
@@ -146,8 +146,8 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
 
 
 def without_redundant(
-    hypotheses: HypothesisSet, named: Model, members: Callable[[Model, Hypothesis], Iterable[Contender]]
-) -> Model:
+    hypotheses: HypothesisSet, named: Explanation, members: Callable[[Explanation, Hypothesis], Iterable[Contender]]
+) -> Explanation:
     """The model without causes that are not needed when an effect with a missing covariate replaces a stronger cause.
 
     A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
@@ -173,7 +173,9 @@ def without_redundant(
     return named
 
 
-def _redundant(hypotheses: HypothesisSet, named: Model, cause: Hypothesis, proxy: Proxy, other: Hypothesis) -> bool:
+def _redundant(
+    hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis, proxy: Proxy, other: Hypothesis
+) -> bool:
     """Whether ``other`` gains less than the prior odds against it when ``proxy`` takes the place of ``cause``."""
     rest = without(hypotheses.groups, named, cause)
     less = without(hypotheses.groups, rest, other)

@@ -18,7 +18,7 @@ from gtpin.effects.situation import References
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import FitConditions, Unexplained
+from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
@@ -74,7 +74,7 @@ def fit_together(
     )
 
 
-def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> Unexplained:
+def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> ModelDiscrepancy:
     """What geometry and causes leave unexplained between poses."""
     colour = np.linalg.inv(problem.calibration.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)

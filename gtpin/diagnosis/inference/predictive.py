@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.left_out_block import Block
+from gtpin.calibration.left_out_block import LeftOutBlock
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
@@ -143,5 +143,5 @@ def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> fl
     total = 0.0
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, design.components))
-        total += Block.of(half[rows], left[rows]).log_density
+        total += LeftOutBlock.of(half[rows], left[rows]).log_density
     return total

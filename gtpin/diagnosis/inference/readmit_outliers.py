@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import SocketTable
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, causes, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.search import guess_of_outliers
@@ -23,7 +23,7 @@ MOST_POSES = 3000
 
 
 @dataclass(frozen=True)
-class Rows:
+class Admitted:
     """Masks (N,) of rows for the search.
 
     ``sure``: the rows that the calibration used. ``admitted``: these, and the outliers that a cause explains.
@@ -38,7 +38,7 @@ class Rows:
         return bool((self.admitted != self.sure).any())
 
 
-def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
+def readmit_outliers(prepared: Prepared, scope: Scope) -> Admitted:
     """The rows that a search uses: those of the calibration, and outliers that a cause explains.
 
     A cause that acts at few poses (play whose force seldom changes its sign, a step near a track's end) makes outliers of a
@@ -50,7 +50,7 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
     suspects = suspects[baseline.model.kinematics.forward(dataset.q[suspects]).reached]
     suspects = suspects[~_in_sockets(dataset)[suspects]]
     if len(suspects) < priors.readmitted:
-        return Rows(sure, sure)
+        return Admitted(sure, sure)
     explained = np.zeros(len(dataset), dtype=bool)
     # With many poses, the outliers are searched in parts, each with an evenly spread part of the poses that were kept.
     most = len(suspects) if len(dataset) <= MOST_POSES else MOST_POSES // 2
@@ -68,8 +68,8 @@ def readmit_outliers(prepared: Prepared, scope: Scope) -> Rows:
         if not design.tracked:
             least = max(least, _free(hypotheses, guess) + 1)
         if explained[some].sum() < least:
-            return Rows(sure, sure)
-    return Rows(sure | explained, sure)
+            return Admitted(sure, sure)
+    return Admitted(sure | explained, sure)
 
 
 def _in_sockets(dataset: Dataset) -> Mask:
@@ -84,7 +84,7 @@ def _in_sockets(dataset: Dataset) -> Mask:
     return np.isin(dataset.readings.of, sockets)
 
 
-def _free(hypotheses: HypothesisSet, guess: Model) -> int:
+def _free(hypotheses: HypothesisSet, guess: Explanation) -> int:
     """Number of the coefficients and periods of those causes of a model that have several periods.
 
     So many periods fit gross errors of single numbers, whatever was read: they explain as many readings as they have free
@@ -101,7 +101,7 @@ def _evenly(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:
     return np.asarray(rows[np.linspace(0, len(rows) - 1, most).astype(int)])
 
 
-def _predicted(hypotheses: HypothesisSet, model: Model) -> Mask:
+def _predicted(hypotheses: HypothesisSet, model: Explanation) -> Mask:
     """(N,) whether a model fitted to all other poses predicts a pose far better than geometry alone does.
 
     A search can also explain gross errors, each by a separate term, but such a term does not predict other poses.

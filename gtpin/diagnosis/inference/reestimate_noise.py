@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, scales
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
@@ -23,7 +23,7 @@ MATTERS = 0.03
 """Relative change of the noise's variance, or mean change of a weight, above which the search is repeated."""
 
 
-def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
+def left_over(hypotheses: HypothesisSet, model: Explanation) -> tuple[Floats, float]:
     """(N, c) whitened residuals after the geometry and a model were fitted, and the effective number of parameters of both."""
     design, groups = hypotheses.design, hypotheses.groups
     scaled = [groups.columns(term) * s for term, s in scales(model).items()]
@@ -34,7 +34,7 @@ def left_over(hypotheses: HypothesisSet, model: Model) -> tuple[Floats, float]:
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
 
 
-def gross_errors(hypotheses: HypothesisSet, model: Model) -> npt.NDArray[np.bool_]:
+def gross_errors(hypotheses: HypothesisSet, model: Explanation) -> npt.NDArray[np.bool_]:
     """(N,) True for gross errors: neither a model nor noise with the size and tails of the other poses explains them.
 
     Readings are compared with readings of the same sigma. If one number of a table's row is a gross error, the whole row is.
@@ -69,7 +69,7 @@ class Reestimated:
     restless: str | None
 
 
-def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Model) -> Reestimated:
+def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> Reestimated:
     """Estimate repeatability, sigmas that were not declared, and weights of the rows from a model's residuals. By maximum
     likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
 
@@ -117,7 +117,7 @@ def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Model
     return Reestimated(replace(observed, noise=found, weight=weight), changed, restless)
 
 
-def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Model) -> dict[int, Tails]:
+def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> dict[int, Tails]:
     """Tails of the noise, by kind of the rows, where their weights are not 1. With them a fit weighs rows that the search did
     not use."""
     if (observed.weight == 1.0).all():
@@ -159,7 +159,7 @@ def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explaine
     return _beyond_noise(score, np.einsum("nci,nci->ni", seen, J), design.situation.robot.sites, explained, priors)
 
 
-def restless_drive(hypotheses: HypothesisSet, model: Model, sites: Sequence[str]) -> str | None:
+def restless_drive(hypotheses: HypothesisSet, model: Explanation, sites: Sequence[str]) -> str | None:
     """The one of some actuators along whose motion the residuals of a model exceed the noise most; None where none does."""
     design = hypotheses.design
     own = design.by_command[:, :, [design.situation.robot.sites.index(site) for site in sites]]

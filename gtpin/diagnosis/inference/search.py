@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, related, same_place
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, causes, explained_by, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import (
+    Explanation,
+    Gain,
+    HypothesisSet,
+    Term,
+    causes,
+    explained_by,
+    scales,
+)
 from gtpin.diagnosis.hypotheses.lines import further_lines, settled, widened, with_all_lines, with_its_lines
 from gtpin.diagnosis.linear.exchange import without
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -23,7 +31,7 @@ def most(hypotheses: HypothesisSet) -> int:
     return MOST + hypotheses.design.situation.robot.n_actuators if hypotheses.long else MOST
 
 
-def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
+def rough_guess(hypotheses: HypothesisSet, before: Explanation = NOTHING) -> Explanation:
     """A model of everything that is not noise, by one search from a single first explanation.
 
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
@@ -33,7 +41,7 @@ def rough_guess(hypotheses: HypothesisSet, before: Model = NOTHING) -> Model:
     return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
 
 
-def guess_of_outliers(hypotheses: HypothesisSet) -> Model:
+def guess_of_outliers(hypotheses: HypothesisSet) -> Explanation:
     """A model whose causes may predict the outliers among the rows.
 
     For a robot without rods, it has at most ``MOST`` effects and no smooth terms: terms of all its links have hundreds of
@@ -49,8 +57,8 @@ def search(
     alone: Mapping[Term, Gain],
     beginnings: int = BEAM,
     largest: int | None = None,
-    start: Model = NOTHING,
-) -> Model:
+    start: Explanation = NOTHING,
+) -> Explanation:
     """The model of largest worth that was found, out of some explanations.
 
     ``terms``: the explanations that the model can have. ``alone``: gain in log evidence of each as the only one.
@@ -60,7 +68,7 @@ def search(
     """
     largest = most(hypotheses) if largest is None else largest
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
-    best: Model = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
+    best: Explanation = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST else 0]:
         if alone[term].value < hypotheses.cost(term):
@@ -74,14 +82,14 @@ def search(
     return best
 
 
-def _grown(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Model:
+def _grown(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Explanation:
     key = first, tuple(terms), largest
     if key not in hypotheses.grown:
         hypotheses.grown[key] = _grow(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
     return hypotheses.grown[key]
 
 
-def _anew(hypotheses: HypothesisSet, before: Model) -> Model:
+def _anew(hypotheses: HypothesisSet, before: Explanation) -> Explanation:
     """An earlier model with this noise: its explanations that these hypotheses have, without those that reduce the worth."""
     known = set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
@@ -90,7 +98,7 @@ def _anew(hypotheses: HypothesisSet, before: Model) -> Model:
     return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
 
 
-def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], largest: int) -> Model:
+def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], largest: int) -> Explanation:
     last: dict[tuple[str, str], float] = {}
     while True:
         lines = further_lines(hypotheses, model, last=last)
@@ -114,7 +122,7 @@ def _grow(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term], larges
         model = larger
 
 
-def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
+def _with_lines_instead(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     """The model with all lines of a drive in the place of its smooth deviation, where that increases the worth.
 
     Where a joint has many lines, its smooth deviation gains more than any single line, and no single line in addition is worth
@@ -136,7 +144,7 @@ def _with_lines_instead(hypotheses: HypothesisSet, model: Model) -> Model:
     return model
 
 
-def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Sequence[Term]:
+def _with_room(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term]) -> Sequence[Term]:
     """The terms with which a model of a robot without rods has at most ``most_coefficients`` coefficients per measured number.
 
     Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
@@ -148,7 +156,7 @@ def _with_room(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -
     return [term for term in terms if term not in groups or groups.width(term) <= room]
 
 
-def _swapped(hypotheses: HypothesisSet, model: Model, terms: Sequence[Term]) -> Model:
+def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term]) -> Explanation:
     """The model after exchanges of one explanation for another that increase its worth."""
     for _ in range(3):
         before = model
@@ -178,7 +186,7 @@ def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Se
     return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
 
 
-def _pruned(hypotheses: HypothesisSet, model: Model) -> Model:
+def _pruned(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     """The model without the explanations that reduce its worth."""
     groups = hypotheses.groups
     while model.terms:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
@@ -31,7 +31,7 @@ FEW_POSES = 1000
 
 
 @dataclass(frozen=True)
-class Settled:
+class SearchState:
     """The rows and hypotheses that a search uses.
 
     ``kept``: the rows that were not set aside. ``everything``: the same rows, with noise and weights. ``searched``,
@@ -44,7 +44,7 @@ class Settled:
     searched: Dataset
     observed: Observed
     proposal: Proposal
-    guess: Model
+    guess: Explanation
 
     @property
     def references(self) -> References:
@@ -59,7 +59,7 @@ class Settled:
         return self.proposal.hypotheses
 
 
-def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> Settled:
+def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> SearchState:
     """Decide which of the rows (N,) are gross errors, estimate the noise, and propose hypotheses.
 
     The search uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
@@ -76,12 +76,12 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
         observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope)
     searched = kept.take(some[used])
     if len(some) == len(kept):
-        return Settled(searched, observed, searched, observed, proposal, guess)
+        return SearchState(searched, observed, searched, observed, proposal, guess)
     good = ~np.isin(np.arange(len(kept)), some[~used])
     noise = everything.noise.sized_as(observed.noise)
     tails = tails_of(observed, proposal.hypotheses, guess)
     everything = replace(everything, noise=noise, tails=tails).take(good)
-    return Settled(kept.take(good), everything, searched, observed, proposal, guess)
+    return SearchState(kept.take(good), everything, searched, observed, proposal, guess)
 
 
 def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArray[np.intp]:
@@ -93,7 +93,7 @@ def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArr
     return np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:most])
 
 
-def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[Observed, Mask, Proposal, Model]:
+def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[Observed, Mask, Proposal, Explanation]:
     """Estimate outliers and noise again, given the model of a search.
 
     Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
 from gtpin.calibration.result import Calibration
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
@@ -56,7 +56,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         return {}  # the smaller of the two estimates is no larger: no search is needed
     noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
     noise = replace(noise, estimated=np.ones_like(noise.estimated))
-    guess: Model = NOTHING
+    guess: Explanation = NOTHING
     for _ in range(LOOKS):
         now = replace(observed, noise=noise)
         hypotheses = propose(now.design(baseline.model), scope).hypotheses
@@ -116,7 +116,11 @@ class ShownNoise:
 
     @staticmethod
     def of(
-        observed: Observed, hypotheses: HypothesisSet, guess: Model, declared: tuple[float | None, ...], priors: Priors
+        observed: Observed,
+        hypotheses: HypothesisSet,
+        guess: Explanation,
+        declared: tuple[float | None, ...],
+        priors: Priors,
     ) -> ShownNoise:
         """The noise of the rows of a search.
 
@@ -153,7 +157,7 @@ class ShownNoise:
         """What a perfect model would leave: (N,) squared lengths of positions, m^2; (N, c) for readings, whitened."""
         return floor_of(self.noise, design)
 
-    def excess(self, observed: Observed, hypotheses: HypothesisSet, model: Model) -> tuple[float, float]:
+    def excess(self, observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> tuple[float, float]:
         """Size of a model's residuals over this noise, with the largest repeatability that visits allow; and its p-value.
 
         The weights of the search count: heavy tails are no excess.

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from gtpin.data import Dataset
 from gtpin.data.rounding import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.inference.verdict import Conclusion
@@ -67,14 +67,14 @@ SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Groups:
+class RowGroups:
     """The mask (N,) of the smaller group, and the distance between the two groups' frames at the median row, m."""
 
     smaller: Mask
     apart: float
 
 
-def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> Groups | None:
+def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> RowGroups | None:
     """Two groups of rows with different frames; None where residuals with one frame for all rows are hardly larger.
 
     ``left``: (N, c) whitened residual of the geometry and the causes. ``sigma``: the instrument's noise of positions and
@@ -101,7 +101,7 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
     if (whole**2).sum() < priors.two_groups * (both**2).sum():
         return None
     apart = np.linalg.norm((F @ (a - b))[:, :3] * scale[:3], axis=1)
-    return Groups(smaller, float(np.median(apart)))
+    return RowGroups(smaller, float(np.median(apart)))
 
 
 def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
@@ -182,7 +182,7 @@ class DriveErrors:
         return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
 
 
-def drive_errors(hypotheses: HypothesisSet, model: Model, noise: ReadingNoise) -> DriveErrors | None:
+def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNoise) -> DriveErrors | None:
     """Errors along each drive that remain after the geometry and a model were fitted.
 
     None where a pose has too few measured components to determine the errors of all drives.

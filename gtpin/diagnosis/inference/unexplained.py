@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Model
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.inference.findings import Unexplained
 from gtpin.diagnosis.linear.posterior import given
 from gtpin.distributions import chi2
@@ -14,7 +14,7 @@ CORRELATES = 5
 """Most smooth terms that are reported."""
 
 
-def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexplained:
+def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) -> Unexplained:
     """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
     ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
@@ -40,13 +40,13 @@ def unexplained(hypotheses: HypothesisSet, model: Model, unknown: bool) -> Unexp
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
 
 
-def marginal_power(hypotheses: HypothesisSet, model: Model) -> float:
+def marginal_power(hypotheses: HypothesisSet, model: Explanation) -> float:
     """Chi-square of the residual with geometry and a model's causes marginalised: y' (I + B B' + sum_k s_k^2 E_k E_k')^-1 y."""
     moment = np.concatenate([np.zeros(0), *(hypotheses.groups.moment(n) for n in model.terms)])
     return hypotheses.groups.power - float(moment @ model.mean)
 
 
-def _could_be(hypotheses: HypothesisSet, model: Model) -> tuple[tuple[str, str], ...]:
+def _could_be(hypotheses: HypothesisSet, model: Explanation) -> tuple[tuple[str, str], ...]:
     """Effect and site of untestable effects whose proxies gain nearly as much as the best smooth term, the best first."""
     priors = hypotheses.priors
     best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Model, Term, scales
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
 from gtpin.diagnosis.hypotheses.propose import Untested
-from gtpin.diagnosis.inference.findings import Considered, Description, Doubt, Member, Verdict
+from gtpin.diagnosis.inference.findings import Considered, Doubt, FlexibleFamily, Member, Verdict
 from gtpin.diagnosis.priors import SURE
 
 
@@ -37,13 +37,13 @@ class Conclusion:
     fit and are no causes.
     """
 
-    model: Model
+    model: Explanation
     classes: Mapping[Hypothesis, tuple[Contender, ...]]
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
     beside: tuple[SmoothTerm, ...] = ()
     also: tuple[Hypothesis, ...] = ()
-    descriptions: tuple[Description, ...] = ()
+    descriptions: tuple[FlexibleFamily, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.calibration.left_out_block import Block
+from gtpin.calibration.left_out_block import LeftOutBlock
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.typing import Floats, Mask
@@ -114,7 +114,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     out, inside, kept = np.empty_like(left), np.empty_like(left), np.empty_like(left)
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, c))
-        of = Block.of(half[rows], left[rows])
+        of = LeftOutBlock.of(half[rows], left[rows])
         out[rows], kept[rows] = of.errors, of.kept
         inside[rows] = left[rows] * out[rows]
         if unseen is not None:

@@ -38,7 +38,7 @@ explains up to 0.047 of another one's power where commands are spread evenly (th
 
 
 @dataclass(frozen=True)
-class Found:
+class BestValue:
     """The best value of an effect at a site.
 
     - ``value``, ``sigma``: the value, and its standard deviation.
@@ -181,7 +181,7 @@ class Scan:
             self._together = parts, seen, np.hstack([self.groups.half(part) for part in parts])
         return self._together[1:]
 
-    def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> Found:
+    def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> BestValue:
         """Best value given a model.
 
         ``model``: the model to which the effect is added. ``others``: values of the same cause that the model already has:
@@ -192,18 +192,18 @@ class Scan:
         gains, scales = self._all_gains(products, model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
         if gains[top] <= LEAST:
-            return Found(float(self.values[top]), 0.0, LEAST, float(scales[top]))
+            return BestValue(float(self.values[top]), 0.0, LEAST, float(scales[top]))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
         near = self.values[[max(top - 1, 0), min(top + 1, len(self.values) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
-            return Found(float(self.values[top]), float(np.ptp(near)), together, float(scales[top]))
+            return BestValue(float(self.values[top]), float(np.ptp(near)), together, float(scales[top]))
         found = self._refined(model, others, near)
         gain = max(together, found.gain - trials)
-        return Found(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
+        return BestValue(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
 
-    def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> Found:
+    def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> BestValue:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
         gain, which is less than ``LEAST`` where no value is left.
 
@@ -213,9 +213,9 @@ class Scan:
         at = int(np.searchsorted(ordered, value))
         around = ordered[[max(at - 2, 0), min(at + 1, len(ordered) - 1)]]
         found = self._refined(model, others, around)
-        return Found(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
+        return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
 
-    def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> Found:
+    def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
         """The best value between two values, on successively finer grids."""
         seen, halves = self._side_by_side(model) if model.terms else (None, None)
         for _ in range(REFINEMENTS):
@@ -233,7 +233,9 @@ class Scan:
             if sigma > step:
                 break
             near = finer[[max(best - 2, 0), min(best + 2, REFINED - 1)]]
-        return Found(float(finer[best]), max(sigma, step / np.sqrt(12.0)), float(fine[best]), float(fine_scales[best]))
+        return BestValue(
+            float(finer[best]), max(sigma, step / np.sqrt(12.0)), float(fine[best]), float(fine_scales[best])
+        )
 
     def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
         """Other maxima of the gain over all values, the largest first; values that can't be distinguished from them are left

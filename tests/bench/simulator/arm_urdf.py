@@ -13,7 +13,7 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.recipe import Conditions
 from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import plan
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 JOINTS = (
     ("pan", "revolute", "0 0 0.3", "0 0 0.2", "0 0 1", 7.0, "0 0.02 0.1", 2.9),
@@ -53,7 +53,7 @@ def urdf() -> str:
 @cache
 def nominal() -> tuple[gtpin.Robot, Arm]:
     """The robot as the package has it, and as the plant has it."""
-    robot = gtpin.Robot(Description.parse(urdf()))
+    robot = gtpin.Robot(RobotDescription.parse(urdf()))
     return robot, Arm.of(robot)
 
 

@@ -13,7 +13,7 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.recipe import Conditions
 from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import plan
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -87,7 +87,7 @@ ROBOTS = {
 @cache
 def nominal(name: str) -> tuple[gtpin.Robot, Arm]:
     """The robot as the package has it, and as the plant has it."""
-    robot = gtpin.Robot(Description.parse(ROBOTS[name]()))
+    robot = gtpin.Robot(RobotDescription.parse(ROBOTS[name]()))
     return robot, Arm.of(robot)
 
 

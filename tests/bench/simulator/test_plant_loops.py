@@ -6,7 +6,7 @@ import gtpin
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import log
 from gtpin.bench.simulator.simulate import TrueRobot, draw_machine
-from gtpin.robot.description import Description
+from gtpin.robot.description import RobotDescription
 
 
 def spatial_loop(home: str = "") -> gtpin.Robot:
@@ -24,7 +24,7 @@ def spatial_loop(home: str = "") -> gtpin.Robot:
     )
     loop = '<loop_joint name="ball" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/><link2 link="rocker" xyz="0.45 0 0"/>'
     own = '</loop_joint><gtpin><actuator joint="crank_joint"/><platform link="rocker"/>'
-    return gtpin.Robot(Description.parse(f'<robot name="rusr">{links}{joints}{loop}{own}{home}</gtpin></robot>'))
+    return gtpin.Robot(RobotDescription.parse(f'<robot name="rusr">{links}{joints}{loop}{own}{home}</gtpin></robot>'))
 
 
 def test_poses_are_pinocchio_s_closed_postures() -> None:

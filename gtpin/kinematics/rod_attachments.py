@@ -114,7 +114,7 @@ class ArmJoint:
 
 
 @dataclass(frozen=True)
-class MeasuredJoint:
+class JointReading:
     """A joint on a cart whose path, and where known its rotation, was measured along its guideway (eq. 4)."""
 
     C0: Floats

@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem
-from gtpin.calibration.settled import Settled
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import in_frame
 from gtpin.robot.geometry import Geometry
@@ -55,14 +55,14 @@ class Strain:
     turn: float = 0.0
 
 
-def strain(settled: Settled) -> Strain | None:
+def strain(settled: FitState) -> Strain | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
-def relieved(settled: Settled, found: Strain) -> Geometry:
+def relieved(settled: FitState, found: Strain) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
@@ -73,12 +73,12 @@ def relieved(settled: Settled, found: Strain) -> Geometry:
 class _Linear:
     """The normal equations about a fit: A = J'J and b = J'y over the geometry, the frame (6) and the actuators' zeros."""
 
-    settled: Settled
+    settled: FitState
     A: Floats
     b: Floats
 
     @staticmethod
-    def of(settled: Settled) -> _Linear:
+    def of(settled: FitState) -> _Linear:
         fit, problem = settled.fit, settled.fit.problem
         p = problem.n_geometry
         wider = problem.start.geometry.tolerance / settled.geometry.tolerance

@@ -1,7 +1,7 @@
 """An instrument that moved once, or for a while, during the measurement: steps of its frame are searched for along the rows.
 
-The computation is that of :mod:`gtpin.calibration.checks.strain`, with a motion of the frame from some row on, and back from a
-later one. Rows are in the order of the file, and also in the order of time where it was recorded.
+The computation is that of :mod:`gtpin.calibration.checks.prior_conflict`, with a motion of the frame from some row on, and
+back from a later one. Rows are in the order of the file, and also in the order of time where it was recorded.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.frame_scan import EDGE, Scan
+from gtpin.calibration.checks.frame_scan import EDGE, FrameScan
 from gtpin.calibration.checks.shifted_rows import own_session
 from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.noise_estimator import ENOUGH
@@ -52,7 +52,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Readin
     orders = {"": np.arange(len(dataset))}
     if "time" in dataset.covariates:
         orders[", in the order of the column time,"] = np.argsort(dataset.covariates["time"], kind="stable")
-    whole = Scan.of(problem, point, noise)
+    whole = FrameScan.of(problem, point, noise)
     for words, order in orders.items():
         scan = whole.ordered(order)
         steps: list[int] = []
@@ -76,7 +76,7 @@ def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: Readin
         return suspect(error, dataset, before, after)
 
 
-def _size(scan: Scan, noise: ReadingNoise, steps: list[int]) -> Size:
+def _size(scan: FrameScan, noise: ReadingNoise, steps: list[int]) -> Size:
     """Standard deviations of the residuals with some steps, m and rad."""
     times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
     return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0

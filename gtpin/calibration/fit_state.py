@@ -22,7 +22,7 @@ CORE = 1.2
 
 
 @dataclass(frozen=True)
-class Settled:
+class FitState:
     """The converged state of the iterations.
 
     - ``fit``: the last fit, of the rows that are used.
