@@ -21,6 +21,8 @@ from gtpin.report.words import covariate_unit, joined, typeset, whole, with_unit
 from gtpin.robot.robot import Robot
 
 FOLDER = "next_experiment"
+WORTH = 0.5
+"""Probability of settling a question from which an experiment is proposed without reserve. Assumed: more likely than not."""
 NEARLY = 0.9
 """Fraction of a plan's gain from which random poses count as equally good."""
 
@@ -84,7 +86,7 @@ def _worth(e: Experiment) -> str:
         words += f". Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
     else:
         words += f", compared with {random:.1f} for as many random poses."
-    return words if e.settles is None else f"{words} Probability that they settle the question: {e.settles:.0%}."
+    return words
 
 
 def _cell(value: float | str) -> str:
@@ -108,12 +110,15 @@ def _apart(e: Experiment, robot: Robot) -> str:
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
         return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
-    words = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}."
-    if e.settles is not None and e.rounds != 1:
-        instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
-        count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
-        words += f" {count} such measurements are needed{instead}."
-    return words
+    measure = f"easure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
+    if e.settles is None:
+        return f"M{measure}."
+    if e.settles >= WORTH:
+        return f"M{measure}: this settles the question with a probability of {e.settles:.0%}."
+    words = f"The best measurement of its size settles the question with a probability of only {e.settles:.0%}: m{measure}."
+    instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
+    count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
+    return f"{words} {count} such measurements are needed{instead}."
 
 
 def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
