@@ -81,7 +81,7 @@ def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
         Readings.of(dataset, baseline.model.robot),
         dataset.covariates,
-        baseline.noise,
+        baseline.noise.rows(len(dataset), Readings.of(dataset, baseline.model.robot).components),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",

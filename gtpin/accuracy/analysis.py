@@ -150,6 +150,14 @@ def analyse(
         If a robot without rods is given ``costs``, or a link has no cost or an impossible one.
     UnreachableError
         If the commands can't be reached.
+
+    Examples
+    --------
+    >>> import gtpin
+    >>> import numpy as np
+    >>> found = gtpin.analyse(gtpin.read_model("gantry_tau"), np.array([[0.1, 0.2, 0.0], [-0.3, -0.1, -0.2]]))
+    >>> found.q.shape
+    (2, 3)
     """
     q = default_commands(model, seed=seed) if q is None else q
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)

@@ -115,7 +115,9 @@ def _apart(e: Experiment, robot: Robot) -> str:
         return f"M{measure}."
     if e.settles >= WORTH:
         return f"M{measure}: this settles the question with a probability of {e.settles:.0%}."
-    words = f"The best measurement of its size settles the question with a probability of only {e.settles:.0%}: m{measure}."
+    words = (
+        f"The best measurement of its size settles the question with a probability of only {e.settles:.0%}: m{measure}."
+    )
     instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
     count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
     return f"{words} {count} such measurements are needed{instead}."

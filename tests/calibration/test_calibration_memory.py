@@ -17,7 +17,7 @@ from gtpin.calibration import robust_fit
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
-from gtpin.kinematics.poses import chunks
+from gtpin.kinematics import poses
 from gtpin.noise.repeats import contrasts
 
 linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of addresses are Linux's")
@@ -81,7 +81,7 @@ def test_a_fit_that_starts_from_a_part_ends_where_the_fit_of_all_ends(robot, mon
 def test_nothing_depends_on_how_many_poses_are_worked_on_together(monkeypatch):
     dataset = make_case(4, effects=[("thermal_links", "arm")], energy=800.0, poses=150).dataset
     whole = gtpin.diagnose(dataset)
-    monkeypatch.setattr(chunks, "CHUNK", 37)
+    monkeypatch.setattr(poses, "CHUNK", 37)
     found = gtpin.diagnose(dataset)
     assert found.verdict == whole.verdict
     for one, two in ((found.baseline.model, whole.baseline.model), (found.model, whole.model)):

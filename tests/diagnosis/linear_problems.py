@@ -60,7 +60,8 @@ def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Des
     situation: Any = None
     rows = len(whitening)
     robot: Any = None
-    nowhere = Readings.of_poses(np.zeros((rows, 1)), np.zeros((rows, 3)), None, robot)
+    R = np.broadcast_to(np.eye(3), (rows, 3, 3)) if whitening.shape[1] == 6 else None
+    nowhere = Readings.of_poses(np.zeros((rows, 1)), np.zeros((rows, 3)), R, robot)
     return Design(situation, whitening, model, y, B, n_geometry, 0, nowhere)
 
 

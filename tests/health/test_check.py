@@ -21,7 +21,18 @@ from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.effects.catalogue import catalogue
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
-KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment", "warnings"}
+KEYS = {
+    "schema",
+    "verdict",
+    "causes",
+    "candidates",
+    "where",
+    "gap",
+    "unexplained",
+    "next_experiment",
+    "warnings",
+    "also",
+}
 
 
 @pytest.mark.slow

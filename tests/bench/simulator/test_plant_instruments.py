@@ -118,6 +118,7 @@ def misses(written: Written, kind: str, poses: Poses, up: np.ndarray) -> np.ndar
 def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geometry_fulfil(
     robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(build, "errors", none)
     nominal = gtpin.load_robot(robot)
     written = Written(simulate_measured(nominal, robot, ALL, poses=24, seed=5, held_out=3), tmp_path)
     geometry = gtpin.Geometry.nominal(nominal)
@@ -171,10 +172,10 @@ def test_energy_is_that_of_the_readings_past_geometry_and_the_instruments_unknow
     (truth,) = case.effects
     machine, q = case.machine, case.dataset.q
     geometry, kind = machine.geometry, type(machine.kinematics)
-    first = kind(geometry).forward(q)
+    first = kind(geometry).predict(q)
     rows, columns, d = 0, [], []
     for step in np.diag(1e-2 * geometry.tolerance):
-        there, back = (kind(geometry.with_values(geometry.values + s * step)).forward(q) for s in (1, -1))
+        there, back = (kind(geometry.with_values(geometry.values + s * step)).predict(q) for s in (1, -1))
         columns.append(
             np.concatenate(
                 [
@@ -247,6 +248,7 @@ def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None
 
 @pytest.mark.slow
 def test_an_encoder_reads_a_passive_joint_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "errors", none)
     robot = spatial_loop()
     case = simulate_measured(robot, "rusr", ["encoder"], poses=12, seed=1, held_out=2)
     (read,), machine = case.dataset.read, case.machine
