@@ -23,6 +23,7 @@ from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings
+from gtpin.noise.noise import Noise
 
 PAIRS = (
     ("linearity@cart2", "straightness@cart2"),
@@ -78,10 +79,11 @@ def compare(truth: Hypothesis, rival: Hypothesis, seed: int) -> Told | None:
 
 def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     """What a plan starts from."""
+    measured = Readings.of(dataset, baseline.model.robot)
     observed = Observed(
-        Readings.of(dataset, baseline.model.robot),
+        measured,
         dataset.covariates,
-        baseline.noise.rows(len(dataset), Readings.of(dataset, baseline.model.robot).components),
+        baseline.noise.rows(len(dataset), measured.components),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",
@@ -91,9 +93,11 @@ def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
 
 def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis) -> float:
     """Log Bayes factor, nats, of two effects, each at its best scale."""
+    measured = Readings.of(dataset, known.model.robot)
     observed = replace(
         known.observed,
-        measured=Readings.of(dataset, known.model.robot),
+        measured=measured,
+        noise=Noise.of(known.observed.noise).rows(len(dataset), measured.components),
         covariates=dataset.covariates,
         weight=np.ones(len(dataset)),
     )
