@@ -88,6 +88,14 @@ def test_what_is_weak_and_undecided_alone_stays_a_cause(monkeypatch: pytest.Monk
     assert without_undecided(None, found).verdict == "ambiguous"  # type: ignore[arg-type]
 
 
+def test_a_flexible_family_is_a_mechanism_only_where_its_form_was_found_to_be_one() -> None:
+    family = Hypothesis(effect_of(catalogue(), "cross_coupling"), "cart1")
+    track = Hypothesis(effect_of(catalogue(), "straightness"), "cart2")
+    untried = Conclusion(NOTHING, {}, (), {})
+    assert [untried.nature(cause) for cause in (family, track)] == ["description", "profile"]
+    assert replace(untried, mechanisms=frozenset({family.place})).nature(family) == "mechanism"
+
+
 def test_each_form_of_a_description_is_part_of_the_family() -> None:
     robot = gtpin.load_robot("ur5")
     for effect in catalogue():

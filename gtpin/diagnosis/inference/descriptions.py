@@ -23,25 +23,28 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
 
     Such a family is a cause where a mechanism's form with few parameters is at least as likely as the family and as every
-    smooth function at its site. Otherwise it says where the error is and over what, but not why: it is a doubt where it
-    explains more than a small part of the gap, and never a cause.
+    smooth term that is not only its modulation. Otherwise it says where the error is and over what, but not why: it is a doubt
+    where it explains more than a small part of the gap, and never a cause.
     """
-    told, doubts = [], []
+    told, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
-        flexible = cause.effect.nature == "description" and members[0].probability >= UNDECIDED
-        if flexible and not is_mechanism(hypotheses, found.model, cause):
+        if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
+            continue
+        if is_mechanism(hypotheses, found.model, cause):
+            mechanisms.add(cause.place)
+        else:
             over = tuple(sorted(cause.drivers(hypotheses.design.situation.robot)))
             told.append(
                 FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), members[0].probability)
             )
             if not weak(hypotheses, found.model, cause):
                 doubts.append(Doubt("description", cause.site, over))
+    found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *told))
     if not told:
         return found
     places = {(d.effect, d.site) for d in told}
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
-    kept = replace(kept, descriptions=tuple(told)).doubted(*doubts)
-    return kept.only(hypotheses, kept.sure()) if doubts else kept
+    return kept.only(hypotheses, kept.sure()).doubted(*doubts) if doubts else kept
 
 
 def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:

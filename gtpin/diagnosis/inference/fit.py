@@ -76,6 +76,7 @@ def fit(
     asked = questions(found, causes, hypotheses.priors)
     impossible = [question for question in asked if not question.believed]
     if impossible and (other := with_possible(hypotheses, found, impossible)):
+        other = described(hypotheses, other)  # the next member of a class may be a flexible family
         model, causes = _fitted(prepared, settled, other)
         again = questions(other, causes, hypotheses.priors)
         if all(question.believed for question in again):

@@ -10,6 +10,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, Hypothe
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.inference.findings import Considered, Doubt, FlexibleFamily, Member, Verdict
 from gtpin.diagnosis.priors import SURE
+from gtpin.effects.effect import Nature
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Conclusion:
     first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
     of every hypothesis and smooth term as the only one. ``beside``: smooth terms that are needed beside the causes.
     ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
-    fit and are no causes.
+    fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
     """
 
     model: Explanation
@@ -44,6 +45,7 @@ class Conclusion:
     beside: tuple[SmoothTerm, ...] = ()
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
+    mechanisms: frozenset[tuple[str, str]] = frozenset()
 
     @property
     def verdict(self) -> Verdict:
@@ -67,6 +69,10 @@ class Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
+
+    def nature(self, cause: Hypothesis) -> Nature:
+        """The nature of a cause: a flexible family is a mechanism only where its form was found to be one."""
+        return "mechanism" if cause.place in self.mechanisms else cause.effect.nature
 
     def members(self, cause: Hypothesis) -> tuple[Member, ...]:
         """The class of a cause, as it is reported."""
