@@ -35,6 +35,7 @@ from scores import (
     real_sign,
     sealed_score,
     sealed_sentence,
+    worlds,
 )
 from speed import arm_command_table, arm_table, command_table
 from speed import table as speed_table
@@ -59,6 +60,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "real_panda": real_panda,
     "real_plain": real_plain,
     "real_sign": real_sign,
+    "worlds": worlds,
     "modulation_listed": modulation_listed,
     "priors_listed": priors_listed,
     "installed": installed_table,

@@ -146,6 +146,25 @@ def instrument_checks() -> str:
     return "\n".join(["```sh", *lines, "```"])
 
 
+def worlds() -> str:
+    """What is found on the machines of another simulation, as docs/blind.md has it: before a change of rules, and now."""
+    found = _record("worlds.json")
+    lines = ["| | before | now |", "|---|---|---|"]
+    for words, key, of in (
+        ("effect unlisted, E > 63: verdict `unknown`", "unknown", "unlisted"),
+        ("cases with a false cause of 0.9 or more", "false, sure", "cases"),
+        ("of these, not the mechanism's textbook name at its site", "another name", "cases"),
+        ("listed effect, E > 63: in a class", "class holds", "listed"),
+        ("told as a description at its site", "described", "listed"),
+        ("right alone, 0.9 or more", "alone, sure", "listed"),
+        ("no effect: `none`", "no effect, none", "no effect"),
+    ):
+        lines.append(
+            f"| {words} | " + " | ".join(f"{found[k][key]} of {found[k][of]}" for k in ("before", "now")) + " |"
+        )
+    return "\n".join(lines)
+
+
 def jugglebot() -> str:
     """What is found on Jugglebot's measurements, as docs/real_arms.md has it."""
     found = _record("jugglebot.json")

@@ -1,5 +1,7 @@
 """Tables of what gtpin said of the cases: ``python judge.py FOLDER OUT [OUT ...]``; OUT of `gtpin blind -o OUT --from`.
 
+With ``--record FILE NAME`` the sums are added to a JSON file, of which docs/blind.md has its table.
+
 An effect is demanded from an energy of 63 on (gtpin's own bound of what it promises to see); a weaker one may be named or not.
 Confidence is a probability of 0.9 or more. A cause is false where its effect and site are no part of the truth: "near" where it
 is the name that the mechanism has at distance 0, at its site, and "another" else.
@@ -118,9 +120,29 @@ def report(folder: Path, outs: list[Path]) -> str:
     return "\n".join([*lines, "", "## Warnings", "", *warned, ""])
 
 
+def record(folder: Path, outs: list[Path]) -> Row:
+    """Sums over all cases; also of listed effects that are told as descriptions, and of machines without a mechanism."""
+    worlds: dict[str, dict[str, Any]] = json.loads((folder / "worlds.json").read_text())
+    rows, more = [], {"described": 0, "no effect": 0, "no effect, none": 0}
+    for file in (f for out in outs for f in (out / "diagnoses").glob("*.json") if f.stem in worlds):
+        case, diagnosis = worlds[file.stem], json.loads(file.read_text())["diagnosis"]
+        rows.append(judged(case, diagnosis)[0])
+        told = {name(d) for d in diagnosis["unexplained"].get("descriptions", [])}
+        more["described"] += sum(name(e) in told for e in case["effects"] if e["energy"] >= DEMANDED)
+        more["no effect"] += not case["acts"]
+        more["no effect, none"] += not case["acts"] and diagnosis["verdict"] == "none"
+    return total(rows) | more
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Tables of what gtpin said of the cases.")
     parser.add_argument("folder", type=Path, help="the cases, with worlds.json")
     parser.add_argument("outs", type=Path, nargs="+", help="folders that gtpin blind wrote")
+    parser.add_argument("--record", nargs=2, metavar=("FILE", "NAME"), help="add the sums to a JSON file")
     given = parser.parse_args()
-    print(report(given.folder, given.outs))
+    if given.record:
+        file = Path(given.record[0])
+        known = json.loads(file.read_text()) if file.exists() else {}
+        file.write_text(json.dumps(known | {given.record[1]: record(given.folder, given.outs)}, indent=1) + "\n")
+    else:
+        print(report(given.folder, given.outs))
