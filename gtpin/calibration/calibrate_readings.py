@@ -83,7 +83,7 @@ def calibrate_readings(
         return Misfit.of(fit.problem.readings(fit.point.x), fit.point.poses, index)
 
     check_readable(dataset, fitted, near, reach_of(geometry), misfit)
-    with explained(fitted, near, reach_of(geometry)):
+    with explained(fitted, near):
         fit = fit_of(fitted)
         settled = with_credible_noise(fit, settled_or_explained(fit))[1]
     check_used(kept, fitted, settled.used)

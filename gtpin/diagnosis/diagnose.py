@@ -146,7 +146,8 @@ def diagnose(
     ------
     GtpinError
         If the dataset does not match this robot, an excluded effect is not known, or the data do not have the column or the
-        number of poses that ``hold_out`` needs.
+        number of poses that ``hold_out`` needs. If both a robot and an earlier model are given, or a check lacks what the
+        model needs.
 
     Examples
     --------

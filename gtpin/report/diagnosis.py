@@ -27,7 +27,17 @@ from gtpin.report.phrases import cause_rows, value
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
-from gtpin.report.verdict import assumed, beyond_noise, could_be, gap_words, may_hide, not_recorded, questions, verdict
+from gtpin.report.verdict import (
+    also,
+    assumed,
+    beyond_noise,
+    could_be,
+    gap_words,
+    may_hide,
+    not_recorded,
+    questions,
+    verdict,
+)
 from gtpin.report.words import chance, percent, quantity
 from gtpin.threads import in_one_thread
 
@@ -77,7 +87,7 @@ class DiagnosisPresentation(Presentation):
             explains = {f"{c.effect} at {c.site}": percent(c.shrinkage) for c in d.causes}
             rows = [[*row, explains.get(row[0], "")] for row in cause_rows(d.causes)]
             parts.append(Table(("cause", "probability", "parameters", "explains of the gap"), rows, (1, 3)).printed())
-        parts += [*not_recorded(d), *could_be(d), *may_hide(d), *questions(d), *self._gap(), *assumed(d)]
+        parts += [*not_recorded(d), *could_be(d), *may_hide(d), *also(d), *questions(d), *self._gap(), *assumed(d)]
         count = sum(not candidate.testable for candidate in d.candidates)
         if count:
             many = f"{count} of {len(d.candidates)} candidates"

@@ -113,11 +113,13 @@ def _apart(e: Experiment, robot: Robot) -> str:
     measure = f"easure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
     if e.settles is None:
         return f"M{measure}."
-    if e.settles >= WORTH:
-        return f"M{measure}: this settles the question with a probability of {e.settles:.0%}."
     words = (
         f"The best measurement of its size settles the question with a probability of only {e.settles:.0%}: m{measure}."
     )
+    if e.settles >= WORTH:
+        words = f"M{measure}: this settles the question with a probability of {e.settles:.0%}."
+    if e.rounds == 1:
+        return words
     instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
     count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
     return f"{words} {count} such measurements are needed{instead}."

@@ -52,11 +52,11 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
         diagnosis.verdict
     ](diagnosis)
     badge, tone = BADGES[diagnosis.verdict]
-    more = (*_also(diagnosis), *questions(diagnosis))
+    more = (*also(diagnosis), *questions(diagnosis))
     return Verdict(badge, "warn" if may_hide(diagnosis) else tone, headline, (*advice, *more))
 
 
-def _also(d: Diagnosis) -> list[str]:
+def also(d: Diagnosis) -> list[str]:
     """A sentence for all that is weak and undecided."""
     small = joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also])
     return [f"Also something small and undecided at {small}: it does not change the verdict."] if small else []

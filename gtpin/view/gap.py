@@ -121,8 +121,18 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tupl
     """
     check_same_robot(model.robot, dataset)
     model = replace(model, geometry=replace(model.geometry, robot=measuring(model.robot, dataset)))
+    _check(model, dataset)
     fitted = model.instruments or _fitted(model, dataset)
     return gap_of(model, dataset, fitted), fitted
+
+
+def _check(model: Model, dataset: Dataset) -> None:
+    """Refuse commands that do not fit the robot, and a free frame that the model does not contain."""
+    robot = model.robot
+    if dataset.instrument.frame == "free" and model.frame.is_base:
+        hint = "give the model that gtpin calibrate makes of these data"
+        raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=hint)
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
 
 
 def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> DrawnGap:
@@ -132,11 +142,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
     covariate is missing that an active effect needs, the instrument's frame is free and the model does not contain it, or
     the model lacks one of the instruments. Warns: if the robot can't reach some poses: names them; they are left out.
     """
-    robot = model.robot
-    if dataset.instrument.frame == "free" and model.frame.is_base:
-        hint = "give the model that gtpin calibrate makes of these data"
-        raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=hint)
-    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    _check(model, dataset)
     predicted = model.predict(dataset.q, dataset.covariates)
     reached = predicted.reached
     if not reached.any():
@@ -150,7 +156,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
     count = len(kept)
     T, error, value, whitened = based.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     name, unit, share = np.empty(count, dtype=object), np.empty(count, dtype=object), {}
-    for i, one in enumerate(instruments_of(rows, robot)):
+    for i, one in enumerate(instruments_of(rows, model.robot)):
         mine = rows.rows_of(i)
         if not len(mine):
             continue

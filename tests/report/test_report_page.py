@@ -131,7 +131,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
     )  # on the first screen, and with its commands
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
     assert "4.2, compared with 0.5 for as many random poses." in seen
-    assert "settles the question with a probability of 62%" in seen
+    assert "settles the question with a probability of 62%. About 2 such measurements are needed" in seen
 
 
 @pytest.mark.parametrize(("settles", "begins"), [(0.5, "Measure"), (0.49, "The best measurement of its size settles")])
@@ -139,10 +139,12 @@ def test_a_proposal_says_in_its_first_sentence_whether_it_is_worth_doing(settles
     places = (("linearity", "cart2"), ("rack_periodic", "cart2"))
     robot = gtpin.load_robot("gantry_tau")
     step = Experiment("discriminate", robot, places, np.zeros((20, 3)), {}, settles=settles, rounds=4)
+    enough = replace(step, rounds=1)
     first = step.measure.split(". ")[0]
     assert first.startswith(begins)
     assert f"{settles:.0%}" in first
-    assert ("About 4 such measurements" in step.measure) == (settles < 0.5)
+    assert "About 4 such measurements are needed" in step.measure
+    assert "such measurements" not in enough.measure
 
 
 @pytest.mark.slow

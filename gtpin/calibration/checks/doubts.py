@@ -10,7 +10,7 @@ from gtpin.calibration.checks.coarse_commands import coarse_commands
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained
 from gtpin.calibration.checks.frame_scan import nominal_problem
-from gtpin.calibration.checks.instrument_steps import check_bumped
+from gtpin.calibration.checks.instrument_steps import check_instrument_steps
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.shifted_rows import check_stretch, stretch
@@ -51,10 +51,12 @@ def settled_in_doubt(dataset: Dataset, fit: RobustFit) -> FitState:
         settled = settled_or_explained(fit)
     except ConvergenceError:
         problem, noise = nominal_problem(fit.whole)
-        check_bumped(dataset, problem, problem.point(problem.first, fit.near), noise)
+        check_instrument_steps(dataset, problem, problem.point(problem.first, fit.near), noise)
         raise
     check_convention(dataset, settled)
-    check_bumped(dataset.take(settled.used), settled.fit.problem, settled.fit.point, settled.noise.take(settled.used))
+    check_instrument_steps(
+        dataset.take(settled.used), settled.fit.problem, settled.fit.point, settled.noise.take(settled.used)
+    )
     return settled
 
 

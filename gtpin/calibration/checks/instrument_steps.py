@@ -33,7 +33,7 @@ motions in proportion to time (to its third power), temperatures, payload or ano
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
-def check_bumped(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
+def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
     """Suspect data during which the instrument moved by much more than its noise.
 
     ``dataset``: the rows of the problem. ``problem``, ``point``: the fitted problem, and the point about which it is

@@ -37,7 +37,7 @@ NO_PRIOR = 1e6
 
 
 @dataclass(frozen=True)
-class Strain:
+class PriorConflict:
     """The wrong assumption that best explains why a fitted geometry contradicts its tolerances.
 
     - ``what``, ``site``: what was assumed wrongly: the instrument's ``frame``, the ``zero`` of the actuator ``site``, one
@@ -55,14 +55,14 @@ class Strain:
     turn: float = 0.0
 
 
-def strain(settled: FitState) -> Strain | None:
+def strain(settled: FitState) -> PriorConflict | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     linear = _Linear.of(settled)
     found = max(linear.suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
-def relieved(settled: FitState, found: Strain) -> Geometry:
+def relieved(settled: FitState, found: PriorConflict) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
@@ -95,7 +95,7 @@ class _Linear:
         # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.
         return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
 
-    def suspects(self) -> Iterator[Strain]:
+    def suspects(self) -> Iterator[PriorConflict]:
         """All assumptions that might be wrong, each with the gain in log marginal likelihood without it."""
         problem = self.settled.fit.problem
         p, names = problem.n_geometry, problem.start.geometry.names
@@ -109,16 +109,16 @@ class _Linear:
             gain, variance = self._best(prior, own, SCALES)
             shift = self._mean(variance)[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
-            yield Strain("frame", "frame", gain - base, size, turn)
+            yield PriorConflict("frame", "frame", gain - base, size, turn)
         zeros = self._alone(prior, slice(p + 6, None), SCALES)
         for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
-            yield Strain("zero", site, float(gain), float(mean) * FRAME_UNIT)
+            yield PriorConflict("zero", site, float(gain), float(mean) * FRAME_UNIT)
         parts = self._alone(prior, slice(len(names)), FACTORS)
         for name, gain, mean in zip(names, *parts, strict=True):
-            yield Strain("part", name, float(gain), float(mean))
+            yield PriorConflict("part", name, float(gain), float(mean))
         gains = [self._evidence(np.where(np.arange(len(prior)) < p, f**2, prior)) for f in FACTORS]
         best = int(np.argmax(gains))
-        yield Strain("tolerances", "", gains[best] - base, FACTORS[best])
+        yield PriorConflict("tolerances", "", gains[best] - base, FACTORS[best])
 
     def _best(self, prior: Floats, own: list[int], sizes: tuple[float, ...]) -> tuple[float, Floats]:
         """Largest log marginal likelihood with some variances larger, and the variances."""

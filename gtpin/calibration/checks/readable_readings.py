@@ -134,7 +134,7 @@ def check_readable(
 
 
 @contextlib.contextmanager
-def explained(readings: Readings, poses: Poses, reach: float) -> Iterator[None]:
+def explained(readings: Readings, poses: Poses) -> Iterator[None]:
     """Context of a fit: if it fails, the error names the instrument whose readings had large errors before the fit, if any.
 
     Parameters are those of :func:`check_readable`.

@@ -105,11 +105,7 @@ class SmoothTerm:
         return frozenset(self.over)
 
 
-Explanation = Hypothesis | SmoothTerm
-"""What can explain a part of the gap."""
-
-
-def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
+def related(robot: Robot, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
     """Whether a deviation of one explanation from its equation could look like the other explanation.
 
     At the same place: where both depend on commands or load, or both on directions of approach or speeds, or both on
@@ -122,7 +118,7 @@ def related(robot: Robot, a: Explanation, b: Explanation) -> bool:
     return any(mine & set(kind) and others & set(kind) for kind in (CLOCK, LOAD))
 
 
-def same_place(robot: Robot, a: Explanation, b: Explanation) -> bool:
+def same_place(robot: Robot, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
     """Whether two explanations act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
 

@@ -25,7 +25,7 @@ def cause(model: FittedModel, hypothesis: Hypothesis, found: Conclusion, named: 
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
     parameters = _parameters(model.robot, active, [sigma for _, sigma in hypothesis.lines])
-    return Cause(*hypothesis.place, own.probability, found.members(named), parameters, 0.0, found.nature(named))
+    return Cause(*hypothesis.place, own.probability, found.members(named), parameters, 0.0, found.nature(hypothesis))
 
 
 def _parameters(robot: Robot, active: ActiveEffect, nonlinear_sigmas: Sequence[float]) -> dict[str, Estimate]:

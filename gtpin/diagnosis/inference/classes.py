@@ -67,9 +67,9 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
             by_proxy.add(proxy.hypothesis)
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
-    # An effect of time or session alone has no form of its own: another part that moves with it is as common.
+    # An effect of exactly time, or exactly session, has no form of its own: another part that moves with it is as common.
     drivers = cause.drivers(hypotheses.design.situation.robot)
-    clocked = drivers if drivers <= {"time", "session"} else None
+    clocked = drivers if drivers in ({"time"}, {"session"}) else None
     dear = {
         s: (0.0 if frozenset(s.over) == clocked else priors.unnamed)
         + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own)

@@ -24,7 +24,7 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
 
     Such a family is a cause where a mechanism's form with few parameters is at least as likely as the family and as every
     smooth term that is not only its modulation. Otherwise it says where the error is and over what, but not why: it is a doubt
-    where it explains more than a small part of the gap, and never a cause.
+    where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
     """
     told, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
@@ -34,9 +34,8 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
             mechanisms.add(cause.place)
         else:
             over = tuple(sorted(cause.drivers(hypotheses.design.situation.robot)))
-            told.append(
-                FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), members[0].probability)
-            )
+            own = next(m.probability for m in members if m.hypothesis.place == cause.place)
+            told.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
             if not weak(hypotheses, found.model, cause):
                 doubts.append(Doubt("description", cause.site, over))
     found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *told))
@@ -61,7 +60,7 @@ def is_mechanism(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesi
     """Whether forms with few parameters explain what a flexible family does, as likely as the family and any smooth function.
 
     The forms are chosen one after the other, each against the prior odds of a choice among all of them. The family may be
-    likelier by the share of its evidence that a cause's modulation has.
+    likelier by the share of its evidence that a cause's modulation has. The forms become groups of ``hypotheses``, once.
     """
     groups, at = hypotheses.groups, hypotheses.design.situation
     rest = without(groups, model, cause, sweeps=1)

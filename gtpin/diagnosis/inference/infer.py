@@ -12,7 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, relate
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.chance_lines import chance_lines
-from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, temperature, unnamed, with_two_instead
+from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, ranked, temperature, with_two_instead
 from gtpin.diagnosis.inference.findings import Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search
@@ -100,9 +100,7 @@ def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTer
     found = []
     for cause in causes(named):
         if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
-            rest = without(hypotheses.groups, named, cause, sweeps=1)
-            gains = hypotheses.gains(rest, unnamed(hypotheses, cause))
-            found.append(max(gains, key=lambda s: gains[s].value))
+            found.append(ranked(hypotheses, named, cause).smooth[0][0])
     return tuple(dict.fromkeys(found))
 
 
