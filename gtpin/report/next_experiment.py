@@ -113,11 +113,14 @@ def _apart(e: Experiment, robot: Robot) -> str:
     measure = f"easure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
     if e.settles is None:
         return f"M{measure}."
-    words = (
-        f"The best measurement of its size settles the question with a probability of only {e.settles:.0%}: m{measure}."
-    )
+    likely = f"the question with a probability of {'only ' if e.settles < WORTH else ''}{e.settles:.0%}"
     if e.settles >= WORTH:
-        words = f"M{measure}: this settles the question with a probability of {e.settles:.0%}."
+        words = f"M{measure}: this settles {likely}."
+    elif e.rounds is None and e.watch:
+        poor = f"the best {len(e.poses)} poses settle {likely}, and more than {MOST_ROUNDS} times as many are needed"
+        return f"To distinguish {pair}, {_watch(e.watch, robot)}: {poor}."
+    else:
+        words = f"The best measurement of its size settles {likely}: m{measure}."
     if e.rounds == 1:
         return words
     instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
