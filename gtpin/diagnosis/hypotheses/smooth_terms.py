@@ -51,7 +51,7 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, j]
         across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
-        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 12, 1.0))]
+        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 28, 1.0))]
         along += [((a, b), *_plane(own, at.travel[:, k], 5)) for a, b, k in across]
         for over, waves, size in (*along, *_conditions(at), *_load(at, j, 4), *_moves(at, j, 3)):
             yield (
@@ -176,7 +176,7 @@ def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
 
 def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 8), 1.0)
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 20), 1.0)
     for over, waves, size in _conditions(at):
         if over != ("session",):  # also multiplied by the place along the track
             some, s = waves[:, :4], size[:4]

@@ -41,16 +41,6 @@ def rough_guess(hypotheses: HypothesisSet, before: Explanation = NOTHING) -> Exp
     return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
 
 
-def guess_of_outliers(hypotheses: HypothesisSet) -> Explanation:
-    """A model whose causes may predict the outliers among the rows.
-
-    For a robot without rods, it has at most ``MOST`` effects and no smooth terms: terms of all its links have hundreds of
-    coefficients, and a search among them for the cause of gross errors takes a hundred times as long as a diagnosis.
-    """
-    terms = hypotheses.named if hypotheses.long else hypotheses.every
-    return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1, largest=MOST)
-
-
 def search(
     hypotheses: HypothesisSet,
     terms: Sequence[Term],
