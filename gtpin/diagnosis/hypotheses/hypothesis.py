@@ -136,8 +136,8 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
     An effect over one command alone has no modulation: a smooth function of this command is another function in its place.
     """
     robot, coordinates = at.robot, hypothesis.coordinates(at.robot)
-    own = {f"q{robot.sites.index(smooth.site) + 1}"} if smooth.site in robot.sites else None
-    if smooth.site != hypothesis.site or coordinates == own:
+    own = (f"q{robot.sites.index(smooth.site) + 1}",) if smooth.site in robot.sites else ()
+    if smooth.site != hypothesis.site or coordinates == frozenset(own):
         return False
     basis = hypothesis.basis(at)
     ways = {
