@@ -27,6 +27,9 @@ ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""
 DECAY = 1.5
 """The typical size of such a product is proportional to (sum of its orders)^-DECAY."""
+ROUGH = 40
+"""Half waves of a rough function over a joint's travel; its sizes fall with 1/k, as those of a Gaussian process with the
+exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: a twentieth of the travel is the finest detail."""
 COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
@@ -58,6 +61,11 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
                 SmoothTerm(site, over, "along"),
                 along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift)),
             )
+        if not at.robot.rods and at.robot.actuators[j].revolute:
+            # Many lines of a gear can follow a rough function that has no period: it competes with them.
+            waves, size = cosines(own, 1, ROUGH, 1.0)
+            rough = along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift))
+            yield SmoothTerm(site, (f"q{j + 1}",), "rough"), rough
         if any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute:
             for over, waves, size in _aside_coordinates(at, j, priors):
                 yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)

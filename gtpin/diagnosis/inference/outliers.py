@@ -10,6 +10,8 @@ from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
+from gtpin.effects.drives import own_load
+from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
 from gtpin.errors import warn
 from gtpin.typing import Floats, Mask
@@ -27,7 +29,7 @@ def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
         if len(together):
             named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[together]))
             warn(
-                f"no gross errors, because they stand together over a command or a load, and used again: poses {named}"
+                f"no gross errors, because they stand together over a command or a load, and used by the diagnosis: poses {named}"
             )
     return used
 
@@ -70,7 +72,7 @@ def _coordinates(at: Situation) -> Floats:
     """(N, m) commands, directions of approach, payload, and the loads of rods or joints."""
     names = [*(f"approach{k + 1}" for k in range(at.robot.n_actuators)), "payload"]
     columns = [at.q, *(at.covariate(name)[:, None] for name in names if at.varies(name))]
-    columns.append(at.force if at.robot.rods else at.joint_loads.reshape(len(at), -1))
+    columns += [at.force] if at.robot.rods else [own_load(at, site)[0][:, None] for site in joints(at.robot)]
     return np.hstack(columns)
 
 

@@ -57,6 +57,7 @@ def search(
     explanations, no other first explanation is tried.
     """
     largest = most(hypotheses) if largest is None else largest
+    terms = _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     best: Explanation = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
@@ -139,9 +140,11 @@ def _with_room(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Te
 
     Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
     """
-    if not model.terms or not hypotheses.long:
+    if not hypotheses.long:
         return terms
     room = hypotheses.priors.most_coefficients * hypotheses.design.count - len(model.mean)
+    if room <= 0.0:
+        return []
     groups = hypotheses.groups
     return [term for term in terms if term not in groups or groups.width(term) <= room]
 
