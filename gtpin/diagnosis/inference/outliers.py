@@ -29,7 +29,7 @@ def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
         if len(together):
             named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[together]))
             warn(
-                f"no gross errors, because they stand together over a command or a load, and used by the diagnosis: poses {named}"
+                f"no gross errors, since they stand together over a command or a load: the diagnosis uses poses {named}"
             )
     return used
 
