@@ -21,8 +21,7 @@ from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import Problem, measured_poses, rough_frame
-from gtpin.calibration.readings_result import calibration_of
-from gtpin.calibration.result import Calibration
+from gtpin.calibration.result import Calibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.data.rounding import with_rounding
@@ -244,10 +243,7 @@ def _calibrated(
         if doubt:
             fit, settled = unstrained(*with_credible_noise(fit, settled))
     check_freedom(dataset, len(kept) * c, settled.dof)
-    table = fit.whole.measured.rows.tables[0]
-    used = {key: getattr(table, key) for key in ("position_sigma", "orientation_sigma")}
-    used["frame"] = "free" if fit.whole.free_frame else instrument.frame
-    return calibration_of(settled, poses, dataset, reached, dataset, instrument.model_copy(update=used))
+    return calibration_of(settled, poses, dataset, reached, dataset)
 
 
 def _check_tolerances(dataset: Dataset) -> None:

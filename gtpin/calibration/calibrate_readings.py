@@ -14,16 +14,13 @@ from gtpin.calibration.checks.rejected_rows import check_used, poses_of
 from gtpin.calibration.checks.strayed import warn_of_strayed
 from gtpin.calibration.checks.usable_rows import check_freedom, reach_of
 from gtpin.calibration.instrument_unknowns import with_unknowns
-from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.problem import Problem
-from gtpin.calibration.readings_result import ReadingsCalibration, calibration_of
+from gtpin.calibration.result import Calibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
-from gtpin.calibration.unseen_remedies import remedies
 from gtpin.data import Dataset, check_commands
 from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, single
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import Solver
 from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Model
@@ -36,7 +33,7 @@ MISFIT = 10.0
 
 def calibrate_readings(
     dataset: Dataset, geometry: Geometry, progress: Progress | None, kinematics: Solver = "arrays"
-) -> ReadingsCalibration:
+) -> Calibration:
     """Identify the geometry, with the instruments' unknowns, from a dataset of schema 2.
 
     Raises `DatasetError` if the readings can't be those of this robot, or are too few. `ConvergenceError` if the fit does
@@ -94,11 +91,9 @@ def calibrate_readings(
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     found = calibration_of(settled, near, whole, usable, dataset)
-    assert isinstance(found, ReadingsCalibration)
     x = settled.fit.point.x[: len(geometry.parameters)]
     warn_of_strayed(x, geometry, found.observability, fitted.at(found.u))
-    unseen = found.observability.learned < UNSEEN
-    return replace(found, remedies=remedies(settled.fit, found.observability.directions[:, unseen], up_of(robot)))
+    return found
 
 
 def _warn_of(dataset: Dataset, rows: Mask, why: str) -> None:

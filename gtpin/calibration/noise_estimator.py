@@ -15,9 +15,9 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.scatter import independent
 from gtpin.distributions import f
 from gtpin.errors import DatasetError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses, chunks
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
 from gtpin.noise.sight import range_ratio
 from gtpin.typing import Floats, Mask
@@ -56,13 +56,12 @@ class NoiseEstimator:
             known[one] = True
             usual[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
         noise = ReadingNoise(usual, group, measured.row_sigma, ~known).at_least(SMALLEST)
-        if measured.station is None:
-            return noise
-        if np.linalg.norm(measured.poses[0] - measured.station, axis=1).min() < NEAREST:
+        station = measured.station
+        if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < NEAREST:
             raise DatasetError(
                 "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
             )
-        return noise.towards(measured.poses[0], measured.station)
+        return noise if station is None else noise.towards(measured.poses[0], station)
 
     @cached_property
     def by_command(self) -> Floats:
@@ -171,6 +170,17 @@ class NoiseEstimator:
         J, c = self.derivative(noise), self.whole.measured.components
         logs = [np.linalg.slogdet(noise.take(rows).covariance(J[rows], c))[1] for rows in chunks(len(J))]
         return float(np.concatenate(logs).mean())
+
+
+def noise_at(noise: ReadingNoise, measured: Readings) -> ReadingNoise:
+    """The same noise for other rows of the same instruments; a usual one of orientations that it does not have."""
+    sigma, estimated, groups = noise.sigma, noise.estimated, len(measured.declared)
+    if len(sigma) != groups:  # a lone tracker's, of a fit to positions or of poses
+        sigma = np.array([noise.position_sigma, noise.orientation_sigma])[:groups]
+        estimated = np.append(estimated, True)[:groups]
+    found = replace(noise, sigma=sigma, estimated=estimated, group=measured.group, row_sigma=measured.row_sigma)
+    found = replace(found, sight=None, reach=None)
+    return found if measured.station is None else found.towards(measured.poses[0], measured.station)
 
 
 def same(one: ReadingNoise, two: ReadingNoise) -> bool:

@@ -11,6 +11,12 @@ from gtpin.kinematics.poses import chunks
 from gtpin.noise.sight import line_of_sight, sight_shape
 from gtpin.typing import Floats
 
+SMALLEST = 1e-7
+"""Smallest sigma of noise, m and rad: encoders and interferometers read tenths of a micrometre. Derived: below it, rounding
+errors of the kinematics are larger than the noise, and fits do not converge."""
+USUAL_TURN = 5e-5
+"""Usual noise of orientations, rad, of a tracker that has measured none. Assumed."""
+
 
 @dataclass(frozen=True, eq=False)
 class ReadingNoise:
@@ -23,8 +29,10 @@ class ReadingNoise:
     - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
     - ``lack``: standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain.
       They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
-    - ``sight``, ``reach``, ``range_ratio``: as in :class:`~gtpin.noise.noise.Noise`, for a tracker that measures all rows
-      from a known station; else None.
+    - ``sight``: (N, 3) unit vectors from a lone tracker to what it measures; None where its station is not known.
+    - ``reach``: (N,) distance from there, divided by the mean distance; None where ``sight`` is None.
+    - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance. A position's sigma is
+      then the root mean square over the axes at this distance.
     - ``source``: where the estimated sigmas come from: ``declared`` where none is estimated, ``repeats`` or ``residuals``.
     - ``dof``: degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     """
@@ -45,6 +53,16 @@ class ReadingNoise:
         """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
         sight, reach = line_of_sight(position, station)
         return replace(self, sight=sight, reach=reach)
+
+    @property
+    def position_sigma(self) -> float:
+        """Noise of a lone tracker's positions, per axis, m; of other instruments the first sigma."""
+        return float(self.sigma[0])
+
+    @property
+    def orientation_sigma(self) -> float:
+        """Noise of a lone tracker's orientations, per axis, rad; a usual one where they were not measured."""
+        return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
     @property
     def along_drives(self) -> float:

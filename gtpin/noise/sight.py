@@ -31,7 +31,7 @@ def range_ratio(sight: Floats, reach: Floats, residual: Floats) -> float:
     """Noise along the line of sight divided by noise across it, by maximum likelihood from residuals (N, 3), m.
 
     Only the ratio is estimated, on which an unmodelled effect has little influence. ``sight`` (N, 3) and ``reach`` (N,) as in
-    :class:`~gtpin.noise.noise.Noise`.
+    :class:`~gtpin.noise.reading_noise.ReadingNoise`.
     """
 
     def cost(log_ratio: float) -> float:

@@ -24,7 +24,7 @@ from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.noise import weights
-from gtpin.noise.noise import SMALLEST
+from gtpin.noise.reading_noise import SMALLEST
 
 WHOLE = 1e-3
 """Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts

@@ -23,8 +23,8 @@ from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.noise.noise import SMALLEST, Noise
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 
 FEWEST = 3
 """Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""
