@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.between_poses import LACK_OF_FIT, between
 from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.observability import Observability, observability
 from gtpin.calibration.problem import Problem
 from gtpin.distributions import chi2, f
 from gtpin.noise import weights
@@ -93,11 +94,18 @@ class FitState:
             return 1.0
         return max(1.0, float(np.sqrt((means / free) / (whole / (free + inner)))))
 
-    @property
+    @cached_property
     def final(self) -> Fit[Problem]:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
         factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
         return self.refit(factor) if factor > 1.0 else self.fit
+
+    @cached_property
+    def observability(self) -> Observability:
+        """Of the geometry; unknowns' priors are information on them, so that they count as rows of the derivative."""
+        final, p = self.final, self.fit.problem.n_geometry
+        priors = np.diag(final.problem.prior)[p:]
+        return observability(np.vstack([final.factor, priors[priors.any(axis=1)]]), p, final.residual.size)
 
     def refit(self, factor: float) -> Fit[Problem]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""

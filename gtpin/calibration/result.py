@@ -15,7 +15,7 @@ from gtpin.calibration.between_poses import poses_of, unexplained_by
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import left_out
-from gtpin.calibration.observability import UNSEEN, Direction, Observability, observability
+from gtpin.calibration.observability import UNSEEN, Direction, Observability
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.unseen_remedies import Remedy, remedies
 from gtpin.calibration.zeros import Zero, equivalent_zeros
@@ -384,12 +384,11 @@ def _noise_json(c: Calibration) -> dict[str, Any]:
     }
 
 
-def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask, dataset: Dataset) -> Calibration:
+def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask) -> Calibration:
     """Make the result from the converged iterations.
 
     ``settled``: the converged iterations. ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows,
-    gross errors included. ``whole``, ``usable``: N rows, and (N,) True for the M rows that were fitted. ``dataset``: the
-    input data.
+    gross errors included. ``whole``, ``usable``: N rows, and (N,) True for the M rows that were fitted.
     """
     final, noise = settled.final, settled.noise.take(settled.used)
     problem, point = final.problem, final.point
@@ -397,21 +396,17 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask,
     aside = np.ones(len(whole), dtype=bool)
     aside[np.flatnonzero(usable)[settled.used]] = False
     covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
-    # Unknowns' priors are information on them, so that they count as rows of the derivative.
-    priors = np.diag(problem.prior)[p:]
-    factor = np.vstack([final.factor, priors[priors.any(axis=1)]])
     before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
     left = problem.left(point, point.poses)
     variance, known = _variances(final, noise), noise.source != "residuals"
     unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
     out, some = left_out(final, poses_of(measured.q))
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
-    readings, k = problem.readings(point.x), len(problem.unit)
-    seen = observability(factor, p, final.residual.size)
+    readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.learned < UNSEEN]
     model = replace(point.model, covariance=covariance, solver="arrays", unexplained=unexplained)
     if measured.tracked:
-        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, dataset.covariates, unexplained)
+        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
         model = replace(model, fit=conditions)
     return Calibration(
         model=replace(model, instruments=readings.fitted),
@@ -429,8 +424,8 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask,
         iterations=settled.steps,
         residual=left,
         residual_before=before,
-        instrument=_as_used(problem, dataset.instrument),
-        dataset=dataset,
+        instrument=_as_used(problem, whole.instrument),
+        dataset=whole,
         by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
         unknowns=readings.unknowns,
         u=readings.u,
