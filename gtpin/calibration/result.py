@@ -22,9 +22,8 @@ from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.estimate import Estimate
-from gtpin.instruments.instrument import Unknown
+from gtpin.instruments.instrument import Unknown, up_of
 from gtpin.instruments.readings import Readings
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model

@@ -11,8 +11,7 @@ import numpy as np
 
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.frame_scan import nominal_problem
-from gtpin.calibration.checks.instrument_steps import check_instrument_steps
+from gtpin.calibration.checks.instrument_steps import check_instrument_steps, nominal_problem
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.recognise import either

@@ -11,8 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.readable_readings import Misfit, check_fitted, check_readable, explained
-from gtpin.calibration.checks.readable_sockets import check_distances, check_sockets
+from gtpin.calibration.checks.readable_readings import (
+    Misfit,
+    check_distances,
+    check_fitted,
+    check_readable,
+    check_sockets,
+    explained,
+)
 from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.calibration.fit_state import FitState
