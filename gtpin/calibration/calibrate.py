@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.actuators import check_actuators
 from gtpin.calibration.checks.of_poses import PoseChecks
 from gtpin.calibration.checks.of_readings import ReadingChecks
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.checks.usable_rows import check_freedom
 from gtpin.calibration.free_target import with_free_target

@@ -9,13 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 LOST = 1e-6
 """Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other
 blocks do not determine the number: readings of other sockets, for example, do not determine the position of a socket. Assumed:
 with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5 mm gives about 1e-4."""
-Groups = npt.NDArray[np.intp]
 
 MOST = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
@@ -23,7 +22,7 @@ TOGETHER = 500
 """Number of rows whose derivatives are in memory at the same time."""
 
 
-def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_]]:
+def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Residuals of linearised fits without the pose of the row, in units of the noise.
 
     With r the residuals of the rows of one pose, J their derivative by the unknowns and C the covariance of these, the
@@ -53,7 +52,7 @@ def left_out(fit: Fit[Any], poses: Groups) -> tuple[Floats, npt.NDArray[np.bool_
     return errors, some
 
 
-def of_poses(half: Floats, left: Floats, poses: Groups) -> Floats:
+def of_poses(half: Floats, left: Floats, poses: Indices) -> Floats:
     """(N, c) residuals without the pose of the row.
 
     ``half``: (N, c, k) derivative of the whitened numbers by the unknowns, times a root of the unknowns' covariance.

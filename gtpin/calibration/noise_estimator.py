@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
-from gtpin.calibration.between_poses import LACK_OF_FIT
+from gtpin.calibration.fit_state import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.marginal import MarginalLikelihood
 from gtpin.calibration.problem import Point, Problem

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.between_poses import poses_of, unexplained_by
-from gtpin.calibration.fit_state import FitState
+from gtpin.calibration.fit_state import FitState, poses_of, unexplained_by
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, Direction, Observability

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.actuators import check_actuators
-from gtpin.calibration.checks.known_noise import known_noise
-from gtpin.calibration.checks.prepared import prepared, with_positions
+from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared, with_positions
 from gtpin.calibration.checks.readable_readings import check_sockets
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.data import Dataset, check_commands

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.between_poses import unexplained_by
+from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
