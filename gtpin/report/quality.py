@@ -93,7 +93,7 @@ def nominal_words(c: Calibration) -> str:
 
 def _measured_by(c: Calibration) -> list[str]:
     """What each of the noise's sigmas is of."""
-    several = {name for name, unit in c.sigmas if unit != c.sigmas[0][1]}
+    several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
     of_pose = {"m": "position", "rad": "orientation"}
     return [
         f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
