@@ -14,6 +14,7 @@ from again import again
 
 import gtpin
 from gtpin.bench.simulator import make_case
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
@@ -23,7 +24,6 @@ from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings
-from gtpin.noise.noise import Noise
 
 PAIRS = (
     ("linearity@cart2", "straightness@cart2"),
@@ -83,7 +83,7 @@ def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
         measured,
         dataset.covariates,
-        baseline.noise.rows(len(dataset), measured.components),
+        noise_at(baseline.noise, measured),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",
@@ -97,7 +97,7 @@ def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis)
     observed = replace(
         known.observed,
         measured=measured,
-        noise=Noise.of(known.observed.noise).rows(len(dataset), measured.components),
+        noise=noise_at(known.observed.noise, measured),
         covariates=dataset.covariates,
         weight=np.ones(len(dataset)),
     )

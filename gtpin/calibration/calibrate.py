@@ -4,36 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from gtpin.calibration.calibrate_readings import calibrate_readings
-from gtpin.calibration.checks.actuators import check_actuators
-from gtpin.calibration.checks.declared_noise import with_credible_noise
-from gtpin.calibration.checks.doubts import check_convention, check_fit, check_used, settled_in_doubt, unstrained
-from gtpin.calibration.checks.failed_fit import check_poor, explained
-from gtpin.calibration.checks.prepared import prepared
-from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal
+from gtpin.calibration.checks.of_poses import PoseChecks
+from gtpin.calibration.checks.of_readings import ReadingChecks
+from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
-from gtpin.calibration.checks.usable_rows import check_freedom, check_size, plausible_rows, reach_of
+from gtpin.calibration.checks.usable_rows import check_freedom
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.problem import Problem, measured_poses, rough_frame
-from gtpin.calibration.readings_result import calibration_of
-from gtpin.calibration.result import Calibration
+from gtpin.calibration.result import Calibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
-from gtpin.data.rounding import with_rounding
-from gtpin.data.sane import sane_rows
 from gtpin.effects.active import ActiveEffect
-from gtpin.errors import DatasetError, ModelError, noted, warn
-from gtpin.instruments.readings import Readings
+from gtpin.errors import DatasetError, ModelError, noted
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
-from gtpin.model.measured_robot import robot_of
-from gtpin.model.model import Frame, Model
+from gtpin.model.measured_robot import measuring, robot_of
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
@@ -205,60 +195,24 @@ def _calibrated(
     if progress is not None and len(dataset) >= MANY:
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     check_actuators(geometry.robot, dataset)
-    if dataset.readings is not None:
-        return calibrate_readings(dataset, geometry, progress, kinematics)
-    geometry = with_free_target(geometry, dataset)
+    geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
     nominal = Model(geometry, solver=kinematics)
-    dataset = with_rounding(prepared(dataset, nominal))
-    reached = sane_rows(dataset)
-    poses = nominal.kinematics.forward(dataset.q[reached])
-    plausible = plausible_rows(dataset.take(reached), nominal, poses)
-    reached[reached] = plausible
-    kept, poses = dataset.take(reached), poses[plausible]
-    if geometry.reduced:
-        kept = replace(kept, orientation=None)
-    measured, instrument = measured_poses(kept), dataset.instrument
-    free = instrument.frame == "free"
-    check_size(dataset, measured, 6 if free else 0)
-    targets = np.array([p.kind == "platform" for p in geometry.parameters]) if instrument.target == "free" else None
-    start = Model(geometry, rough_frame(poses, measured) if free else Frame(), solver=kinematics)
-    readings, c = Readings.of(kept, geometry.robot), measured.components
-    problem = Problem(start, readings, np.broadcast_to(np.eye(c), (len(kept), c, c)), free)
-    fit = RobustFit(problem, kept.row, kept.visits, poses, progress, lacking, targets)
-    seen = start.seen(poses)
-    far = far_from_nominal(measured, seen, reach_of(geometry))
-    check_stretch(kept, measured, seen, far, bumps=False)
-    with explained(kept, fit, measured, far):
-        if doubt:
-            settled = settled_in_doubt(kept, fit)
-        else:
-            settled = fit.run()
-            check_convention(dataset, settled)
-        left = settled.fit.problem.left(settled.fit.point, settled.fit.point.poses)[:, :3]
-        check_poor(kept, fit, measured, float(np.sqrt((left**2).sum(axis=1).mean())))
-        check_used(kept, measured, settled)
-        if not settled.used.all():
-            named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-            warn(f"set aside as gross errors: poses {named}")
-        check_fit(kept, settled, seen)
-        if doubt:
-            fit, settled = unstrained(*with_credible_noise(fit, settled))
-    check_freedom(dataset, len(kept) * c, settled.dof)
-    table = fit.whole.measured.rows.tables[0]
-    used = {key: getattr(table, key) for key in ("position_sigma", "orientation_sigma")}
-    used["frame"] = "free" if fit.whole.free_frame else instrument.frame
-    return calibration_of(settled, poses, dataset, reached, dataset, instrument.model_copy(update=used))
+    data = prepared(dataset, nominal)
+    checks = PoseChecks(data, nominal, doubt) if dataset.readings is None else ReadingChecks(data, nominal)
+    usable, kept, near = checks.rows
+    problem = checks.problem
+    found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
+    settled = checks.settled(RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found))
+    check_freedom(data, len(kept) * problem.measured.components, settled.dof)
+    return calibration_of(settled, near, checks.whole, usable)
 
 
 def _check_tolerances(dataset: Dataset) -> None:
     for kind in dataset.tolerance:
         if kind not in KINDS:
             hint = f"kinds are {', '.join(TOLERANCE)}"
-            raise DatasetError("unknown kind of tolerance", file=_toml(dataset), column=f"tolerance.{kind}", hint=hint)
-
-
-def _toml(dataset: Dataset) -> Path | None:
-    return None if dataset.path is None else dataset.path / "dataset.toml"
+            toml = None if dataset.path is None else dataset.path / "dataset.toml"
+            raise DatasetError("unknown kind of tolerance", file=toml, column=f"tolerance.{kind}", hint=hint)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:

@@ -1,24 +1,110 @@
-"""The converged state of a calibration's iterations, and whether its noise explains the residuals."""
+"""The converged state of a calibration's iterations, and whether its noise explains the residuals.
+
+What repeats is not what is right: residuals are judged between poses, by the means of each pose's visits.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.between_poses import LACK_OF_FIT, between
 from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.observability import Observability, observability
 from gtpin.calibration.problem import Problem
 from gtpin.distributions import chi2, f
+from gtpin.instruments.readings import Readings
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Mask
+from gtpin.typing import Floats, Indices, Mask
 
+LACK_OF_FIT = 1e-3
+"""p-value of chi-square below which the model counts as incomplete. Assumed."""
 CORE = 1.2
 """Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
+
+
+def poses_of(*columns: npt.NDArray[np.generic]) -> Indices:
+    """(N,) index of each row's pose: rows with the same commands (N, n) are visits of one pose."""
+    return np.asarray(np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+
+
+def places_of(measured: Readings) -> Indices:
+    """(N, c) index of the pose and the component of each number: equal for what is read of one pose again and again.
+
+    A known distance of sockets, which is assigned to several rows, is no repeated reading: each of its rows has its own index.
+    """
+    counted = measured.counted
+    c = counted.shape[1]
+    places: Indices = np.asarray(poses_of(measured.read, measured.q)[:, None] * c + np.arange(c), dtype=np.intp)
+    parts = (counted > 0.0) & (counted < 1.0)
+    places[parts] = places.max() + 1 + np.arange(np.count_nonzero(parts))
+    return places
+
+
+def mean_power(whitened: Floats, places: Indices, weight: Floats | None = None) -> float:
+    """Sum of squares of the mean residuals of all places, each in units of the noise of such a mean.
+
+    ``whitened``: (M,) residuals in units of the noise of a single visit. ``places``: (M,) index of the place of each.
+    ``weight``: (M,) weights of a robust fit; None: 1.
+    """
+    weight = np.ones(len(whitened)) if weight is None else weight
+    sums, weights = np.bincount(places, weight * whitened), np.bincount(places, weight)
+    own = weights > 0.0
+    return float((sums[own] ** 2 / weights[own]).sum())
+
+
+def between(fit: Fit[Any]) -> tuple[float, float, float]:
+    """Sums of squares of a fit's whitened and weighted residuals: of the means of the visits, and of single visits; and the
+    number of the means. What is known in part counts as in ``counted`` of the measurement."""
+    measured = fit.problem.measured
+    counted = measured.counted.ravel()
+    some = counted > 0.0
+    places, left = places_of(measured).ravel()[some], fit.residual.ravel()[some]
+    weight = np.repeat(fit.weight, fit.residual.shape[1])[some]
+    own = np.unique(places, return_index=True)[1]
+    return mean_power(left, places, weight), float((weight * left**2).sum()), float(counted[some][own].sum())
+
+
+def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
+    """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
+
+    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
+    once, with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were
+    fitted.
+    One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
+
+    ``fit``: the fit of N rows with c numbers each. ``errors``: (N, c) its residuals, m and rad. ``variance``: (N, c)
+    variance of the noise of each number, m^2 or rad^2. ``known``: whether the noise was declared, or repeated visits showed
+    it. Otherwise all residuals count as unexplained. ``dof``: degrees of freedom of the noise; infinite where it was
+    declared.
+    """
+    measured = fit.problem.measured
+    counted = measured.counted > 0.0
+    places, turns = places_of(measured)[counted], measured.group_turns[measured.group][counted]
+    visits = np.bincount(places)
+    own = np.unique(places, return_index=True)[1]  # one number of each pose and component
+    means, noise = (np.bincount(places, x[counted])[places[own]] / visits[places[own]] for x in (errors, variance))
+    free = max(len(own) - fit.taken, 1.0)
+    power = mean_power(fit.residual[counted], places)
+    if known:
+        chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
+        if chance >= LACK_OF_FIT:
+            return ModelDiscrepancy(0.0, 0.0)
+
+    def size(some: npt.NDArray[np.bool_]) -> float:
+        if not some.any():
+            return 0.0
+        seen = float((means[some] ** 2).mean()) * len(own) / free * (1.0 + np.sqrt(2.0 / free))
+        random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
+        return float(np.sqrt(max(seen - random, 0.0)))
+
+    return ModelDiscrepancy(size(~turns[own]), size(turns[own]), known)
 
 
 @dataclass(frozen=True)
@@ -93,11 +179,18 @@ class FitState:
             return 1.0
         return max(1.0, float(np.sqrt((means / free) / (whole / (free + inner)))))
 
-    @property
+    @cached_property
     def final(self) -> Fit[Problem]:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
         factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
         return self.refit(factor) if factor > 1.0 else self.fit
+
+    @cached_property
+    def observability(self) -> Observability:
+        """Of the geometry; unknowns' priors are information on them, so that they count as rows of the derivative."""
+        final, p = self.final, self.fit.problem.n_geometry
+        priors = np.diag(final.problem.prior)[p:]
+        return observability(np.vstack([final.factor, priors[priors.any(axis=1)]]), p, final.residual.size)
 
     def refit(self, factor: float) -> Fit[Problem]:
         """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""

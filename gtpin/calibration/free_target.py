@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.actuators import check_actuators
+from gtpin.calibration.checks.prepared import check_actuators
 from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset

@@ -17,8 +17,7 @@ from scipy.linalg import cho_solve
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Problem
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats
 
 STEPS = 200

@@ -7,21 +7,25 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.distance import cdist
 
-from gtpin.calibration.between_poses import LACK_OF_FIT
+from gtpin.calibration.fit_state import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.marginal import MarginalLikelihood
-from gtpin.calibration.problem import Problem
-from gtpin.calibration.scatter import independent
-from gtpin.distributions import f
+from gtpin.calibration.problem import Point, Problem
+from gtpin.distributions import f, norm
 from gtpin.errors import DatasetError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses, chunks
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise, range_ratio
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
-from gtpin.noise.sight import range_ratio
 from gtpin.typing import Floats, Mask
 
+NEIGHBOURS_OF = 1000
+"""Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""
+UNCORRELATED = 0.025
+"""Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist.
+Assumed."""
 ENOUGH = 3000
 """Number of poses from which repeatability is estimated by residuals; more are slower, and hardly more accurate."""
 SETTLED = 1e-3
@@ -56,13 +60,12 @@ class NoiseEstimator:
             known[one] = True
             usual[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
         noise = ReadingNoise(usual, group, measured.row_sigma, ~known).at_least(SMALLEST)
-        if measured.station is None:
-            return noise
-        if np.linalg.norm(measured.poses[0] - measured.station, axis=1).min() < NEAREST:
+        station = measured.station
+        if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < NEAREST:
             raise DatasetError(
                 "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
             )
-        return noise.towards(measured.poses[0], measured.station)
+        return noise if station is None else noise.towards(measured.poses[0], station)
 
     @cached_property
     def by_command(self) -> Floats:
@@ -173,6 +176,17 @@ class NoiseEstimator:
         return float(np.concatenate(logs).mean())
 
 
+def noise_at(noise: ReadingNoise, measured: Readings) -> ReadingNoise:
+    """The same noise for other rows of the same instruments; a usual one of orientations that it does not have."""
+    sigma, estimated, groups = noise.sigma, noise.estimated, len(measured.declared)
+    if len(sigma) != groups:  # a lone tracker's, of a fit to positions or of poses
+        sigma = np.array([noise.position_sigma, noise.orientation_sigma])[:groups]
+        estimated = np.append(estimated, True)[:groups]
+    found = replace(noise, sigma=sigma, estimated=estimated, group=measured.group, row_sigma=measured.row_sigma)
+    found = replace(found, sight=None, reach=None)
+    return found if measured.station is None else found.towards(measured.poses[0], measured.station)
+
+
 def same(one: ReadingNoise, two: ReadingNoise) -> bool:
     """Whether two successive estimates of the noise are equal, so that the iteration has converged."""
     close = np.abs(one.sigma - two.sigma) <= SETTLED * two.sigma
@@ -183,3 +197,67 @@ def same(one: ReadingNoise, two: ReadingNoise) -> bool:
 def _larger(one: ReadingNoise, two: ReadingNoise) -> Mask:
     """(G,) whether one estimate of each sigma is significantly larger than another (F test)."""
     return np.array([float(f.sf(r**2, one.dof, two.dof)) < LACK_OF_FIT for r in one.sigma / two.sigma])
+
+
+def independent(
+    whole: Problem, point: Point, noise: ReadingNoise, used: npt.NDArray[np.bool_], by_command: Floats
+) -> bool:
+    """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
+
+    A model error (a bent track, a rack, compliant links) is a function of the commands, so that neighbouring poses have similar
+    errors. Rao's score test of the second against the first is a weighted sum of products of neighbouring poses' scores,
+    Moran's I of regression residuals in its general form: P. Burridge, "On the Cliff-Ord test for spatial autocorrelation",
+    J. R. Statist. Soc. B 42 (1980) 107-108. Its mean and variance under independence are those of a quadratic form in the
+    residuals of a regression: A. D. Cliff and J. K. Ord, "Testing for spatial autocorrelation among regression residuals",
+    Geographical Analysis 4 (1972) 267-284.
+
+    ``whole``: the problem with all N rows. ``point``: result of a fit. ``noise``: the noise of all rows, including the
+    repeatability to be tested. ``used``: (N,) the rows that are not gross errors. ``by_command``: (N, c, n) derivative of
+    the measured numbers by the commands.
+    """
+    rows = np.flatnonzero(used)
+    some = rows[:: 1 + (len(rows) - 1) // NEIGHBOURS_OF]
+    J = by_command[some]
+    problem = whole.take(some, noise.take(some).whitening(J, J.shape[1]))
+    x = point.x.copy()
+    x[: problem.n_geometry] = 0.0  # unknowns of the instruments from the fit; geometry from nominal
+    z = _scores(problem, problem.point(x), J)
+    return max(z) < float(norm.isf(UNCORRELATED / len(z)))
+
+
+def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
+    """Standard scores of the correlation of the drives' errors at neighbouring poses, one for each kind of neighbour."""
+    B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
+    k = B.shape[2]
+    y = problem.residual(point) + B @ point.x
+    flat = B.reshape(-1, k)
+    C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))
+    left = y - B @ (C @ (flat.T @ y.ravel()))  # of covariance I - B C B' where the errors are independent
+    D = problem.whitening @ J
+    score = np.einsum("nci,nc->ni", D, left)
+    S, G = np.swapaxes(D, 1, 2) @ B, np.swapaxes(D, 1, 2) @ D
+    found = []
+    for kernel in _neighbours(problem.measured.q):
+        drives = range(len(kernel))
+        KS = np.stack([kernel[i] @ S[:, i] for i in drives], axis=1)
+        A, AA = np.einsum("nik,nil->kl", S, KS), np.einsum("nik,nij,njl->kl", KS, G, KS, optimize=True)
+        squares = sum(float(G[:, i, j] @ (kernel[i] * kernel[j]) @ G[:, j, i]) for i in drives for j in drives)
+        variance = 2.0 * (squares - 2.0 * np.trace(C @ AA) + np.trace(C @ A @ C @ A))
+        total = sum(float(score[:, i] @ kernel[i] @ score[:, i]) for i in drives)
+        found.append(float((total + np.trace(C @ A)) / np.sqrt(max(variance, 1e-300))))
+    return found
+
+
+def _neighbours(q: Floats) -> list[Floats]:
+    """(n, N, N) weights of each pair of poses for each drive, for two kinds of neighbours: near in all commands, or in its own.
+
+    A weight is a Gaussian of the distance, with the median distance of a pose to its nearest neighbour as standard deviation.
+    """
+    unit = q / np.maximum(np.std(q, axis=0), 1e-12)
+    apart = cdist(unit, unit)
+    np.fill_diagonal(apart, np.inf)
+    near = max(float(np.median(apart.min(axis=1))), 1e-12)
+    all_ = np.exp(-0.5 * (apart / near) ** 2)
+    own = np.exp(-0.5 * ((unit.T[:, :, None] - unit.T[:, None, :]) / near) ** 2)
+    own[:, np.arange(len(q)), np.arange(len(q))] = 0.0
+    return [np.broadcast_to(all_, own.shape), own]

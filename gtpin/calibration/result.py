@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,22 +11,67 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.observability import Direction, Observability
+from gtpin.calibration.fit_state import FitState, poses_of, unexplained_by
+from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.left_out import left_out
+from gtpin.calibration.observability import UNSEEN, Direction, Observability
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.unseen_remedies import Remedy, remedies
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.estimate import Estimate
+from gtpin.instruments.instrument import Unknown, up_of
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import Shown, present
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
-Lengths = tuple[float, float | None]
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
+
+
+@dataclass(frozen=True)
+class InstrumentFit:
+    """How well a calibration fits the readings of one instrument.
+
+    - ``name``, ``kind``: as in dataset.toml; the name of a lone tracker may be empty. It then has a second one of these,
+      for its orientations.
+    - ``readings``: number of used rows of its table.
+    - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
+      best values of the instrument's unknowns. ``after``: of the calibrated robot. For positions and orientations: of the
+      length of the error vector.
+    - ``floor``: the root mean square error that noise alone would leave, in ``unit``.
+    - ``unit``: ``m`` or ``rad``.
+    - ``left_out``: the root mean square error of its readings, in ``unit``, each pose predicted by a fit without it (see
+      :func:`~gtpin.calibration.left_out.left_out`). What the other poses do not determine counts as 0.
+    """
+
+    name: str
+    kind: str
+    readings: int
+    before: float
+    after: float
+    floor: float
+    unit: str
+    left_out: float
+
+    def to_json(self) -> dict[str, Any]:
+        """As in ``calibration.json``."""
+        return {
+            "rms_before": self.before,
+            "rms_after": self.after,
+            "rms_left_out": self.left_out,
+            "noise_floor": self.floor,
+            "unit": self.unit,
+        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -41,7 +87,9 @@ class Calibration(Shown):
     observability
         Variance reduction along the principal directions of the parameter space, and observability indices.
     noise
-        Noise of the measurements, declared or estimated.
+        Noise of the measurements, declared or estimated: one sigma for each of ``sigmas``.
+    sigmas
+        Name of the instrument and unit (``m`` or ``rad``) of each of the noise's sigmas.
     enlarged
         Ratio of the poses' mean residuals to the noise of such means where chi-square shows a lack of fit, else 1.
         ``covariance`` includes it already: it is computed with the noise multiplied by this ratio.
@@ -56,20 +104,24 @@ class Calibration(Shown):
     iterations
         Number of Gauss-Newton steps, summed over the fits of the robust reweighting.
     residual
-        (poses, 3 or 6) measured less predicted of the used rows, m and rad, instrument's frame.
+        (poses, c) measured less predicted of the used rows, m and rad: of a tracker's poses in its frame (c = 3 or 6), or of
+        other readings. Where instruments read several numbers, each number has a row (c = 1).
     residual_before
         The same for the nominal geometry.
     instrument
         The dataset's instrument. A declared value that the data contradict is left out: it is estimated instead.
     dataset
         The input data.
+    by_instrument
+        Errors of each instrument.
+    unknowns
+        The k unknowns of the instruments.
+    u, u_covariance
+        (k,) identified values of the unknowns less their declared values, m or rad, and the (k, k) covariance.
+    remedies
+        For each unobservable direction, the measurement that would show it; None where none is known.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
-    left_out
-        Root mean square length of the position errors, m, and of the orientation errors, rad (None where not measured), each
-        pose predicted by a fit without it: see :func:`~gtpin.calibration.left_out.left_out`. None for readings.
-    floor
-        The same lengths as the noise alone would give; None where the noise was neither declared nor shown by repeated visits.
     warnings
         Texts of all warnings, also of those when the dataset was read.
 
@@ -88,7 +140,8 @@ class Calibration(Shown):
     model: Model
     covariance: Floats
     observability: Observability
-    noise: Noise
+    noise: ReadingNoise
+    sigmas: tuple[tuple[str, str], ...]
     enlarged: float
     freedom: float
     poses: int
@@ -101,9 +154,12 @@ class Calibration(Shown):
     residual_before: Floats
     instrument: Instrument
     dataset: Dataset
+    by_instrument: tuple[InstrumentFit, ...]
+    unknowns: tuple[Unknown, ...] = ()
+    u: Floats = field(default_factory=lambda: np.zeros(0))
+    u_covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    remedies: tuple[Remedy | None, ...] = ()
     paper_model: int | None = None
-    left_out: Lengths | None = None
-    floor: Lengths | None = None
     warnings: tuple[str, ...] = ()
 
     def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
@@ -143,6 +199,17 @@ class Calibration(Shown):
         """Directions in parameter space with a variance reduction below 0.5, the smallest first."""
         return self.observability.unobservable(self.names)
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """A sentence for each unobservable direction."""
+        words: tuple[str, ...] = present(self).unseen()
+        return words
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals."""
+        return self.noise.source != "residuals"
+
     @cached_property
     def zeros(self) -> tuple[Zero, ...]:
         """For each actuator that carries rods: the shift of its zero that is equivalent to the shifts of its joints."""
@@ -157,6 +224,13 @@ class Calibration(Shown):
         """One parameter's value and sigma, by its name; `ModelError` where no parameter has this name."""
         value, index = self.model.geometry[name], self.names.index(name)
         return Estimate(value, float(self.sigma[index]), self.model.geometry.parameters[index].unit)
+
+    def unknown(self, name: str) -> Estimate:
+        """Value and sigma of one of the instruments' unknowns, by its name."""
+        index = [one.name for one in self.unknowns].index(name)
+        sigma = float(np.sqrt(self.u_covariance[index, index]))
+        one = self.unknowns[index]
+        return Estimate(one.nominal + float(self.u[index]), sigma, one.unit)
 
     def correlated(self, least: float = CORRELATED) -> list[tuple[str, str, float]]:
         """Pairs of parameters with an absolute correlation of at least ``least``, the strongest first.
@@ -232,78 +306,167 @@ class Calibration(Shown):
         return figure
 
 
-def calibration_json(calibration: Calibration) -> dict[str, Any]:
-    """The content of ``calibration.json``."""
-    before, after = lengths(calibration.residual_before), lengths(calibration.residual)
-    out, floor = (found or (None, None) for found in (calibration.left_out, calibration.floor))
-    errors = {
-        "position_rms_before": before[0],
-        "position_rms_after": after[0],
-        "position_rms_left_out": out[0],
-        "position_noise_floor": floor[0],
-        "orientation_rms_before": before[1],
-        "orientation_rms_after": after[1],
-        "orientation_rms_left_out": out[1],
-        "orientation_noise_floor": floor[1],
-    }
-    noise = {
-        "position_sigma": calibration.noise.position_sigma,
-        "orientation_sigma": calibration.noise.orientation_sigma if calibration.residual.shape[1] == 6 else None,
-        "repeatability": calibration.noise.repeatability,
-        "lack": calibration.noise.lack,
-        "range_ratio": calibration.noise.range_ratio if calibration.noise.sight is not None else None,
-        "source": calibration.noise.source,
-    }
-    return fit_json(calibration, errors, noise)
-
-
-def fit_json(calibration: Calibration, errors: dict[str, Any], noise: dict[str, Any]) -> dict[str, Any]:
-    """The content of ``calibration.json`` with given errors and noise."""
+def calibration_json(c: Calibration) -> dict[str, Any]:
+    """The content of ``calibration.json``; the instruments' unknowns are listed after the geometry's parameters."""
+    values = zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True)
+    parameters = [_parameter(p.name, v, s, p.unit, p.nominal, p.tolerance, learned) for p, v, s, learned in values]
+    for one in c.unknowns:
+        found, prior = c.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
+        learned = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
+        parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, learned))
+    unseen = zip(c.unobservable, c.words, strict=True)
     return {
         "schema": "gtpin-calibration/1",
-        "model": "default" if calibration.paper_model is None else calibration.paper_model,
-        "poses": calibration.poses,
-        "rejected": list(calibration.rejected),
-        **errors,
-        "chi2_per_dof": calibration.chi2_per_dof,
-        "iterations": calibration.iterations,
-        "parameters": [
-            {
-                "name": p.name,
-                "value": float(value),
-                "sigma": float(sigma),
-                "unit": p.unit,
-                "nominal": p.nominal,
-                "tolerance": p.tolerance,
-                "learned": float(learned),
-            }
-            for p, value, sigma, learned in zip(
-                calibration.model.geometry.parameters,
-                calibration.values,
-                calibration.sigma,
-                calibration.learned,
-                strict=True,
-            )
-        ],
-        "unobservable": [{"direction": d.weights, "learned": d.learned} for d in calibration.unobservable],
-        "equivalent_zeros": [
-            {"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in calibration.zeros
-        ],
-        "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in calibration.correlated()],
-        "observability": calibration.observability.indices,
-        "degrees_of_freedom": calibration.dof,
-        "noise": {
-            **noise,
-            "tail_freedom": calibration.freedom if np.isfinite(calibration.freedom) else None,
-            "enlarged": calibration.enlarged,
-        },
-        "warnings": list(calibration.warnings),
+        "model": "default" if c.paper_model is None else c.paper_model,
+        "poses": c.poses,
+        "rejected": list(c.rejected),
+        **_errors_json(c),
+        "chi2_per_dof": c.chi2_per_dof,
+        "iterations": c.iterations,
+        "parameters": parameters,
+        "unobservable": [{"direction": d.weights, "learned": d.learned, "words": words} for d, words in unseen],
+        "equivalent_zeros": [{"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in c.zeros],
+        "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in c.correlated()],
+        "observability": c.observability.indices,
+        "degrees_of_freedom": c.dof,
+        "noise": _noise_json(c),
+        "by_instrument": {one.name: one.to_json() for one in c.by_instrument if one.name},
+        "warnings": list(c.warnings),
     }
 
 
-def lengths(residual: Floats) -> tuple[float, float | None]:
-    """Root mean square length of position (m) and rotation (rad) residuals."""
-    position = float(np.sqrt((residual[:, :3] ** 2).sum(axis=1).mean()))
-    if residual.shape[1] == 3:
-        return position, None
-    return position, float(np.sqrt((residual[:, 3:] ** 2).sum(axis=1).mean()))
+def _parameter(
+    name: str, value: float, sigma: float, unit: str, nominal: float, tolerance: float | None, learned: float
+) -> dict[str, Any]:
+    return {
+        "name": name,
+        "value": float(value),
+        "sigma": float(sigma),
+        "unit": unit,
+        "nominal": nominal,
+        "tolerance": tolerance,
+        "learned": float(learned),
+    }
+
+
+def _errors_json(c: Calibration) -> dict[str, float | None]:
+    """Errors of the first tracker's positions and orientations; None without them."""
+    found: dict[str, float | None] = {}
+    for what, unit in (("position", "m"), ("orientation", "rad")):
+        one = next((one for one in c.by_instrument if one.kind == "tracker" and one.unit == unit), None)
+        found[f"{what}_rms_before"] = one.before if one else None
+        found[f"{what}_rms_after"] = one.after if one else None
+        found[f"{what}_rms_left_out"] = one.left_out if one else None
+        found[f"{what}_noise_floor"] = one.floor if one and c.noise_known else None
+    return found
+
+
+def _noise_json(c: Calibration) -> dict[str, Any]:
+    noise = c.noise
+    tracker = next((one.name for one in c.by_instrument if one.kind == "tracker"), None)
+    sigmas = [(name, float(s), unit) for (name, unit), s in zip(c.sigmas, noise.sigma, strict=True)]
+    of_tracker = {unit: sigma for name, sigma, unit in sigmas if name == tracker}
+    return {
+        "position_sigma": of_tracker.get("m"),
+        "orientation_sigma": of_tracker.get("rad"),
+        "sigma": [
+            {"instrument": name or "tracker", "value": sigma, "estimated": bool(estimated)}
+            for (name, sigma, _), estimated in zip(sigmas, noise.estimated, strict=True)
+        ],
+        "repeatability": noise.repeatability,
+        "lack": noise.lack,
+        "range_ratio": noise.range_ratio if noise.sight is not None else None,
+        "source": noise.source,
+        "tail_freedom": c.freedom if np.isfinite(c.freedom) else None,
+        "enlarged": c.enlarged,
+    }
+
+
+def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask) -> Calibration:
+    """Make the result from the converged iterations.
+
+    ``settled``: the converged iterations. ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows,
+    gross errors included. ``whole``, ``usable``: N rows, and (N,) True for the M rows that were fitted.
+    """
+    final, noise = settled.final, settled.noise.take(settled.used)
+    problem, point = final.problem, final.point
+    p, geometry, measured = problem.n_geometry, point.model.geometry, problem.measured
+    aside = np.ones(len(whole), dtype=bool)
+    aside[np.flatnonzero(usable)[settled.used]] = False
+    covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
+    before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
+    left = problem.left(point, point.poses)
+    variance, known = _variances(final, noise), noise.source != "residuals"
+    unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
+    out, some = left_out(final, poses_of(measured.q))
+    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
+    readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
+    unseen = seen.directions[:, seen.learned < UNSEEN]
+    model = replace(point.model, covariance=covariance, solver="arrays", unexplained=unexplained)
+    if measured.tracked:
+        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
+        model = replace(model, fit=conditions)
+    return Calibration(
+        model=replace(model, instruments=readings.fitted),
+        covariance=covariance,
+        observability=seen,
+        noise=settled.noise,
+        sigmas=tuple(zip(readings.group_names, np.where(readings.group_turns, "rad", "m").tolist(), strict=True)),
+        enlarged=settled.excess,
+        freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
+        poses=_count(measured),
+        rejected=tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])),
+        rejected_rows=tuple(dict.fromkeys(int(line) for line in whole.row[aside])),
+        chi2=settled.chi2,
+        dof=settled.dof,
+        iterations=settled.steps,
+        residual=left,
+        residual_before=before,
+        instrument=_as_used(problem, whole.instrument),
+        dataset=whole,
+        by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
+        unknowns=readings.unknowns,
+        u=readings.u,
+        u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
+        remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
+    )
+
+
+def _as_used(problem: Problem, instrument: Instrument) -> Instrument:
+    """The description of a lone tracker with the sigmas and the frame that the fit used; as it was for other instruments."""
+    table = problem.measured.rows.tables[0]
+    if not problem.measured.tracked or not isinstance(table, TrackerTable):
+        return Instrument()
+    frame = "free" if problem.free_frame else instrument.frame
+    used = {"position_sigma": table.position_sigma, "orientation_sigma": table.orientation_sigma, "frame": frame}
+    return instrument.model_copy(update=used)
+
+
+def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+    """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
+    if noise.along_drives == 0.0 and noise.sight is None:
+        return noise.each**2
+    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
+    for rows in fit.problem.chunks():
+        poses, some = fit.point.poses[rows], measured.take(rows)
+        J = some.seen(model.kinematics.command_jacobian(some.q, poses), model, poses)
+        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
+    return np.concatenate(found)
+
+
+def _count(readings: Readings) -> int:
+    """Number of rows of the tables; the components of one row count once."""
+    return len(readings.rows) if (readings.rows.component < 0).all() else int(readings.rows.row.max()) + 1
+
+
+def _by_instrument(
+    readings: Readings, errors: tuple[Floats, Floats, Floats], out: Floats, some: Mask
+) -> Iterator[InstrumentFit]:
+    """Errors (N, c) of each instrument: before, after, and of noise alone; and ``out`` those left out, of the rows ``some``."""
+    part = readings.take(some)
+    for i, one in enumerate(readings.instruments):
+        count = max(len(np.unique(readings.rows.line[readings.rows.of == i])), 1)
+        units = dict.fromkeys(c.unit for c in one.components if c.shown or not one.name)
+        for unit in units:
+            before, after, noise = (readings.rms(i, values, unit) for values in errors)
+            yield InstrumentFit(one.name, one.kind, count, before, after, noise, unit, part.rms(i, out, unit))

@@ -17,8 +17,7 @@ from gtpin.calibration.problem import Problem
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.noise import weights
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 

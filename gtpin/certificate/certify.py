@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.calibration.checks.actuators import check_actuators
-from gtpin.calibration.checks.known_noise import known_noise
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget

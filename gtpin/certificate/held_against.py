@@ -84,7 +84,7 @@ class HeldAgainst:
         if len(found) < LEAST_CONTRASTS:
             return None
         J = by_commands(self.model, self.at)[rows]
-        noise = replace(self.noise, repeatability=0.0, estimated=(False, False)).rows(*found.shape)
+        noise = replace(self.noise, repeatability=0.0).rows(*found.shape)
         return likeliest(noise, found, J, np.ones(len(found))).repeatability
 
     def fitted(self, posterior: ModelPosterior) -> bool:

@@ -29,7 +29,8 @@ from gtpin.health.choice import Candidates, PoseChoice, candidates
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.noise.noise import SMALLEST, Noise
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import SMALLEST
 from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats

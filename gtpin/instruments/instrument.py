@@ -15,7 +15,6 @@ from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.robot import Robot
@@ -280,3 +279,10 @@ class Instrument(ABC):
 
     def check(self) -> None:  # noqa: B027
         """Raise `RowError` for an impossible reading; accept all readings by default."""
+
+
+def up_of(robot: Robot) -> npt.NDArray[np.float64]:
+    """(3,) unit vector against gravity, base frame; along z where the robot has no gravity."""
+    gravity = np.array(robot.description.gravity, dtype=float)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])

@@ -147,6 +147,11 @@ class Readings:
         """Declared sigma of each of the G groups, m or rad; None where it is to be estimated."""
         return tuple(sigma for one in self.instruments for sigma in one.declared)
 
+    @property
+    def group_names(self) -> tuple[str, ...]:
+        """(G,) the instrument's name for each group."""
+        return tuple(one.name for one in self.instruments for _ in one.declared)
+
     @cached_property
     def group_turns(self) -> npt.NDArray[np.bool_]:
         """(G,) whether the numbers of each group are angles, rad."""
@@ -181,15 +186,6 @@ class Readings:
     def counted(self) -> Floats:
         """(N, c) degrees of freedom that each number counts as: see :meth:`Instrument.counted`."""
         return self._each(lambda _, one: one.counted())
-
-    @cached_property
-    def shown(self) -> npt.NDArray[np.bool_]:
-        """(N, c) whether a number counts in its instrument's root mean square error."""
-        return self._each(
-            lambda _, one: np.broadcast_to(
-                np.array([c.shown for c in one.components]), (one.read.count, len(one.components))
-            )
-        )
 
     def minus(self, poses: Poses) -> Floats:
         """(N, c) measured less predicted at poses (N) of the TCP, base frame."""
@@ -267,17 +263,21 @@ class Readings:
         parts = [one.start(nominal[self._rows[i]]) for i, one in enumerate(self.instruments)]
         return np.concatenate([np.zeros(0), *parts])
 
-    def rms(self, index: int, values: Floats) -> float:
+    def rms(self, index: int, values: Floats, unit: str | None = None) -> float:
         """Root mean square error of one instrument's readings, m or rad; for positions, of the length of the error vector.
 
-        ``index``: of the instrument. ``values``: (N, c) errors of all rows of all instruments.
+        ``index``: of the instrument. ``values``: (N, c) errors of all rows of all instruments. ``unit``: that of the numbers
+        which count; None: that of the first one.
         """
-        mine = self.rows.of == index
-        some = values[mine][self.shown[mine]]
-        if not len(some):
-            return 0.0
-        width = sum(c.shown for c in self.instruments[index].components)
-        return float(np.sqrt(width * (some**2).mean()))
+        own, mine = self.instruments[index].components, self.rows.of == index
+        unit = own[0].unit if unit is None else unit
+        # Orientations are shown where nothing else tells of them: for a tracker without a name.
+        counts = np.array([(c.shown or not self.instruments[index].name) and c.unit == unit for c in own])
+        if values.shape[1] < len(own):  # each row has one number
+            some = values[mine & counts[np.maximum(self.rows.component, 0) % len(own)]]
+        else:
+            some = values[mine][:, counts]
+        return float(np.sqrt(counts.sum() * (some**2).mean())) if some.size else 0.0
 
     @property
     def fitted(self) -> tuple[FittedInstrument, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.data.table import Column
-from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import ReadingNoise
 
 TEMPERATURES = ("temp_frame", "temp_link")
 """Covariates of which a model keeps the mean over its fit."""
@@ -60,15 +60,15 @@ class FitConditions:
 
     @staticmethod
     def of(
-        noise: Noise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: ModelDiscrepancy
+        noise: ReadingNoise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: ModelDiscrepancy
     ) -> FitConditions:
         """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, covariates (N,) by name,
         and what it left unexplained."""
         power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof)) if unexplained.none else 1.0
         mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
         return FitConditions(
-            position_sigma=float(noise.position_sigma),
-            orientation_sigma=float(noise.orientation_sigma),
+            position_sigma=noise.position_sigma,
+            orientation_sigma=noise.orientation_sigma,
             drives=noise.along_drives,
             misfit=float(np.sqrt(max(power, 1.0))),
             **mean,

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats
 
 SHOWN = 3.84

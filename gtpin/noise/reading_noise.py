@@ -6,10 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize_scalar
 
 from gtpin.kinematics.poses import chunks
-from gtpin.noise.sight import line_of_sight, sight_shape
 from gtpin.typing import Floats
+
+FARTHEST = 10.0
+"""Distance from the instrument, over the median distance, beyond which a position counts as a gross error. Assumed: the
+instrument does not stand among the poses.
+"""
+SMALLEST = 1e-7
+"""Smallest sigma of noise, m and rad: encoders and interferometers read tenths of a micrometre. Derived: below it, rounding
+errors of the kinematics are larger than the noise, and fits do not converge."""
+USUAL_TURN = 5e-5
+"""Usual noise of orientations, rad, of a tracker that has measured none. Assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +33,10 @@ class ReadingNoise:
     - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
     - ``lack``: standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain.
       They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
-    - ``sight``, ``reach``, ``range_ratio``: as in :class:`~gtpin.noise.noise.Noise`, for a tracker that measures all rows
-      from a known station; else None.
+    - ``sight``: (N, 3) unit vectors from a lone tracker to what it measures; None where its station is not known.
+    - ``reach``: (N,) distance from there, divided by the mean distance; None where ``sight`` is None.
+    - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance. A position's sigma is
+      then the root mean square over the axes at this distance.
     - ``source``: where the estimated sigmas come from: ``declared`` where none is estimated, ``repeats`` or ``residuals``.
     - ``dof``: degrees of freedom of the estimate of the sigmas; infinite where they are declared.
     """
@@ -45,6 +57,16 @@ class ReadingNoise:
         """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
         sight, reach = line_of_sight(position, station)
         return replace(self, sight=sight, reach=reach)
+
+    @property
+    def position_sigma(self) -> float:
+        """Noise of a lone tracker's positions, per axis, m; of other instruments the first sigma."""
+        return float(self.sigma[0])
+
+    @property
+    def orientation_sigma(self) -> float:
+        """Noise of a lone tracker's orientations, per axis, rad; a usual one where they were not measured."""
+        return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
     @property
     def along_drives(self) -> float:
@@ -127,3 +149,42 @@ class ReadingNoise:
                 self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.broadcast_to(one, self.row_sigma.shape)
             )
         return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.maximum(self.row_sigma, sigma))
+
+
+def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3) from a station to positions (N, 3), and the distances (N,) divided by their mean.
+
+    Gross errors of position are left out of the mean, and their quotient is ``FARTHEST`` at most.
+    """
+    sight = position - station
+    size = np.abs(sight).max(axis=1, keepdims=True)  # the square of a gross error may overflow
+    unit = sight / size
+    length = np.linalg.norm(unit, axis=1)
+    distance = length * size[:, 0]
+    near = distance[distance <= FARTHEST * np.median(distance)].mean()
+    return unit / length[:, None], np.minimum(distance / near, FARTHEST)
+
+
+def range_ratio(sight: Floats, reach: Floats, residual: Floats) -> float:
+    """Noise along the line of sight divided by noise across it, by maximum likelihood from residuals (N, 3), m.
+
+    Only the ratio is estimated, on which an unmodelled effect has little influence. ``sight`` (N, 3) and ``reach`` (N,) as in
+    :class:`~gtpin.noise.reading_noise.ReadingNoise`.
+    """
+
+    def cost(log_ratio: float) -> float:
+        shape = sight_shape(sight, reach, float(np.exp(log_ratio)))
+        mahalanobis = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(shape), residual).sum()
+        # The overall size is maximised out, so that a lack of fit does not change the ratio.
+        return float(1.5 * len(residual) * np.log(mahalanobis) + 0.5 * np.linalg.slogdet(shape)[1].sum())
+
+    found = minimize_scalar(cost, bounds=(np.log(0.05), np.log(3.0)), method="bounded")
+    return float(np.exp(found.x))
+
+
+def sight_shape(sight: Floats, reach: Floats, range_ratio: float) -> Floats:
+    """(N, 3, 3) covariance of positions over sigma^2, for noise that is not equal along and across the line of sight."""
+    along = sight[:, :, None] * sight[:, None, :]
+    across = np.eye(3) - along
+    level = 3.0 / (range_ratio**2 + 2.0)
+    return np.asarray(level * (range_ratio**2 * along + reach[:, None, None] ** 2 * across))

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from gtpin.distributions import chi2
 from gtpin.noise.estimate import likeliest
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats
 
 LEAST_CONTRASTS = 8

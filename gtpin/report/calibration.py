@@ -10,7 +10,6 @@ import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
@@ -20,10 +19,11 @@ from gtpin.report.calibration_page import calibration_page
 from gtpin.report.calibration_text import calibration_summary, calibration_text
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.maps import workspace_figure
+from gtpin.report.quality import error_of
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
 from gtpin.report.unseen_words import unseen_words
-from gtpin.report.words import length, quantity
+from gtpin.report.words import quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -43,16 +43,10 @@ class CalibrationPresentation(Presentation):
     def short(self) -> str:
         """Numbers of parameters and poses, the errors, and chi-square."""
         c = self.calibration
-        if isinstance(c, ReadingsCalibration):
-            what = f"{c.poses} readings"
-            sizes = [(b.name, quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
-            errors = "\n".join(f"error of {name}, RMS: {a} nominal, {b} calibrated" for name, a, b in sizes)
-        else:
-            values = c.to_json()
-            before, after = length(values["position_rms_before"]), length(values["position_rms_after"])
-            what, errors = f"{c.poses} measured poses", f"position error, RMS: {before} nominal, {after} calibrated"
+        sizes = [(error_of(b), quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
+        errors = "\n".join(f"{what}, RMS: {before} nominal, {after} calibrated" for what, before, after in sizes)
         return (
-            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {what}\n"
+            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements\n"
             f"{errors}\n"
             f"chi-square per degree of freedom: {c.chi2_per_dof:.3f}"
         )
@@ -115,9 +109,8 @@ class CalibrationPresentation(Presentation):
         return result
 
     def unseen(self) -> tuple[str, ...]:
-        """A sentence for each direction that readings do not show."""
+        """A sentence for each direction that the data hardly show."""
         c = self.calibration
-        assert isinstance(c, ReadingsCalibration)
         unseen = c.observability.learned < UNSEEN
         directions, learned = c.observability.directions[:, unseen], c.observability.learned[unseen]
         return unseen_words(c.model.geometry, directions, learned, c.remedies)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.checks.prepared import with_positions
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Section, Table, report
 from gtpin.report.provenance import provenance
-from gtpin.report.quality import cannot_judge, quality, scatters
+from gtpin.report.quality import cannot_judge, error_of, quality, scatters
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components
 from gtpin.report.residual_sections import (
     circle_sections,
@@ -23,10 +22,10 @@ from gtpin.report.residual_sections import (
 )
 from gtpin.report.residuals import Residuals
 from gtpin.report.sketch import drawing
-from gtpin.report.words import counted, joined, length, percent, quantity, whole
+from gtpin.report.words import counted, joined, percent, quantity, whole
 
-UNKNOWN = "noise as the fit shows it: it was not declared"
-"""What the noise of readings is called where no instrument has declared it."""
+UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
+"""What the noise is called where it was neither declared nor shown by repeated visits."""
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 
@@ -65,23 +64,15 @@ def calibration_page(calibration: Calibration, dataset: Dataset) -> str:
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Colour, badge, headline and advice."""
-    if isinstance(c, ReadingsCalibration):
-        changes = [
-            f"{quantity(one.before, one.unit)} to {quantity(one.after, one.unit)} ({one.name})"
-            for one in c.by_instrument
-        ]
-        others = [f"{quantity(one.left_out, one.unit)} ({one.name})" for one in c.by_instrument]
-        headline = (
-            f"Calibration reduces the errors of the readings, RMS, from {joined(changes)} on the fitted poses. "
-            f"At poses that are left out of the fit they are {joined(others)}."
-        )
-    else:
-        values = c.to_json()
-        before, after, out = (length(values[f"position_rms_{which}"]) for which in ("before", "after", "left_out"))
-        headline = (
-            f"Calibration reduces the position error from {before} to {after}, RMS, on the fitted poses. "
-            f"At poses that are left out of the fit it is {out}."
-        )
+    changes, others = [], []
+    for one in c.by_instrument:
+        before, after, out = (quantity(value, one.unit) for value in (one.before, one.after, one.left_out))
+        changes.append(f"the {error_of(one)} from {before} to {after}")
+        others.append(out if len(c.by_instrument) == 1 else f"{out} ({error_of(one)})")
+    headline = (
+        f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
+        f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
+    )
     if c.enlarged > 1.0:
         advice = [
             f"The mean residuals of the poses are {c.enlarged:.2f} times their noise: "
@@ -103,28 +94,12 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
-    values, known = c.to_json(), c.model.unexplained is None or c.model.unexplained.noise_known
-    if isinstance(c, ReadingsCalibration):
-        numbers = []
-        for one in c.by_instrument:
-            numbers.append((quantity(one.before, one.unit), f"error of {one.name}, nominal"))
-            numbers.append((quantity(one.after, one.unit), "calibrated"))
-            numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
-            numbers.append((quantity(one.floor, one.unit), "noise alone" if known else UNKNOWN))
-    else:
-        numbers = [
-            (length(values["position_rms_before"]), "position error, nominal"),
-            (length(values["position_rms_after"]), "calibrated"),
-            (length(values["position_rms_left_out"]), "at poses left out of the fit"),
-        ]
-        if known:
-            numbers.append((length(values["position_noise_floor"]), "noise alone"))
-        else:
-            numbers.append(("not known", "noise: neither declared nor shown by repeated visits"))
-    if values["orientation_rms_after"] is not None:
-        numbers.append((quantity(values["orientation_rms_before"], "rad"), "orientation error, nominal"))
-        numbers.append((quantity(values["orientation_rms_after"], "rad"), "calibrated"))
-        numbers.append((quantity(values["orientation_rms_left_out"], "rad"), "at poses left out of the fit"))
+    numbers = []
+    for one in c.by_instrument:
+        numbers.append((quantity(one.before, one.unit), f"{error_of(one)}, nominal"))
+        numbers.append((quantity(one.after, one.unit), "calibrated"))
+        numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
+        numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))
     numbers.append(
         (
             f"{c.chi2_per_dof:.2f}",
@@ -176,7 +151,7 @@ def _unseen(c: Calibration) -> Section:
         content = [
             "Directions of the geometry that are hardly observable with these data. Their values are the prior means, and "
             "change no prediction near the measured poses.",
-            *(c.words if isinstance(c, ReadingsCalibration) else ()),
+            *c.words,
             Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),
         ]
     if pairs := [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
-from gtpin.report.quality import cannot_judge, scatters
+from gtpin.report.quality import cannot_judge, error_of, noise_words, scatters
 
 HEAVY = 1.5
 """Chi-square per degree of freedom above which heavy tails get a warning."""
@@ -33,27 +32,14 @@ def calibration_summary(calibration: Calibration) -> str:
 
 
 def _fit(c: Calibration) -> str:
-    values = c.to_json()
-    of = "readings" if isinstance(c, ReadingsCalibration) else "measured poses"
-    lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} {of}"]
-    if isinstance(c, ReadingsCalibration):
-        for one in c.by_instrument:
-            lines.append(_before_after(f"error of {one.name}, RMS", one.before, one.after, 1e6, f"u{one.unit}"))
-            lines.append(f"    {'at poses left out of the fit':<31} {one.left_out * 1e6:.1f} u{one.unit}")
-    else:
-        position = values["position_rms_before"], values["position_rms_after"]
-        lines.append(_before_after("position error, RMS", *position, 1e6, "um"))
-        lines.append(f"    {'at poses left out of the fit':<31} {values['position_rms_left_out'] * 1e6:.1f} um")
-        floor = values["position_noise_floor"]
-        noise = "not known: declare it, or repeat visits" if floor is None else f"{floor * 1e6:.1f} um"
+    lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements"]
+    for one in c.by_instrument:
+        unit = f"u{one.unit}"
+        before, after, out, noise = (f"{1e6 * v:.1f} {unit}" for v in (one.before, one.after, one.left_out, one.floor))
+        lines.append(f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated")
+        lines.append(f"    {'at poses left out of the fit':<31} {out}")
+        noise = noise if c.noise_known else "not known: declare it, or repeat visits"
         lines.append(f"    {'noise alone':<31} {noise}")
-    if values["orientation_rms_before"] is not None:
-        lines.append(
-            _before_after(
-                "orientation error, RMS", values["orientation_rms_before"], values["orientation_rms_after"], 1e6, "urad"
-            )
-        )
-        lines.append(f"    {'at poses left out of the fit':<31} {values['orientation_rms_left_out'] * 1e6:.1f} urad")
     spread = np.sqrt(2.0 / c.dof)
     meaning = cannot_judge(c) or f"1 +- {spread:.3f} for a model that fits"
     lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")
@@ -69,19 +55,9 @@ def _fit(c: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _before_after(what: str, before: float, after: float, unit: float, name: str) -> str:
-    return f"  {what:<33} {before * unit:.1f} {name} nominal -> {after * unit:.1f} {name} calibrated"
-
-
 def _noise(c: Calibration) -> str:
-    if isinstance(c, ReadingsCalibration):
-        return _noise_of_readings(c)
     noise = c.noise
-    origin = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
-    lines = [f"Noise of the instrument, 1 sigma ({origin[noise.source]})"]
-    lines.append(f"  position     {noise.position_sigma * 1e6:.2f} um per axis")
-    if c.residual.shape[1] == 6:
-        lines.append(f"  orientation  {noise.orientation_sigma * 1e6:.2f} urad per axis")
+    lines = ["Noise of the instruments, 1 sigma of a number", *(f"  {words}" for words in noise_words(c))]
     if noise.sight is not None:
         lines.append(f"  along the line of sight {noise.range_ratio:.2f} times that across it at the mean range")
     if noise.repeatability > 0.0:
@@ -102,17 +78,7 @@ def _noise(c: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _noise_of_readings(c: ReadingsCalibration) -> str:
-    lines = ["Noise of the readings, RMS"]
-    lines += [f"  {one.name:<12} {one.floor * 1e6:.2f} u{one.unit}" for one in c.by_instrument]
-    if c.noise.estimated.any():
-        lines.append("  Where no sigma is declared, it is estimated from the residuals.")
-    if np.isfinite(c.freedom):
-        lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom or more")
-    return "\n".join(lines)
-
-
-def _unknowns(c: ReadingsCalibration) -> list[str]:
+def _unknowns(c: Calibration) -> list[str]:
     """Rows of the instruments' unknowns, as those of parameters."""
     lines = ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
     for one, deviation in zip(c.unknowns, c.u, strict=True):
@@ -132,7 +98,7 @@ def _parameters(c: Calibration) -> str:
             f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
             f"{reduction:>10.3f}"
         )
-    if isinstance(c, ReadingsCalibration) and c.unknowns:
+    if c.unknowns:
         lines += _unknowns(c)
     if c.zeros:
         lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
@@ -153,8 +119,7 @@ def _unobservable(c: Calibration) -> str:
         lines.append(
             f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
         )
-    if isinstance(c, ReadingsCalibration):
-        lines += [f"  {sentence}" for sentence in c.words[:SHOWN]]
+    lines += [f"  {sentence}" for sentence in c.words[:SHOWN]]
     if len(directions) > SHOWN:
         lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.model.model import Model
@@ -15,13 +14,14 @@ NOTHING = Table((), [])
 
 
 def fit_table(c: Calibration) -> Table:
-    """Errors of each instrument's fitted readings; empty for one tracker."""
-    if not isinstance(c, ReadingsCalibration):
-        return NOTHING
+    """Errors of each instrument's fitted readings; empty for a tracker without a name."""
     rows = [
         [b.name, b.kind, str(b.readings), *(quantity(v, b.unit) for v in (b.before, b.after, b.floor))]
         for b in c.by_instrument
+        if b.name
     ]
+    if not rows:
+        return NOTHING
     return Table(("instrument", "kind", "readings", "error, nominal", "calibrated", "noise alone"), rows)
 
 
@@ -32,8 +32,8 @@ def gap_table(gap: Gap) -> Table:
 
 
 def unknowns_table(model: Model, c: Calibration) -> Table:
-    """The instruments' unknowns, identified together with a model; empty for one tracker."""
-    if not isinstance(c, ReadingsCalibration):
+    """The instruments' unknowns, identified together with a model; empty where there are none."""
+    if not c.unknowns:
         return NOTHING
     values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
     rows = []

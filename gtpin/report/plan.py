@@ -65,7 +65,7 @@ class PlanPresentation(Presentation):
             "noise": {
                 "position_sigma": plan.noise.position_sigma,
                 "orientation_sigma": plan.noise.orientation_sigma,
-                "drives": plan.noise.along_drives,
+                "drives": plan.noise.repeatability,
             },
         }
         if plan.purpose == "health":

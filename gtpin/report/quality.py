@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.calibration.problem import measured_poses
-from gtpin.calibration.readings_result import ReadingsCalibration
-from gtpin.calibration.result import Calibration
+from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.report.page import Table
@@ -39,7 +38,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
     facts = [
         f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}"
         + (
-            f", {counted(repeats, 'repeated visit' if dataset.readings is None else 'repeated reading')}"
+            f", {counted(repeats, 'repeated visit')}"
             if repeats
             else ", none visited twice: repeatability can't be distinguished from errors of the geometry"
         )
@@ -80,23 +79,39 @@ def _what_was_measured(dataset: Dataset) -> str:
     return "Only positions were measured."
 
 
+def error_of(one: InstrumentFit) -> str:
+    """What an error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
+    return f"error of {one.name}" if one.name else {"m": "position error", "rad": "orientation error"}[one.unit]
+
+
 def nominal_words(c: Calibration) -> str:
     """Errors of the nominal geometry, RMS, in words."""
-    if isinstance(c, ReadingsCalibration):
-        named = len(c.by_instrument) > 1
-        return joined([f"{quantity(b.before, b.unit)}{f' ({b.name})' if named else ''}" for b in c.by_instrument])
-    return length(c.to_json()["position_rms_before"])
+    named = sum(bool(one.name) for one in c.by_instrument) > 1
+    errors = [one for one in c.by_instrument if one.name or one.unit == "m"]
+    return joined([f"{quantity(b.before, b.unit)}{f' ({b.name})' if named else ''}" for b in errors])
+
+
+def _measured_by(c: Calibration) -> list[str]:
+    """What each of the noise's sigmas is of."""
+    several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
+    of_pose = {"m": "position", "rad": "orientation"}
+    return [
+        f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
+    ]
+
+
+def noise_words(c: Calibration) -> list[str]:
+    """The sigma of each kind of numbers, in words, and where it comes from."""
+    sigmas = zip(_measured_by(c), c.noise.sigma, c.sigmas, c.noise.estimated, strict=True)
+    return [
+        f"{what} {quantity(float(sigma), unit)}, {SOURCES[c.noise.source if estimated else 'declared']}"
+        for what, sigma, (_, unit), estimated in sigmas
+    ]
 
 
 def _noise(c: Calibration) -> str:
-    if isinstance(c, ReadingsCalibration):
-        parts = [f"{one.name} {quantity(one.floor, one.unit)}" for one in c.by_instrument]
-        how = "from the residuals where it was not declared" if c.noise.estimated.any() else "as declared"
-        return f"Noise of a reading, RMS, {how}: {joined(parts)}."
     noise = c.noise
-    text = f"Noise of the instrument, {SOURCES[noise.source]}: {length(noise.position_sigma)} per axis"
-    if c.residual.shape[1] == 6:
-        text += f" and {quantity(noise.orientation_sigma, 'rad')} about each axis"
+    text = f"Noise of the instruments, 1 sigma of a number: {'; '.join(noise_words(c))}"
     if noise.repeatability > 0.0:
         how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
         text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
@@ -109,7 +124,7 @@ def _noise(c: Calibration) -> str:
 
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
-    if isinstance(c, ReadingsCalibration) or c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
+    if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
         return ""
     return (
         f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
@@ -120,25 +135,17 @@ def scatters(c: Calibration) -> str:
 
 def cannot_judge(c: Calibration) -> str:
     """Why chi-square can't judge the fit of the geometry; empty if it can."""
-    if isinstance(c, ReadingsCalibration):
-        if c.dof < 1.0:
-            return "there are too few readings to judge the fit"
-        if c.noise.estimated.any() and np.isfinite(c.freedom):
-            return (
-                "the noise was taken from these residuals, and outliers have full weight here: this can't judge the fit"
-            )
-        if c.noise.estimated.all():
-            return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
-        if c.noise.estimated.any():
-            return "part of the noise was taken from these residuals: below 1, it can't judge the fit"
+    if c.dof < 1.0:
+        return "there are too few measurements to judge the fit"
+    if c.noise_known:
         return ""
-    if c.noise.source != "residuals":
-        return ""
-    position, orientation = c.noise.estimated
-    if position != orientation and c.residual.shape[1] == 6:
-        taken, other = ("position", "orientation") if position else ("orientation", "position")
+    if not c.noise.estimated.all():
+        taken, others = (
+            joined([what for what, e in zip(_measured_by(c), c.noise.estimated, strict=True) if e == estimated])
+            for estimated in (True, False)
+        )
         return (
-            f"the noise of {taken} was taken from these residuals, that of {other} was declared: above 1, residuals are "
+            f"the noise of {taken} was taken from these residuals, that of {others} was declared: above 1, residuals are "
             "larger than the declared noise"
         )
     if np.isfinite(c.freedom):

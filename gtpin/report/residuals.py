@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import command_names
@@ -18,8 +18,6 @@ from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.report.embedded import escaped
 from gtpin.typing import Floats, Indices
 
@@ -62,24 +60,20 @@ class Residuals:
         aside; by default those of the baseline.
         """
         lines = list(baseline.rejected_rows if aside is None else aside)
-        robot, u = baseline.model.robot, None
-        noise: Noise | ReadingNoise = baseline.noise
-        if isinstance(baseline, ReadingsCalibration):
-            u, noise = baseline.u, baseline.noise
-        elif baseline.residual.shape[1] == 3:  # a reduced arm is fitted to positions alone
+        robot = baseline.model.robot
+        if baseline.residual.shape[1] == 3:  # a reduced arm is fitted to positions alone
             dataset = replace(dataset, orientation=None)
         whole = single(dataset, robot)
         rows = np.flatnonzero(~np.isin(whole.row, lines))
         kept = whole.take(rows[evenly(len(rows), MOST)])
-        readings = Readings.of(kept, robot, u)
+        readings = Readings.of(kept, robot, baseline.u)
         before = readings.minus(baseline.model.predict(kept.q))
         after = before
         if model is not None:
             values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
             u = np.array([values[unknown.name] for unknown in readings.unknowns])
             after = readings.at(u).minus(model.predict(kept.q, kept.covariates))
-        each = noise.rows(len(kept), readings.components) if isinstance(noise, Noise) else noise
-        sigma = replace(each, group=readings.group, row_sigma=readings.row_sigma).each
+        sigma = noise_at(baseline.noise, readings).each
         return Residuals(kept, len(rows), baseline.model, model or baseline.model, before, after, sigma, readings)
 
     def __len__(self) -> int:

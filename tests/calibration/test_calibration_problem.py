@@ -22,7 +22,6 @@ from gtpin.calibration.problem import Problem, measured_poses, rough_frame
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Frame, Model, in_frame
 from gtpin.noise.noise import Noise
-from gtpin.noise.sight import line_of_sight
 from gtpin.robot.geometry import Geometry
 
 SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}
@@ -43,8 +42,8 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
     start = replace(nominal, frame=rough_frame(poses, seen)) if free else nominal
     J = in_frame(nominal.kinematics.command_jacobian(q, poses), start.frame)
     # Everything that the whitening can hold: range and angle, and the carts' repeatability.
-    sight, reach = line_of_sight(dataset.position, np.array([1.5, -7.0, 0.3]))
-    noise = Noise(POSITION_SIGMA, ORIENTATION_SIGMA, 2e-5, sight, reach, 0.4)
+    noise = Noise(POSITION_SIGMA, ORIENTATION_SIGMA, 2e-5).rows(len(q), seen.components)
+    noise = replace(noise.towards(dataset.position, np.array([1.5, -7.0, 0.3])), range_ratio=0.4)
     readings = Readings.of(dataset, nominal.robot)
     problem = Problem(start, readings, noise.whitening(J, seen.components), free)
     assert problem.size == len(start.geometry.names) + 6 * free

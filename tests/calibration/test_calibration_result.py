@@ -71,7 +71,7 @@ def test_the_json_has_the_contract_s_keys_and_types(case):
     assert sorted(entry["name"] for entry in told["parameters"]) == sorted(names())
     assert told["unobservable"]
     for entry in told["unobservable"]:
-        assert set(entry) == {"direction", "learned"}
+        assert set(entry) == {"direction", "learned", "words"}
         assert set(entry["direction"]) <= set(names())
     assert told["correlations"]
     for entry in told["correlations"]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.calibration.between_poses import unexplained_by
+from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import of_poses
 from gtpin.certificate.response import root_of

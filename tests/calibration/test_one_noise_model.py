@@ -47,7 +47,10 @@ def test_poses_and_readings_of_one_tracker_calibrate_alike(tmp_path, monkeypatch
     data = data if declared else undeclared(data)
     poses = gtpin.calibrate(data)
     readings = gtpin.calibrate(as_readings(data, tmp_path / "set", monkeypatch))
-    assert type(readings) is not type(poses)
+    (named,), (lone, *_) = readings.by_instrument, poses.by_instrument
+    assert (named.name, lone.name) == ("tracker", "")
+    for what in ("before", "after", "floor", "left_out"):
+        assert getattr(named, what) == pytest.approx(getattr(lone, what), rel=1e-3)
     np.testing.assert_allclose(readings.values, poses.values, atol=1e-4 * poses.sigma.min())
     np.testing.assert_allclose(readings.sigma, poses.sigma, rtol=1e-4)
     assert readings.chi2_per_dof == pytest.approx(poses.chi2_per_dof, rel=1e-4)

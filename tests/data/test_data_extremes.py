@@ -11,7 +11,7 @@ import gtpin
 from gtpin import errors
 from gtpin.bench.simulator import simulate
 from gtpin.data import Dataset
-from gtpin.noise.sight import line_of_sight
+from gtpin.noise.reading_noise import line_of_sight
 from gtpin.output.json_text import json_text
 
 

@@ -73,7 +73,7 @@ def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibrat
     observed = Observed(
         Readings.of(case.dataset, baseline.model.robot),
         case.dataset.covariates,
-        replace(baseline.noise, repeatability=0.0).rows(len(case.dataset), 6),
+        replace(baseline.noise, repeatability=0.0),
         np.ones(len(case.dataset)),
         20.0,
         False,

@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import Untested
@@ -52,7 +53,7 @@ def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
     observed = Observed(
         Readings.of(dataset, baseline.model.robot),
         dataset.covariates,
-        baseline.noise.rows(len(dataset), 6),
+        noise_at(baseline.noise, Readings.of(dataset, baseline.model.robot)),
         np.ones(len(dataset)),
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binomtest, chi2
 
 import gtpin
-from gtpin.calibration.left_out_block import LeftOutBlock
+from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gtpin.bench.blind.seen import Seen
-from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
@@ -78,7 +78,7 @@ class Difficulty:
         return Difficulty(_situation(dataset, Model(geometry)), Seen.of_poses(measured))
 
     @staticmethod
-    def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration) -> Difficulty:
+    def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: Calibration) -> Difficulty:
         """For a dataset of schema 2 and its calibration; no encoder may be among the instruments.
 
         ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.

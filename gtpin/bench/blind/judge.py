@@ -17,7 +17,6 @@ from gtpin.bench.blind.true_parameters import true_parameters
 from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.data.instrument_tables import EncoderTable
@@ -201,7 +200,7 @@ def _shrunk_readings(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
 ) -> Shrunk:
     found = shrunk_readings(dataset, truth, outcome)
-    if not isinstance(baseline, ReadingsCalibration) or truth.kind not in CAUSES_GIVEN:
+    if baseline is None or truth.kind not in CAUSES_GIVEN:
         return found
     if not (causes := _causes(truth, lefts)):
         return found
@@ -251,7 +250,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
 def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
     """The :class:`Difficulty` of a gradable case, from its calibration."""
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
-    if isinstance(baseline, ReadingsCalibration):
+    if dataset.readings is not None:
         return Difficulty.of_readings(dataset, noise, baseline)
     sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
     return Difficulty.of(dataset, sigma, baseline.model.geometry)

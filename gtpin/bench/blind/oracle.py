@@ -10,8 +10,8 @@ import numpy as np
 
 from gtpin.bench.blind.difficulty import Best
 from gtpin.bench.blind.seen import noise_of_rows
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.problem import measured_poses
-from gtpin.calibration.readings_result import ReadingsCalibration
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -19,7 +19,7 @@ from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
-from gtpin.instruments.readings import single
+from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
@@ -36,7 +36,8 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     poses = kinematics.forward(kept.q)
     at = Situation(kinematics, kept.q, poses, kept.covariates, None, kept.conditions.reference_temperature)
     measured = measured_poses(kept)
-    whitening = baseline.noise.whitening(at.command_jacobian, measured.components)
+    noise = noise_at(baseline.noise, Readings.of(kept, model.robot))
+    whitening = noise.whitening(at.command_jacobian, measured.components)
 
     def whitened(columns: Floats) -> Floats:
         return np.asarray(whitening @ columns[:, : measured.components]).reshape(-1, columns.shape[2])
@@ -64,7 +65,7 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
 
 
 def fit_known_causes_to_readings(
-    dataset: Dataset, noise: Mapping[str, Floats], baseline: ReadingsCalibration, causes: Sequence[Best]
+    dataset: Dataset, noise: Mapping[str, Floats], baseline: Calibration, causes: Sequence[Best]
 ) -> Model:
     """Fit geometry, the instruments' unknowns and the given causes together, from a calibration, until the fit converges.
 

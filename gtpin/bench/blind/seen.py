@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.instruments.readings import Readings, single
 from gtpin.typing import Floats, Indices
@@ -30,7 +30,7 @@ class Seen:
 
     @staticmethod
     def of_readings(
-        dataset: Dataset, baseline: ReadingsCalibration, noise: Mapping[str, Floats]
+        dataset: Dataset, baseline: Calibration, noise: Mapping[str, Floats]
     ) -> tuple[Dataset, Indices, Seen]:
         """The readings of a dataset of schema 2, at its calibration.
 

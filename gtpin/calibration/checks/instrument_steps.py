@@ -6,13 +6,16 @@ back from a later one. Rows are in the order of the file, and also in the order 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
 
-from gtpin.calibration.checks.frame_scan import EDGE, FrameScan
-from gtpin.calibration.checks.shifted_rows import own_session
+from gtpin.calibration.checks.prior_conflict import motions
+from gtpin.calibration.checks.shifted_rows import FEWEST, own_session
 from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Point, Problem
@@ -21,6 +24,13 @@ from gtpin.errors import DatasetError
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
+SIZE = 30.0
+"""Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
+GRID = 60
+"""Number of rows that are tried first; then all those near the best one."""
+EDGE = FEWEST
+"""Fewest rows before, between and after steps. A motion has six numbers and fits any one row, so that one large error would
+count as two steps."""
 RATIO = 2.0
 """Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame
 explains all residuals, other causes only a part."""
@@ -31,6 +41,138 @@ AHEAD = 1.2
 """Ratio of the best alternative's residual power to that of steps, above which steps are the reason. The alternatives are
 motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
+
+
+@dataclass(frozen=True)
+class FrameScan:
+    """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
+
+    - ``rows``: (N,) indices of the rows in the problem, in the order of the search.
+    - ``J``, ``F``: whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and
+      mrad.
+    - ``y``: (N, c) whitened residuals of the nominal geometry.
+    - ``prior``: (p,) 1 for unknowns with a prior, 0 for others.
+    - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
+    """
+
+    rows: npt.NDArray[np.intp]
+    J: Floats
+    F: Floats
+    y: Floats
+    prior: Floats
+    lengths: Floats
+
+    @staticmethod
+    def of(problem: Problem, point: Point, noise: ReadingNoise) -> FrameScan:
+        """Linearise a problem about a point, for all rows."""
+        parts = problem.chunks()
+        J = np.concatenate([problem.jacobian(point, part) for part in parts])
+        F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
+        y = problem.residual(point) + J @ point.x
+        colour = np.linalg.inv(problem.whitening)
+        plain = replace(noise, repeatability=0.0, lack=0.0)
+        again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
+        lengths = colour[:, :3, :] @ F
+        rows = np.arange(len(y))
+        return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
+
+    def ordered(self, rows: npt.NDArray[np.intp]) -> FrameScan:
+        """The same for the rows with these indices, in this order."""
+        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
+
+    def best(self, steps: Sequence[int]) -> int:
+        """The next step: together with ``steps`` it leaves the smallest residuals."""
+        count = len(self.rows)
+        allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
+        coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
+        place = self._least(steps, [allowed[i] for i in coarse])
+        return self._least(steps, [k for k in allowed if abs(k - place) <= 1 + count // GRID])
+
+    def _least(self, steps: Sequence[int], places: Sequence[int]) -> int:
+        """The place of one more step that leaves the smallest residuals."""
+        return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
+
+    def ratio(self, steps: Sequence[int]) -> float:
+        """Sum of squares of the residuals without steps over that with ``steps``."""
+        return self.left(()) / max(self.left(steps), 1e-300)
+
+    def left_by(self, columns: Floats) -> float:
+        """As :meth:`left`, for a frame whose motion is linear in some columns (M, k)."""
+        _, b, inner = self._with(columns)
+        return 0.5 * (float((self.y**2).sum()) - float(b @ np.linalg.solve(inner, b)))
+
+    def moved_by(self, columns: Floats) -> Floats:
+        """(k,) motion of the frame, m, at the median pose, for a unit of each column (M, k)."""
+        s, b, inner = self._with(columns)
+        delta = (s * np.linalg.solve(inner, b))[len(self.prior) :].reshape(-1, 6)
+        return np.asarray(np.median(np.linalg.norm(np.einsum("nij,kj->kni", self.lengths, delta), axis=2), axis=1))
+
+    def _with(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
+        """Scales, and the scaled normal equations, of the geometry and of motions in proportion to columns."""
+        F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
+        J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
+        s = np.concatenate([self._scale, np.full(F.shape[2], SIZE)])
+        return s, s * (J.T @ self.y.ravel()), np.eye(len(s)) + s[:, None] * (J.T @ J) * s
+
+    def size(self, steps: Sequence[int]) -> tuple[float, float]:
+        """Size of the first step: in standard deviations of the remaining residuals, and in m at the median pose."""
+        (b,), (inner,) = self._normal(np.array([steps]))
+        delta = SIZE * np.linalg.solve(inner, b)[:6]
+        moved = np.linalg.norm(self.F @ delta, axis=1)
+        left = np.sqrt(2.0 * self.left(steps) / self.y.size)
+        return float(np.median(moved)) / left, float(np.median(np.linalg.norm(self.lengths @ delta, axis=1)))
+
+    @property
+    def _scale(self) -> Floats:
+        return np.where(self.prior > 0.0, 1.0, SIZE)
+
+    @cached_property
+    def _sums(self) -> tuple[Floats, Floats, Floats]:
+        """(N + 1, 6, p), (N + 1, 6, 6), (N + 1, 6): sums of F' J, F' F and F' y over all rows from each row on."""
+        each = (
+            np.einsum("nci,ncp->nip", self.F, self.J, optimize=True),
+            np.einsum("nci,ncj->nij", self.F, self.F, optimize=True),
+            np.einsum("nci,nc->ni", self.F, self.y, optimize=True),
+        )
+        return tuple(np.concatenate([np.cumsum(part[::-1], axis=0)[::-1], np.zeros_like(part[:1])]) for part in each)  # type: ignore[return-value]
+
+    @cached_property
+    def _absorbed(self) -> tuple[Floats, Floats]:
+        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals: L^-1 S J' F and
+        L^-1 S J' y with L L' = I + S J' J S, S the scales. The sums of squares are the power that the geometry absorbs.
+        """
+        s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
+        factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
+        by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
+        absorbed = solve_triangular(factor, by_step.T, lower=True)
+        return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
+
+    def _normal(self, steps: npt.NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """(S, 6 k) and (S, 6 k, 6 k) scaled normal equations of S sets of k steps (S, k), after the geometry was fitted."""
+        sets, size = len(steps), 6 * steps.shape[1]
+        absorbed, absorbed_y = self._absorbed
+        X = absorbed[steps].swapaxes(1, 2).reshape(sets, len(absorbed_y), size)
+        later = np.maximum(steps[:, :, None], steps[:, None])
+        FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
+        b = self._sums[2][steps].reshape(sets, size) - absorbed_y @ X
+        return SIZE * b, np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
+
+    def left(self, steps: Sequence[int]) -> float:
+        """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
+        return float(self._lefts(np.array([steps], dtype=np.intp))[0])
+
+    def _lefts(self, steps: npt.NDArray[np.intp]) -> Floats:
+        """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
+        power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
+        b, inner = self._normal(steps)
+        return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
+
+
+def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
+    """A problem with the declared noise, or the instruments' usual one where none is declared; and this noise."""
+    measured, c = problem.measured, problem.measured.components
+    noise = ReadingNoise(measured.usual, measured.group, measured.row_sigma, np.zeros(len(measured.usual), dtype=bool))
+    return replace(problem, whitening=noise.whitening(np.zeros((len(measured.q), c, 1)), c)), noise
 
 
 def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:

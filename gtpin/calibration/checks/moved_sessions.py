@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.frame_scan import FrameScan, nominal_problem
+from gtpin.calibration.checks.instrument_steps import FrameScan, nominal_problem
 from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame

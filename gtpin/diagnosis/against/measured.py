@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.actuators import check_actuators
-from gtpin.calibration.checks.known_noise import known_noise
-from gtpin.calibration.checks.prepared import prepared, with_positions
-from gtpin.calibration.checks.readable_sockets import check_sockets
+from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared, with_positions
+from gtpin.calibration.checks.readable_readings import check_sockets
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
@@ -23,8 +21,8 @@ from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
-from gtpin.noise.noise import SMALLEST, Noise
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 
 FEWEST = 3
 """Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.between_poses import unexplained_by
+from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
@@ -20,7 +20,6 @@ from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import Model
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -62,7 +61,7 @@ def fit_together(
         dof = max(found.residual.size - found.taken, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
         left = _unexplained(problem, found, observed.noise)
-        fitted = FitConditions.of(Noise.of(observed.noise), chi2, dof, observed.covariates, left)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, left)
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),

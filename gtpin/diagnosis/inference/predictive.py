@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.left_out_block import LeftOutBlock
+from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt

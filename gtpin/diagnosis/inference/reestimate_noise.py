@@ -13,8 +13,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.noise.estimate import likeliest
-from gtpin.noise.noise import SMALLEST
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, stops
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 from gtpin.typing import Floats

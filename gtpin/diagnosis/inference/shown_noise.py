@@ -21,7 +21,6 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
 from gtpin.errors import warn
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, stops, tamed
 from gtpin.typing import Floats
@@ -62,12 +61,11 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         hypotheses = propose(now.design(baseline.model), scope).hypotheses
         guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
-        seen = Noise.of(noise)
-        if all(getattr(seen, key) <= most * value for key, value in declared.items()):
+        if all(getattr(noise, key) <= most * value for key, value in declared.items()):
             return {}  # it only falls from search to search
     found = {}
     for key, value in declared.items():
-        sizes = [getattr(n, key) for n in (seen, repeats) if n is not None]
+        sizes = [getattr(n, key) for n in (noise, repeats) if n is not None]
         if min(sizes) > most * value:
             found[key] = (value, float(min(sizes)))
     return found
@@ -83,7 +81,7 @@ def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
         )
 
 
-def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
+def _of_repeats(observed: Observed, baseline: Calibration) -> ReadingNoise | None:
     """The instrument's noise, estimated from repeated visits together with the drives' repeatability; None where there are
     few visits."""
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
@@ -94,7 +92,7 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> Noise | None:
         return None
     design = observed.design(model)
     noise = replace(observed.noise, estimated=np.ones_like(observed.noise.estimated))
-    return Noise.of(from_repeats(noise.take(rows), scatter, design.by_command_seen[rows]))
+    return from_repeats(noise.take(rows), scatter, design.by_command_seen[rows])
 
 
 Source = Literal["declared", "repeats", "residuals"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.calibration.left_out_block import LeftOutBlock
+from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
 from gtpin.typing import Floats, Mask

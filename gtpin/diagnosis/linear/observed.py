@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.readings_result import ReadingsCalibration
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.design import Design
@@ -16,7 +16,6 @@ from gtpin.effects.situation import Column, References, Situation
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, in_frame
-from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.noise.weights import Tails
 from gtpin.typing import Floats
@@ -51,15 +50,10 @@ class Observed:
 
         For poses, repeatability is left out: a cause can make repeated visits differ.
         """
-        u = baseline.u if isinstance(baseline, ReadingsCalibration) else None
-        measured = Readings.of(dataset, baseline.model.robot, u)
-        if isinstance(baseline, ReadingsCalibration):
-            noise = replace(baseline.noise, group=measured.group, row_sigma=measured.row_sigma)
-        else:
-            poses = _without_repeatability(dataset, baseline).rows(len(dataset), measured.components)
-            noise = replace(poses, estimated=np.array([sigma is None for sigma in measured.declared]))
-        if measured.station is not None:
-            noise = noise.towards(measured.poses[0], measured.station)
+        measured = Readings.of(dataset, baseline.model.robot, baseline.u)
+        noise = noise_at(baseline.noise, measured)
+        if measured.tracked:
+            noise = _without_repeatability(noise, measured, baseline.model)
         return Observed(
             measured=measured,
             covariates=dataset.covariates,
@@ -111,19 +105,17 @@ class Observed:
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
 
 
-def _without_repeatability(dataset: Dataset, baseline: Calibration) -> Noise:
+def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model) -> ReadingNoise:
     """A calibration's noise without repeatability: a cause can make repeated visits differ.
 
     The whole scatter is then assigned to the sigmas that were not declared: where a cause makes visits differ, the instrument's
     part of the scatter is estimated too small.
     """
-    noise, instrument, model = baseline.noise, dataset.instrument, baseline.model
+    sigma, estimated = noise.sigma, np.array([one is None for one in measured.declared])
     if noise.along_drives > 0.0:
-        poses = model.kinematics.forward(dataset.q)
-        J = in_frame(model.kinematics.command_jacobian(dataset.q, poses), model.frame)
+        poses = model.kinematics.forward(measured.q)
+        J = in_frame(model.kinematics.command_jacobian(measured.q, poses), model.frame)
         own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
-        if instrument.position_sigma is None:
-            noise = replace(noise, position_sigma=float(np.sqrt(noise.position_sigma**2 + own[:3].mean())))
-        if instrument.orientation_sigma is None:
-            noise = replace(noise, orientation_sigma=float(np.sqrt(noise.orientation_sigma**2 + own[3:].mean())))
-    return replace(noise, repeatability=0.0, lack=0.0)
+        more = np.array([own[:3].mean(), own[3:].mean()])[: len(sigma)]
+        sigma = np.where(estimated, np.sqrt(sigma**2 + more), sigma)
+    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0, lack=0.0)

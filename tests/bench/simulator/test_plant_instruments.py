@@ -23,8 +23,8 @@ from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
+from gtpin.instruments.instrument import up_of
 from gtpin.instruments.readings import Readings, single
-from gtpin.instruments.up import up_of
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
 
