@@ -26,7 +26,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.settle import settle
 from gtpin.diagnosis.linear.evidence import Groups
 from gtpin.diagnosis.linear.exchange import tuned
@@ -159,7 +159,7 @@ class Limit:
         robot = measuring(robot_of(dataset), dataset)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
         prepared = prepare(dataset, robot)
-        admitted = readmit_outliers(prepared, scope).admitted
+        admitted = readmit_outliers(prepared, scope.priors)
         noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
         everything = Observed.of(prepared.dataset, prepared.baseline)
         everything = replace(everything, noise=everything.noise.sized_as(noise))

@@ -19,7 +19,7 @@ from gtpin.bench.blind.draw import drafts, made
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.settle import SearchState, settle
 from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.preparation.prepare import prepare
@@ -77,7 +77,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         try:
             prepared = prepare(drawn.dataset, robot)
-            rows = readmit_outliers(prepared, scope).admitted
+            rows = readmit_outliers(prepared, scope.priors)
             settled = settle(prepared, rows, scope, np.random.default_rng(0))
         except GtpinError:
             return None

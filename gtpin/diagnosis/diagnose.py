@@ -18,8 +18,8 @@ from gtpin.diagnosis.against.check import check
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES, readmit_outliers
-from gtpin.diagnosis.inference.settle import SearchState, settle
+from gtpin.diagnosis.inference.outliers import readmit_outliers
+from gtpin.diagnosis.inference.settle import MOST_POSES, SearchState, settle
 from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.verdict import considered
 from gtpin.diagnosis.inference.where import where
@@ -200,13 +200,8 @@ def _diagnose(
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    rows = readmit_outliers(prepared, scope)
-    settled = settle(prepared, rows.admitted, scope, rng)
+    settled = settle(prepared, readmit_outliers(prepared, priors), scope, rng)
     found = infer(settled)
-    # Outliers were readmitted for the sake of causes. If none is named, the search is repeated without these rows.
-    if not found.classes and rows.readmitted:
-        settled = settle(prepared, rows.sure, scope, rng)
-        found = infer(settled)
     report("fitting causes and geometry together", 0, float("nan"))
     fitted = fit(prepared, settled, found, rng, hold_out)
     report("what to measure next", 0, float("nan"))

@@ -122,12 +122,10 @@ class Priors:
     """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed
     noise. Assumed."""
     readmitted: int = 3
-    """Smallest number of outliers that a cause must explain before they are readmitted. Assumed: one or two can be explained by
-    chance."""
-    readmitted_share: float = 0.5
-    """Smallest share of the outliers that the cause must explain. Assumed."""
-    readmitted_left: float = 0.25
-    """Largest share of an outlier's squared error that may remain where the cause explains it. Assumed."""
+    """Smallest number of outliers that can stand together. Assumed: one or two can by chance."""
+    together: float = 0.01
+    """Probability that so many gross errors stand together by chance, below which they are readmitted. Assumed: the usual
+    probability of a false alarm."""
     misfit: float = 1.8
     """Chi-square per degree of freedom below which the declared noise is accepted without a further check. Assumed: it only
     saves computing time."""

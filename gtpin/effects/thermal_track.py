@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import tracks
+from gtpin.effects.sites import tracks, turns
 from gtpin.effects.situation import Situation
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -25,7 +25,7 @@ class ThermalTrack(Effect):
     warmer than the other, and the expansion may change with time, because the sensor does not measure the track itself.
 
     Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: the displacement of the cart at q = 0 per kelvin;
-    ``fixed_point`` q0, m, which is inaccurate where alpha is small. Where the actuator turns, rad replaces m.
+    ``fixed_point`` q0, m, which is inaccurate where alpha is small.
 
     Typical size 1e-5 / K: steel has 12e-6 / K (handbook value). The frame that holds the track may expand less or more.
     """
@@ -46,8 +46,8 @@ class ThermalTrack(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every actuator of a robot with rods."""
-        return tracks(robot)
+        """Every sliding actuator of a robot with rods: an angle does not grow with heat."""
+        return tuple(site for site in tracks(robot) if not turns(robot, site))
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         """The frame's temperature."""

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from every_effect import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import Noise
-from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.priors import PRIORS
 
 pytestmark = pytest.mark.slow
 
@@ -46,9 +46,9 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
     baseline = calibrated(wild)
-    rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), every_effect())
-    assert not rows.admitted[once].any()
-    assert not rows.readmitted
+    rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), PRIORS)
+    assert not rows[once].any()
+    assert (rows == baseline.used(wild)).all()
 
 
 def test_hysteresis_is_asked_for_its_direction_where_the_fit_knew_it() -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference import readmit_outliers, settle
+from gtpin.diagnosis.inference import settle
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow
@@ -47,8 +47,7 @@ def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(s
 @pytest.mark.parametrize("seed", [1, 2])
 def test_of_more_poses_than_a_search_takes_they_are_given_back_as_well(seed, monkeypatch):
     """The same machine; a search takes 120 of its 200 poses."""
-    for module in (readmit_outliers, settle):
-        monkeypatch.setattr(module, "MOST_POSES", 120)
+    monkeypatch.setattr(settle, "MOST_POSES", 120)
     dataset = make_case(seed, effects=[], poses=200).dataset
     beyond = np.argsort(dataset.q[:, 0])[-6:]
     found = diagnosed(moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))

@@ -11,7 +11,7 @@ from scipy.stats import t
 
 from gtpin.diagnosis import priors
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.settle import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
 from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS

@@ -14,7 +14,7 @@ from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.readmit_outliers import readmit_outliers
+from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -82,10 +82,9 @@ def test_a_ball_that_sat_badly_in_its_socket_is_given_back_to_no_cause(tmp_path:
         off = rng.choice([-1.0, 1.0], 6) * rng.uniform(3e-4, 2e-3, 6)
         changed(tmp_path / "cup.csv", column, dict(zip(rows.tolist(), off.tolist(), strict=True)))
     prepared = prepare(Dataset.read(tmp_path), ROBOT, None, SCOPE.priors)
-    found = readmit_outliers(prepared, SCOPE)
-    spoilt = ~found.sure
-    assert len({str(pose) for pose in prepared.dataset.pose[spoilt]}) >= 5
-    assert not found.readmitted
+    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    assert len({str(pose) for pose in prepared.dataset.pose[~used]}) >= 5
+    assert (found == used).all()
 
 
 def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path: Path) -> None:
@@ -97,6 +96,6 @@ def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path:
     case.write_dataset(tmp_path)
     dataset = Dataset.read(tmp_path)
     prepared = prepare(dataset, robot_of(dataset), None, SCOPE.priors)
-    found = readmit_outliers(prepared, Scope.of(catalogue(), (), 0.01, prepared.baseline.model.robot))
-    assert (~found.sure).sum() >= 5
-    assert not found.readmitted
+    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    assert (~used).sum() >= 5
+    assert (found == used).all()

@@ -25,6 +25,7 @@ ASKING = frozenset(
         "diagnosis/hypotheses/hypothesis_set.py",
         "diagnosis/hypotheses/smooth_terms.py",
         "diagnosis/inference/joint_fit.py",
+        "diagnosis/inference/outliers.py",
         "diagnosis/inference/predictive.py",
         "diagnosis/inference/settle.py",
         "diagnosis/inference/where.py",

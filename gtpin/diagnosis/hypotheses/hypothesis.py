@@ -131,8 +131,13 @@ def _kind(word: str) -> str:
 
 
 def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool:
-    """Whether a smooth term is only a modulation of an effect: same site, same kind of motion, no further coordinates."""
-    if smooth.site != hypothesis.site:
+    """Whether a smooth term is only a modulation of an effect: same site, same kind of motion, no further coordinates.
+
+    An effect over one command alone has no modulation: a smooth function of this command is another function in its place.
+    """
+    robot, coordinates = at.robot, hypothesis.coordinates(at.robot)
+    own = (f"q{robot.sites.index(smooth.site) + 1}",) if smooth.site in robot.sites else ()
+    if smooth.site != hypothesis.site or coordinates == frozenset(own):
         return False
     basis = hypothesis.basis(at)
     ways = {
@@ -143,7 +148,7 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
         "twist": basis.twist,
         "shift": basis.twist,
     }
-    return ways.get(smooth.motion) is not None and set(smooth.over) <= hypothesis.coordinates(at.robot)
+    return ways.get(smooth.motion) is not None and set(smooth.over) <= coordinates
 
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ def further_lines(
     they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
     computed again.
     """
-    if not hypotheses.long:
+    if not hypotheses.long or len(model.mean) >= hypotheses.priors.most_coefficients * hypotheses.design.count:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
     last = {} if last is None else last

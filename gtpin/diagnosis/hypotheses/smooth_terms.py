@@ -27,6 +27,9 @@ ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""
 DECAY = 1.5
 """The typical size of such a product is proportional to (sum of its orders)^-DECAY."""
+ROUGH = 40
+"""Half waves of a rough function over a joint's travel; its sizes fall with 1/k, as those of a Gaussian process with the
+exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: a twentieth of the travel is the finest detail."""
 COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
@@ -51,13 +54,18 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, j]
         across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
-        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 12, 1.0))]
+        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 28, 1.0))]
         along += [((a, b), *_plane(own, at.travel[:, k], 5)) for a, b, k in across]
         for over, waves, size in (*along, *_conditions(at), *_load(at, j, 4), *_moves(at, j, 3)):
             yield (
                 SmoothTerm(site, over, "along"),
                 along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift)),
             )
+        if not at.robot.rods and at.robot.actuators[j].revolute:
+            # Many lines of a gear can follow a rough function that has no period: it competes with them.
+            waves, size = cosines(own, 1, ROUGH, 1.0)
+            rough = along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift))
+            yield SmoothTerm(site, (f"q{j + 1}",), "rough"), rough
         if any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute:
             for over, waves, size in _aside_coordinates(at, j, priors):
                 yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
@@ -176,7 +184,7 @@ def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
 
 def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 8), 1.0)
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 20), 1.0)
     for over, waves, size in _conditions(at):
         if over != ("session",):  # also multiplied by the place along the track
             some, s = waves[:, :4], size[:4]

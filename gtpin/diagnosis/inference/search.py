@@ -41,16 +41,6 @@ def rough_guess(hypotheses: HypothesisSet, before: Explanation = NOTHING) -> Exp
     return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
 
 
-def guess_of_outliers(hypotheses: HypothesisSet) -> Explanation:
-    """A model whose causes may predict the outliers among the rows.
-
-    For a robot without rods, it has at most ``MOST`` effects and no smooth terms: terms of all its links have hundreds of
-    coefficients, and a search among them for the cause of gross errors takes a hundred times as long as a diagnosis.
-    """
-    terms = hypotheses.named if hypotheses.long else hypotheses.every
-    return search(hypotheses, terms, hypotheses.gains(NOTHING, terms), beginnings=1, largest=MOST)
-
-
 def search(
     hypotheses: HypothesisSet,
     terms: Sequence[Term],
@@ -67,6 +57,7 @@ def search(
     explanations, no other first explanation is tried.
     """
     largest = most(hypotheses) if largest is None else largest
+    terms = _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     best: Explanation = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
@@ -149,9 +140,11 @@ def _with_room(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Te
 
     Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
     """
-    if not model.terms or not hypotheses.long:
+    if not hypotheses.long:
         return terms
     room = hypotheses.priors.most_coefficients * hypotheses.design.count - len(model.mean)
+    if room <= 0.0:
+        return []
     groups = hypotheses.groups
     return [term for term in terms if term not in groups or groups.width(term) <= room]
 

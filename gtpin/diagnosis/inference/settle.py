@@ -11,7 +11,7 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
 from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.readmit_outliers import MOST_POSES
+from gtpin.diagnosis.inference.outliers import stand_together
 from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_noise, tails_of
 from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.observed import Observed
@@ -24,6 +24,8 @@ ROUNDS, LONG_ROUNDS = 2, 6
 by causes. Without rods, each search starts from the last model, so that more repetitions cost little time.
 """
 
+MOST_POSES = 3000
+"""Most poses that a search uses: more make it slower, but hardly better. The causes are then fitted to all poses."""
 FEW_POSES = 1000
 """Most poses that a search uses where the model that it finds is long. Assumed; on a real arm with about a hundred lines
 (docs/real_arms.md), models from searches on 600 and on 1,000 poses predicted other poses equally well.
@@ -102,7 +104,8 @@ def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[
     proposal = propose(observed.design(model), scope)
     guess = rough_guess(proposal.hypotheses)
     # Where a cause is large, the calibration could not find the outliers.
-    used = ~gross_errors(proposal.hypotheses, guess)
+    outliers = gross_errors(proposal.hypotheses, guess)
+    used = ~outliers | stand_together(proposal.hypotheses.design.situation, outliers, scope.priors)
     if not used.all() and guess.terms:
         observed = observed.take(used)
         del proposal  # frees memory before the next is made: proposals take the most

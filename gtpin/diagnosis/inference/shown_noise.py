@@ -61,11 +61,13 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         hypotheses = propose(now.design(baseline.model), scope).hypotheses
         guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
+        if all(getattr(noise, key) <= most * value for key, value in declared.items()):
+            return {}  # it only falls from search to search
     found = {}
     for key, value in declared.items():
-        seen = [getattr(n, key) for n in (noise, repeats) if n is not None]
-        if min(seen) > most * value:
-            found[key] = (value, float(min(seen)))
+        sizes = [getattr(n, key) for n in (noise, repeats) if n is not None]
+        if min(sizes) > most * value:
+            found[key] = (value, float(min(sizes)))
     return found
 
 
