@@ -178,6 +178,7 @@ def planted() -> str:
         ("planted and unlisted: verdict `unknown`", "unknown"),
         ("no other new cause above 0.5", "quiet"),
         ("no other new cause of 0.9 or more", "silent"),
+        ("no other new cause of 0.9 or more at another site", "elsewhere"),
         ("named before with 0.9 or more: still in a class", "kept"),
     ]
     share = {key: good / of for key, (good, of) in found["all"].items() if of}

@@ -89,6 +89,7 @@ class Judge:
             "unknown": (not listed and said["verdict"] == "unknown", not listed),
             "quiet": (not any(p > LIKELY for p in new.values()), True),
             "silent": (not any(p >= SURE for p in new.values()), True),
+            "elsewhere": (not any(p >= SURE and site != planted[1] for (_, site), p in new.items()), True),
         }
         if halved.exists():
             counts["again"] = planted in classes(json.loads(halved.read_text())), True
