@@ -80,7 +80,7 @@ def main() -> None:
             print(background.name, split, [s["verdict"] for s in said], compared(*said), flush=True)
     if given.record:
         known = json.loads(given.record.read_text()) if given.record.exists() else {}
-        given.record.write_text(json.dumps(known | {"halves": found}, indent=1) + "\n")
+        given.record.write_text(json.dumps(known | {"halves": found}) + "\n")
 
 
 if __name__ == "__main__":
