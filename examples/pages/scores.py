@@ -165,6 +165,40 @@ def worlds() -> str:
     return "\n".join(lines)
 
 
+def planted() -> str:
+    """What is said of causes that were planted in measured data, as docs/blind.md has it: the worst figure first."""
+    found = _record("planted.json")["cases"]
+    groups = sorted((key for key in found if "," not in key), key=lambda key: (key.startswith("E "), len(key), key))
+    rows = [
+        ("planted and listed: in a class", "named"),
+        ("the leader of it, 0.9 or more", "sure"),
+        ("named: amplitude within two standard deviations", "right size"),
+        ("named: amplitude within two, of it and what the residuals had along it before", "right sum"),
+        ("named: again with half of the poses", "again"),
+        ("planted and unlisted: verdict `unknown`", "unknown"),
+        ("no other new cause above 0.5", "quiet"),
+        ("no other new cause of 0.9 or more", "silent"),
+        ("no other new cause of 0.9 or more at another site", "elsewhere"),
+        ("named before with 0.9 or more: still in a class", "kept"),
+    ]
+    share = {key: good / of for key, (good, of) in found["all"].items() if of}
+    rows = sorted((row for row in rows if row[1] in share), key=lambda row: share[row[1]])
+    lines = ["| | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
+    for words, key in rows:
+        cells = [found[group].get(key, (0, 0)) for group in groups]
+        lines.append(f"| {words} | " + " | ".join(f"{good} of {of}" if of else "" for good, of in cells) + " |")
+    return "\n".join(lines)
+
+
+def planted_halves() -> str:
+    """What two halves of real series tell, as docs/blind.md has it."""
+    lines = ["| series | by pose | by time | by region |", "|---|---|---|---|"]
+    for name, splits in _record("planted.json")["halves"].items():
+        cells = [f"{len(s['false'])} of {s['sure']}" if s["sure"] else "none named" for s in splits.values()]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def jugglebot() -> str:
     """What is found on Jugglebot's measurements, as docs/real_arms.md has it."""
     found = _record("jugglebot.json")
