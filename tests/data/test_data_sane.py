@@ -129,22 +129,6 @@ def test_copies_with_other_times_or_temperatures_are_copies():
         assert len(counted_once(joined)) == N
 
 
-def test_repeated_visits_are_no_copies():
-    data = day()
-    again = data.take(np.repeat(np.arange(N), 2))
-    noise = np.random.default_rng(4).normal(0, 1.5e-5, again.position.shape)
-    assert len(counted_once(replace(again, position=again.position + noise))) == 2 * N
-
-
-def test_visits_that_agree_by_chance_in_rounded_readings_are_no_copies():
-    data = day()
-    rows = np.concatenate([np.arange(N), [3, 7]])
-    rounded = replace(data.take(rows), position=np.round(data.position[rows], 4))
-    assert len(counted_once(rounded)) == N + 2
-    with pytest.warns(GtpinWarning, match="counted once"):
-        assert len(counted_once(rounded.take(np.repeat(np.arange(N), 2)))) == N
-
-
 @pytest.mark.parametrize(
     ("key", "changed"),
     [
@@ -171,12 +155,6 @@ def test_ordinary_numbers_pass_and_a_reference_of_68_is_doubted():
     check_extremes(replace(day(), instrument=instrument, tolerance={"length": 5e-4}))
     with pytest.warns(GtpinWarning, match="Fahrenheit"):
         check_extremes(replace(day(), conditions=Conditions(reference_temperature=68.0)))
-
-
-def test_poses_at_the_same_commands_are_refused():
-    data = day()
-    with pytest.raises(DatasetError, match="all poses have the same commands"):
-        check_extremes(replace(data, q=np.tile(data.q[:1], (N, 1))))
 
 
 def test_positions_beyond_any_unit_of_length_are_refused_with_their_column() -> None:

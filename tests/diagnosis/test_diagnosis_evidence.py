@@ -76,38 +76,11 @@ def test_power_without_a_group_is_chi_square_with_the_geometry_marginalised(dens
     assert_allclose(dense.groups.power, dense.y @ np.linalg.solve(dense.covariance({}), dense.y), rtol=1e-9)
 
 
-def test_inner_products_of_two_groups_do_not_depend_on_their_order(dense):
-    groups = dense.groups
-    for a in WIDTHS:
-        for b in WIDTHS:
-            assert_allclose(groups.block(a, b), groups.block(b, a).T, atol=1e-12)
-            assert_allclose(groups.block(a, b), groups.marginal.product(dense.E[a], dense.E[b]), atol=1e-9)
-
-
 def test_a_group_can_not_be_given_other_displacements(dense):
     groups = dense.groups
     with pytest.raises(ValueError, match="there already"):
         groups.add("b", dense.E["b"] * 2.0)
     assert_allclose(groups.columns("b"), dense.E["b"])
-
-
-def test_groups_that_are_added_later_change_no_model_of_the_others(dense):
-    groups = dense.groups
-    model = fixed(groups, ("a", "b"), (1.0, 1.0))
-    groups.add("later", dense.E["f"][:, :5] * 2.0)
-    gain(groups, model, "later")
-    again = fixed(groups, ("a", "b"), (1.0, 1.0))
-    assert (again.log_evidence, again.mean.tolist()) == (model.log_evidence, model.mean.tolist())
-
-
-def test_no_better_scale_is_found_by_moving_one_of_a_tuned_model(dense):
-    names = ("b", "d", "f")
-    model = tuned(dense.groups, names, (1.0, 1.0, 1.0), sweeps=8)
-    for i in range(3):
-        for s in SCALES:
-            moved = [*model.scale]
-            moved[i] = float(s)
-            assert fixed(dense.groups, names, moved).log_evidence <= model.log_evidence + 1e-9
 
 
 def test_a_model_without_one_of_its_groups_is_the_model_of_the_others(dense):

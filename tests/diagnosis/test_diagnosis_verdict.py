@@ -100,13 +100,19 @@ def test_what_stretches_the_whole_machine_is_not_three_drives_fault_once_its_nam
 
 
 @pytest.mark.parametrize(("seed", "effect"), FAULTS)
-def test_a_cause_stands_in_its_class_whose_probabilities_sum_to_one_at_most(seed, effect):
+def test_a_cause_stands_in_its_class_and_its_parameters_have_sigmas_and_units(seed, effect):
     for cause in said(seed, effect).causes:
         members = {(m.effect, m.site): m.probability for m in cause.members}
         assert members[cause.effect, cause.site] == cause.probability
         assert sum(members.values()) <= 1.0 + 1e-9
         others = [probability for name, probability in members.items() if name != (cause.effect, cause.site)]
         assert all(probability >= 0.05 * max(members.values()) for probability in others)
+        assert cause.parameters
+        for found in cause.parameters.values():
+            assert found.unit
+            assert np.isfinite(found.sigma)
+            assert found.sigma >= 0.0
+            assert found.interval[0] <= found.value <= found.interval[1]
 
 
 @pytest.mark.parametrize(("seed", "effect"), [(1, None), *FAULTS])
@@ -137,19 +143,6 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
         assert np.isfinite(row.log_evidence)
         if not row.testable:
             assert row.probability == row.log_evidence == 0.0
-
-
-@pytest.mark.parametrize(("seed", "effect"), FAULTS)
-def test_parameters_of_a_cause_have_sigmas_and_units(seed, effect):
-    for cause in said(seed, effect).causes:
-        assert cause.parameters
-        for found in cause.parameters.values():
-            assert np.isfinite(found.value)
-            assert np.isfinite(found.sigma)
-            assert found.sigma >= 0.0
-            assert found.unit
-            low, high = found.interval
-            assert low <= found.value <= high
 
 
 @pytest.mark.parametrize(("shares", "sure"), [((0.99, 0.005), True), ((0.9, 0.1), False), ((0.005, 0.99), False)])

@@ -175,24 +175,6 @@ def test_a_four_bar_linkage_moves_as_two_circles_meet(four_bar: gtpin.Robot) -> 
         assert np.argmin(distances) == branch
 
 
-@pytest.mark.slow
-def test_a_four_bar_linkage_has_the_right_derivatives(four_bar: gtpin.Robot) -> None:
-    nominal = gtpin.Geometry.nominal(four_bar)
-    here = ChainKinematics(nominal)
-    q = np.array([[0.7], [2.9]])
-    poses = here.forward(q)
-    numeric = np.stack([differences(lambda x: here.forward(x[None]), row)[0] for row in q])
-    np.testing.assert_allclose(here.command_jacobian(q, poses), numeric, rtol=0, atol=1e-9)
-    # Placements across the plane too: the loop closes in its plane, and play takes up the rest.
-    geometry = drawn(nominal, 3)
-    here = ChainKinematics(geometry)
-    analytic = here.geometry_jacobian(q, here.forward(q))
-    numeric = differences(lambda x: ChainKinematics(nominal.with_values(x)).forward(q), geometry.values)
-    np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-8)
-    numeric = np.stack([differences(lambda x: here.forward(x[None]), row)[0] for row in q])
-    np.testing.assert_allclose(here.command_jacobian(q, here.forward(q)), numeric, rtol=0, atol=1e-8)
-
-
 def test_commands_of_a_continuous_joint_may_go_round(four_bar: gtpin.Robot) -> None:
     posture = gtpin.home(four_bar)
     once, again = posture.moved_to([0.5]), posture.moved_to([0.5 + 2.0 * np.pi])
