@@ -1,7 +1,5 @@
 """Datasets of several instruments: read to the bit, written to the bit, and one tracker's are those of schema 1."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Data that can't be of the robot that they name are told apart from data that are merely bad."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Rounding of positions counts as noise where it is coarser than the instrument's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

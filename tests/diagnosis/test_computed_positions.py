@@ -1,7 +1,5 @@
 """Positions that were computed and not measured: gtpin says so, and names no cause of their rounding errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Keys of the dataset format, kinds of noise and covariates, in pairs, with repeats, gross errors and a free frame."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A cause that no machine can have: the others of its class take its place, and its share."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What can't be diagnosed is said before anything is fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A URDF that tells no masses: effects of load are not testable, and that is said; everything else is diagnosed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

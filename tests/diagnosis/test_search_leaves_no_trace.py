@@ -1,7 +1,5 @@
 """What a search gives up changes nothing that it keeps: hypotheses and models are values."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

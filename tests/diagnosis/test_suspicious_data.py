@@ -1,7 +1,5 @@
 """Faults of the data: two measurements in one table, and play whose directions belong to other rows, are told from noise."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

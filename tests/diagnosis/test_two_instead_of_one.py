@@ -1,7 +1,5 @@
 """Where two causes explain as well as one, the one is not sure; where they explain better, they are named."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

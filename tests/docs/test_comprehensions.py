@@ -3,8 +3,6 @@
 Python 3.12.1 takes the second for the first, and raises UnboundLocalError; 3.11 and 3.13 do not.
 """
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The records of the pages' figures are what the code as it is measures."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The first cases of the sealed check come out as the page of the blind check says."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page of the statistics names constants and files that exist, and its equations are right and set without a network."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """Effects at joints and links of an arm drawn from its tolerances, and of a gantry whose joints slide."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

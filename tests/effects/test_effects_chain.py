@@ -1,7 +1,5 @@
 """Effects at joints and links of robots without rods: signatures, signs, units, and what can't be tested."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The catalogue is the contract's: ids, sites, what each needs, names and units of what it says."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Effects in a robot with a loop that is no rod: a link that carries more than one joint moves them all, and bears them all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """What describes one effect stands in its own file: nothing else in gtpin names it."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

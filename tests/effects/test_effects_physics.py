@@ -1,7 +1,5 @@
 """Signs, units and meaning of the effects, by arguments that don't use their code."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, situation, some

@@ -1,7 +1,5 @@
 """An effect's signature is the derivative of its exact application, and its application is Pinocchio's closed chain."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import ModuleType
 

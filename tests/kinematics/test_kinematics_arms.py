@@ -1,7 +1,5 @@
 """Robots without rods through the same code: arms, and a planar four-bar linkage."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
@@ -36,20 +34,6 @@ def every_joint(robot: gtpin.Robot, q: Floats) -> Floats:
 def drawn(geometry: gtpin.Geometry, seed: int) -> gtpin.Geometry:
     rng = np.random.default_rng(seed)
     return geometry.with_values(geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values)))
-
-
-def test_arms_move_as_plain_pinocchio_moves_them(arm: tuple[gtpin.Robot, Path]) -> None:
-    robot, file = arm
-    model = pin.buildModelFromUrdf(str(file))
-    data, frame = model.createData(), model.getFrameId(robot.tcp_frame, pin.FrameType.BODY)
-    q = np.random.default_rng(1).uniform(-2.0, 2.0, (50, robot.n_actuators))
-    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
-    posture = gtpin.home(robot)
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, every_joint(robot, row))
-        np.testing.assert_allclose(poses.T[i], data.oMf[frame].translation, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(poses.R[i], data.oMf[frame].rotation, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(posture.moved_to(row).T, data.oMf[frame].translation, rtol=0, atol=1e-12)
 
 
 def test_every_moving_joint_of_an_arm_is_an_actuator_in_document_order(arm: tuple[gtpin.Robot, Path]) -> None:

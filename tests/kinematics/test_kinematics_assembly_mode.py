@@ -1,7 +1,5 @@
 """The assembly mode of home is kept along any path within the range."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machines import Machine

@@ -1,7 +1,5 @@
 """Open chains: how the TCP answers to displaced joints, and what joints carry, against finite differences of Pinocchio."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

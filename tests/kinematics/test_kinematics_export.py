@@ -1,7 +1,5 @@
 """A geometry written into a URDF: other software reads it, gtpin finds the same robot in it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

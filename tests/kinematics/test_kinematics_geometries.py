@@ -1,7 +1,5 @@
 """Random geometries within the tolerances: arrays, Pinocchio on the exported URDF, and scipy's fsolve."""
 
-from __future__ import annotations
-
 import machines
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Four parallel machines through one code: arrays, Pinocchio and the tests' own closures agree."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -30,17 +28,6 @@ def test_rods_are_found_by_their_own_ends_whatever_the_frames(machine: Machine, 
     np.testing.assert_allclose([rod.P for rod in loaded.rods], machine.P, rtol=0, atol=1e-13)
     np.testing.assert_allclose([rod.C for rod in loaded.rods], machine.C(zero)[0], rtol=0, atol=1e-13)
     np.testing.assert_allclose([rod.L for rod in loaded.rods], machine.L(zero)[0], rtol=0, atol=1e-13)
-
-
-@pytest.mark.slow
-def test_arrays_agree_with_pinocchio_to_1e_12(machine: Machine, loaded: gtpin.Robot, closures: RodKinematics) -> None:
-    q = machine.commands(200, seed=1)
-    poses = closures.forward(q)
-    posture = gtpin.home(loaded)
-    for i, row in enumerate(q):
-        there = posture.moved_to(row)
-        assert np.abs(there.T - poses.T[i]).max() <= 1e-12
-        assert np.abs(log(there.R @ poses.R[i].T)).max() <= 1e-12
 
 
 def test_forward_kinematics_follows_the_closures_from_home(machine: Machine, closures: RodKinematics) -> None:

@@ -1,7 +1,5 @@
 """Newton's method on the loops: few steps, rounding at the end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machines import Machine

@@ -1,7 +1,5 @@
 """Static forces: balanced by hand, and the gradient of the potential energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Anchors of loops that are no rods are parameters: the lengths of the links at which a loop is cut."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 from pathlib import Path

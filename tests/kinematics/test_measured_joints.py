@@ -1,7 +1,5 @@
 """Coordinates of joints that follow, in loops and where rods hang on a platform: they close, and have derivatives."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Loops that are no rods: five-bar and parallelogram, from simulation to an exported URDF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

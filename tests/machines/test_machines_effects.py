@@ -1,7 +1,5 @@
 """Effects speak each machine's own names, and act on legs and arms as they do on carts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from family import NAMES, nominal

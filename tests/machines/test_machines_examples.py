@@ -1,7 +1,5 @@
 """The machines' examples do what they say."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +10,6 @@ import pytest
 from family import nominal
 
 import gtpin
-from gtpin.bench.simulator import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -87,13 +84,3 @@ def test_another_log_is_refused_in_one_line(tmp_path: Path, spoilt: str) -> None
     assert str(ended.value.code).startswith(str(tmp_path / "log.csv"))
     assert "\n" not in str(ended.value.code)
     assert not (tmp_path / "dataset").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a machine off nominal reaches more than nominal
-@pytest.mark.parametrize("name", ["tau", "stewart"])
-def test_any_machine_can_be_simulated_and_calibrated(name: str) -> None:
-    made = simulate(gtpin.load_robot(name), name, poses=60, held_out=20)
-    model = gtpin.calibrate(made.dataset).model
-    off = np.linalg.norm(model.predict(made.commands.q).T - made.truth.T, axis=1)
-    assert np.sqrt((off**2).mean()) < np.sqrt(3.0) * 15e-6

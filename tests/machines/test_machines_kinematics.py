@@ -1,7 +1,5 @@
 """Each shipped machine's forward kinematics is that of a solution that knows nothing of gtpin's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from family import NAMES, nominal, three_spheres

@@ -1,7 +1,5 @@
 """The plant makes cases of every shipped machine: closed, in balance, each effect where the machine can have it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

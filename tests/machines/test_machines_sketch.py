@@ -1,7 +1,5 @@
 """The shipped URDFs are what their sketches say, and a sketch that can't be is refused in one line."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

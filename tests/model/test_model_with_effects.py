@@ -1,7 +1,5 @@
 """Models with effects: written and read bit by bit, wrong files refused by their keys, covariates asked for by name."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Datasets of a machine that knows nothing of gtpin's effects are diagnosed right."""
 
-from __future__ import annotations
-
 import warnings
 
 import pytest
@@ -32,15 +30,7 @@ def test_what_gives_way_is_named_and_nothing_else(name: str) -> None:
         diagnosis = diagnose(dataset)
     assert [(cause.effect, cause.site) for cause in diagnosis.causes] == causes
     assert diagnosis.verdict == ("explained" if causes else "none")
-
-
-def test_the_compliance_found_is_the_springs() -> None:
-    springs, _ = CASES["a soft link"]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        diagnosis = diagnose(Day.draw(30, 100).dataset(springs, 30))
-    found = diagnosis.causes[0].parameters["compliance"]
-    value, sigma, unit = found.value, found.sigma, found.unit
-    assert unit == "m/N"
-    assert abs(value - 2e-7) < 3.0 * sigma
-    assert sigma < 4e-8
+    if name == "a soft link":
+        found = diagnosis.causes[0].parameters["compliance"]
+        assert found.unit == "m/N"
+        assert abs(found.value - 2e-7) < 3.0 * found.sigma < 1.2e-7

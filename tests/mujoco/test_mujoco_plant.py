@@ -1,7 +1,5 @@
 """The plant's compliance against MuJoCo's: forces, springs, levers and closures are each other's check."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from soft_machines import Day

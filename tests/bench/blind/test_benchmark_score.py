@@ -1,7 +1,5 @@
 """Answers are scored as by hand, and wrong answers refused with their place."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robots that are no rods, with masses: an arm, and loops (planar upright, planar level, spatial, a parallelogram)."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Encoders at joints that follow in loops: the plant's readings have all effects in, and its energies are those of readings."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What other instruments read of a virtual machine: their equations hold, and what is hidden has the contract's names."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace

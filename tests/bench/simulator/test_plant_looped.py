@@ -1,7 +1,5 @@
 """Machines that are no rods: what effects do to them, by closed postures, virtual work, and Pinocchio."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

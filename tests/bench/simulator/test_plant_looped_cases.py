@@ -1,7 +1,5 @@
 """What causes do to machines that are no rods, each by its property, and the cases that are made of them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
