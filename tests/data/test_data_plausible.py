@@ -150,14 +150,6 @@ def test_positions_in_millimetres_are_recognised(frame):
     assert caught.value.column == "x y z"
 
 
-@FRAMES
-def test_scalar_last_quaternions_are_recognised(frame):
-    data = measured(frame)
-    with pytest.raises(DatasetError, match="looks like xyzw") as caught:
-        check(replace(data, orientation=np.roll(data.orientation, -1, axis=1)))
-    assert caught.value.column == "qw qx qy qz"
-
-
 def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised():
     data = measured(tilt=0.001)
     with pytest.raises(DatasetError, match="looks like xyzw"):

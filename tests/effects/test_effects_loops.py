@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chain_places import EFFECTS, active, basis, moved, robot_of
+from chain_places import active, basis, moved, robot_of
 
 import gtpin
 from gtpin.effects.chain_motions import OWN_WEIGHT, tip_loads
@@ -64,13 +64,6 @@ def situation(kinematics: ChainKinematics, count: int = 6) -> Situation:
         "fz": rng.normal(0.0, 20.0, count),
     }
     return Situation(kinematics, q, kinematics.forward(q), told)
-
-
-PLACES = [
-    (name, site)
-    for name in ("link_compliance", "thermal_links", "joint_compliance", "bearing_compliance", "axis_motion")
-    for site in EFFECTS[name].sites(parallelogram())
-]
 
 
 def test_a_column_that_grows_lifts_both_joints_that_stand_on_it() -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from plant_machines import a_plant, nominal, urdf_file
 
@@ -13,9 +12,8 @@ from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.poses import exp, log
+from gtpin.bench.simulator.poses import log
 from gtpin.bench.simulator.recipe import Conditions, Noise
-from gtpin.bench.simulator.tree import moved
 from gtpin.bench.simulator.urdf import read_urdf
 
 ROBOT, ARM = nominal("seven")
@@ -26,16 +24,6 @@ def test_a_body_s_mass_is_that_of_its_link_and_of_all_that_is_fixed_to_it() -> N
         inertia = ROBOT.model.inertias[ROBOT.model.getJointId(joint.name)]
         assert joint.mass == pytest.approx(inertia.mass)
         np.testing.assert_allclose(joint.centre, inertia.lever, atol=1e-12)
-
-
-@pytest.mark.parametrize("size", [1e-9, 5e-4, 0.9e-2, 1.1e-2, 1.0])
-def test_a_placement_moves_by_the_exponential_of_its_twist(size: float) -> None:
-    twist = size * np.array([0.3, -0.5, 0.2, 0.6, 0.1, -0.7])
-    R, p = exp([0.2, 0.4, 1.0]), np.array([0.1, 0.2, -0.4])
-    expected = pin.SE3(R, p) * pin.exp6(twist)
-    found = moved(R, p, twist)
-    np.testing.assert_allclose(found[0], expected.rotation, atol=1e-14)
-    np.testing.assert_allclose(found[1], expected.translation, atol=1e-13)
 
 
 def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None:
