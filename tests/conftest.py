@@ -24,7 +24,6 @@ LONG = (
     "examples/test_examples.py",
     "instruments/test_encoder_coverage.py",
     "examples/test_notebooks.py",
-    "diagnosis/test_two_instead_of_one.py",
     "export/test_export_printers.py",
     "diagnosis/test_diagnosis_data.py",
     "certificate/test_certificate_of_machines.py",

@@ -1,7 +1,5 @@
 """The Gantry-Tau's closures and springs once more, of the tests' own: only the nominal numbers come from gtpin."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

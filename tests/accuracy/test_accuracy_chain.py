@@ -1,7 +1,5 @@
 """Accuracy of arms and of loops that are no rods."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Gains, distances, stiffness and workspace, against differences and springs that are solved here."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

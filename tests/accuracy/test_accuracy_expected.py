@@ -1,10 +1,8 @@
 """Expected errors, against machines that are actually disturbed, and against recalibrations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from accuracy_machines import MODEL, ROBOT, commands, drawn_measurements, other
+from accuracy_machines import MODEL, ROBOT, commands, drawn_measurements
 
 import gtpin
 from gtpin.accuracy.expected import ErrorResponse, Uncertainty, expected_error, expected_of, mean_length, response
@@ -107,12 +105,6 @@ def test_more_visits_than_poses_go_round_again() -> None:
     one = ErrorResponse(np.zeros((2, 3, 0)), np.tile(np.eye(3), (2, 1, 1)))
     few, many = (expected_of(one, visits=visits).position.maximum for visits in (2, 200))
     assert many > few
-
-
-def test_any_robot_with_rods_has_expected_errors() -> None:
-    model = other("stewart")
-    found = expected_error(model, model.robot.home_q[None], Uncertainty(np.diag(model.geometry.tolerance**2)))
-    assert found.position.mean > 1e-4
 
 
 def test_uncertainties_of_another_size_are_refused() -> None:

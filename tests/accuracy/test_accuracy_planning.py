@@ -1,7 +1,5 @@
 """Choice of poses, against every choice there is, against random ones, and against actual calibrations."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the command writes, and the figures."""
 
-from __future__ import annotations
-
 import builtins
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sensitivity: the finite step and the Jacobian, against closures that are solved here."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from accuracy_machines import LINKS, MODEL, closures, commands, drawn_measurements, numbers, other, pose, stepped

@@ -1,7 +1,5 @@
 """Ways to write the small dataset, to spoil it, and to compare what was read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

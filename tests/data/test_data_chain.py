@@ -1,7 +1,5 @@
 """The keys of dataset.toml for robots of any kind: tcp, actuators, target, drivers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

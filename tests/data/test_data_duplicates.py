@@ -1,7 +1,5 @@
 """Equal rows are copies where there are more of them than rounding and scatter allow; otherwise they are visits."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Numbers and names at their extremes are refused, or do no harm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Datasets of several instruments: read to the bit, written to the bit, and one tracker's are those of schema 1."""
 
-from __future__ import annotations
-
-import json
 import warnings
 from pathlib import Path
 
@@ -224,29 +221,6 @@ def test_one_tracker_of_schema_2_is_the_dataset_of_schema_1(both):
     for name in ("pose", "q", "position", "orientation", "row"):
         assert bits(getattr(one, name)) == bits(getattr(two, name)), name
     assert bits(one.covariates["time"]) == bits(two.covariates["time"])
-
-
-@pytest.mark.slow
-def test_one_tracker_of_schema_2_calibrates_as_in_schema_1(both):
-    one, two = (json.loads(json.dumps(gtpin.calibrate(dataset).to_json())) for dataset in both)
-    assert_near(one, two)
-
-
-def assert_near(one, two):
-    """The same keys, words and numbers, to 1e-9."""
-    assert type(one) is type(two)
-    if isinstance(one, dict):
-        assert list(one) == list(two)
-        for key in one:
-            assert_near(one[key], two[key])
-    elif isinstance(one, list):
-        assert len(one) == len(two)
-        for mine, theirs in zip(one, two, strict=True):
-            assert_near(mine, theirs)
-    elif isinstance(one, float):
-        assert one == pytest.approx(two, rel=1e-9, abs=0.0)
-    else:
-        assert one == two
 
 
 def test_a_station_in_a_mixture_is_not_used_and_said_so(write):

@@ -1,7 +1,5 @@
 """What can't be a dataset of several instruments is refused in one line: file, row, column, and what to do."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Data that can't be of the robot that they name are told apart from data that are merely bad."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 
@@ -150,14 +148,6 @@ def test_positions_in_millimetres_are_recognised(frame):
     with pytest.raises(DatasetError, match="position looks like millimetres") as caught:
         check(replace(data, position=data.position * 1000.0))
     assert caught.value.column == "x y z"
-
-
-@FRAMES
-def test_scalar_last_quaternions_are_recognised(frame):
-    data = measured(frame)
-    with pytest.raises(DatasetError, match="looks like xyzw") as caught:
-        check(replace(data, orientation=np.roll(data.orientation, -1, axis=1)))
-    assert caught.value.column == "qw qx qy qz"
 
 
 def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised():

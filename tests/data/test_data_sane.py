@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data import Conditions, Dataset, Instrument
 from gtpin.data.duplicates import counted_once
+from gtpin.data.rounding import rounded_to, with_rounding
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
@@ -129,22 +132,6 @@ def test_copies_with_other_times_or_temperatures_are_copies():
         assert len(counted_once(joined)) == N
 
 
-def test_repeated_visits_are_no_copies():
-    data = day()
-    again = data.take(np.repeat(np.arange(N), 2))
-    noise = np.random.default_rng(4).normal(0, 1.5e-5, again.position.shape)
-    assert len(counted_once(replace(again, position=again.position + noise))) == 2 * N
-
-
-def test_visits_that_agree_by_chance_in_rounded_readings_are_no_copies():
-    data = day()
-    rows = np.concatenate([np.arange(N), [3, 7]])
-    rounded = replace(data.take(rows), position=np.round(data.position[rows], 4))
-    assert len(counted_once(rounded)) == N + 2
-    with pytest.warns(GtpinWarning, match="counted once"):
-        assert len(counted_once(rounded.take(np.repeat(np.arange(N), 2)))) == N
-
-
 @pytest.mark.parametrize(
     ("key", "changed"),
     [
@@ -173,14 +160,39 @@ def test_ordinary_numbers_pass_and_a_reference_of_68_is_doubted():
         check_extremes(replace(day(), conditions=Conditions(reference_temperature=68.0)))
 
 
-def test_poses_at_the_same_commands_are_refused():
-    data = day()
-    with pytest.raises(DatasetError, match="all poses have the same commands"):
-        check_extremes(replace(data, q=np.tile(data.q[:1], (N, 1))))
-
-
 def test_positions_beyond_any_unit_of_length_are_refused_with_their_column() -> None:
     data = day()
     with pytest.raises(GtpinError, match="half of the positions are"):
         check_extremes(replace(data, position=data.position * [1.0, 1.0, 1e299]))
     check_extremes(replace(data, position=1e9 * data.position))  # nanometres are named elsewhere
+
+
+@pytest.fixture(scope="module")
+def measured() -> gtpin.Dataset:
+    return simulate(gtpin.load_robot("gantry_tau"), "gantry_tau", poses=80, seed=9).dataset
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, 5e-4, 1e-4])
+def test_the_noise_of_rounded_positions_is_what_rounding_makes_it(measured: gtpin.Dataset, step: float) -> None:
+    rounded = replace(measured, position=np.round(measured.position / step) * step)
+    assert rounded_to(rounded) == step
+    with pytest.warns(GtpinWarning, match="positions are rounded to"):
+        found = with_rounding(rounded)
+    declared = measured.instrument.position_sigma
+    off = rounded.position - measured.position  # what rounding did, beside noise of the declared size
+    assert declared is not None
+    assert found.instrument.position_sigma == pytest.approx(np.hypot(declared, off.std()), rel=0.1)
+
+
+def test_full_or_fine_digits_change_nothing(measured: gtpin.Dataset) -> None:
+    assert rounded_to(measured) is None
+    assert with_rounding(measured) is measured
+    fine = replace(measured, position=np.round(measured.position, 6))
+    assert with_rounding(fine) is fine
+
+
+def test_a_calibration_of_rounded_positions_fits_within_its_noise(measured: gtpin.Dataset) -> None:
+    rounded = replace(measured, position=np.round(measured.position, 3))
+    with pytest.warns(GtpinWarning, match="positions are rounded to 1 mm"):
+        found = gtpin.calibrate(rounded)
+    assert 0.7 < found.chi2_per_dof < 1.3

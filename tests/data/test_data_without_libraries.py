@@ -1,7 +1,5 @@
 """Without pyarrow a CSV is read and a Parquet file is refused; without pandas the same is done as with it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whatever file an input names: a pipe or a device is refused at once, and so is a file of absurd size."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """Machines with hidden faults, drawn by the plant, and what is said of them: each diagnosed once."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

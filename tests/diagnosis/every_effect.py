@@ -1,7 +1,5 @@
 """All effects of the catalogue, as a diagnosis takes them."""
 
-from __future__ import annotations
-
 from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.effects.catalogue import catalogue
 

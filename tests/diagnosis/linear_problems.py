@@ -1,7 +1,5 @@
 """Small linear problems whose answers are computed densely, by nothing but numpy and scipy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -31,7 +29,7 @@ class Dense:
     E: Mapping[str, Floats]
 
     @staticmethod
-    def draw(seed: int, widths: Mapping[str, int], m: int = 40, p: int = 5) -> Dense:
+    def draw(seed: int, widths: Mapping[str, int], m: int = 40, p: int = 5) -> "Dense":
         rng = np.random.default_rng(seed)
         E = {name: rng.standard_normal((m, width)) for name, width in widths.items()}
         y = rng.standard_normal(m) + sum(e @ rng.standard_normal(e.shape[1]) for e in E.values())

@@ -1,7 +1,5 @@
 """Rows that together hold every pair of values of any two factors: a covering array of strength two, built greedily."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from random import Random

@@ -1,7 +1,5 @@
 """Columns that can't be right (contradicting, filled in, frozen) are not used, and no cause is named for what they hide."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

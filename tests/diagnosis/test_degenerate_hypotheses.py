@@ -1,7 +1,5 @@
 """A search ends with finite evidence whatever displacements its hypotheses have: none, equal ones, multiples, a single row."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any

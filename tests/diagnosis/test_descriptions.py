@@ -1,7 +1,5 @@
 """A flexible family that fits is a cause only where a mechanism's form explains as much; else it is told as a description."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -112,12 +112,6 @@ def test_a_cause_that_predicts_nothing_is_dropped():
     assert (left.verdict, left.model.terms) == ("none", ())
 
 
-def test_a_cause_that_predicts_stays():
-    case = machine(2, "backlash")
-    truth = case.effects[0]
-    assert [(c.effect, c.site) for c in said(2, "backlash").causes] == [(truth.effect, truth.site)]
-
-
 @pytest.mark.parametrize(
     ("nearer", "straighter", "silent", "kept"),
     [

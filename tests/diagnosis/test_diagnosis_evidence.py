@@ -76,38 +76,11 @@ def test_power_without_a_group_is_chi_square_with_the_geometry_marginalised(dens
     assert_allclose(dense.groups.power, dense.y @ np.linalg.solve(dense.covariance({}), dense.y), rtol=1e-9)
 
 
-def test_inner_products_of_two_groups_do_not_depend_on_their_order(dense):
-    groups = dense.groups
-    for a in WIDTHS:
-        for b in WIDTHS:
-            assert_allclose(groups.block(a, b), groups.block(b, a).T, atol=1e-12)
-            assert_allclose(groups.block(a, b), groups.marginal.product(dense.E[a], dense.E[b]), atol=1e-9)
-
-
 def test_a_group_can_not_be_given_other_displacements(dense):
     groups = dense.groups
     with pytest.raises(ValueError, match="there already"):
         groups.add("b", dense.E["b"] * 2.0)
     assert_allclose(groups.columns("b"), dense.E["b"])
-
-
-def test_groups_that_are_added_later_change_no_model_of_the_others(dense):
-    groups = dense.groups
-    model = fixed(groups, ("a", "b"), (1.0, 1.0))
-    groups.add("later", dense.E["f"][:, :5] * 2.0)
-    gain(groups, model, "later")
-    again = fixed(groups, ("a", "b"), (1.0, 1.0))
-    assert (again.log_evidence, again.mean.tolist()) == (model.log_evidence, model.mean.tolist())
-
-
-def test_no_better_scale_is_found_by_moving_one_of_a_tuned_model(dense):
-    names = ("b", "d", "f")
-    model = tuned(dense.groups, names, (1.0, 1.0, 1.0), sweeps=8)
-    for i in range(3):
-        for s in SCALES:
-            moved = [*model.scale]
-            moved[i] = float(s)
-            assert fixed(dense.groups, names, moved).log_evidence <= model.log_evidence + 1e-9
 
 
 def test_a_model_without_one_of_its_groups_is_the_model_of_the_others(dense):
@@ -138,31 +111,23 @@ def test_scales_are_those_of_a_coordinate_ascent_that_builds_every_model_anew(de
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_bends_without_their_form_gain_little_unless_all_are_form(seed):
+@pytest.mark.parametrize("form", [True, False])
+def test_bends_gain_as_if_all_were_form_beside_a_form_of_their_size_and_little_without(seed, form):
     rng = np.random.default_rng(seed)
     m, t = 300, np.linspace(-1.0, 1.0, 300)
     column = np.sign(rng.standard_normal(m))  # of typical size as large as the noise
     bends = np.stack([column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3)], axis=1)
-    X = np.column_stack([column, 0.2 * bends])
-    groups = Groups(Marginal(rng.standard_normal((m, 4))), rng.standard_normal(m) + bends @ rng.standard_normal(3))
-    groups.add("with form", X, core=(0,))
-    groups.add("all form", X)
-    bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
-    assert bound < free / 4.0
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_bends_beside_a_form_of_their_size_gain_as_if_all_were_form(seed):
-    rng = np.random.default_rng(seed)
-    m, t = 300, np.linspace(-1.0, 1.0, 300)
-    column = np.sign(rng.standard_normal(m))  # of typical size as large as the noise
-    X = np.column_stack([column, *(0.2 * column * np.cos(np.pi / 2.0 * k * (t + 1.0)) for k in (1, 2, 3))])
-    y = rng.standard_normal(m) + X @ np.array([1.0, *(0.5 * rng.standard_normal(3))])
+    size = 0.1 if form else 1.0
+    y = rng.standard_normal(m) + form * column + size * bends @ rng.standard_normal(3)
     groups = Groups(Marginal(rng.standard_normal((m, 4))), y)
+    X = np.column_stack([column, 0.2 * bends])
     groups.add("with form", X, core=(0,))
     groups.add("all form", X)
     bound, free = (gain(groups, NOTHING, name)[0] for name in ("with form", "all form"))
-    assert_allclose(bound, free, rtol=1e-9)
+    if form:
+        assert_allclose(bound, free, rtol=1e-9)
+    else:
+        assert bound < free / 4.0
 
 
 @pytest.mark.parametrize("before", [("a", "c", "d"), ("c", "a"), ("d",)])

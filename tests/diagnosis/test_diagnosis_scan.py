@@ -105,24 +105,6 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
     assert scale == found.scale
 
 
-def test_what_is_kept_between_scans_changes_nothing(monkeypatch):
-    effect = FrameWave()
-    design = problem(effect, 0.13, seed=2)
-    groups: Groups[object] = Groups(Marginal(design.B), design.y)
-    model = beside_linearity(design, groups)
-    first = Scan(design, groups, effect, SITE)
-    alone, beside = first.best(NOTHING), first.best(model)
-    monkeypatch.setattr(scan, "KEPT", 0)
-    second = Scan(design, groups, effect, SITE)
-    for found, model_ in ((alone, NOTHING), (beside, model)):
-        again = second.best(model_)
-        assert_allclose(
-            (again.value, again.sigma, again.gain, again.scale),
-            (found.value, found.sigma, found.gain, found.scale),
-            rtol=1e-9,
-        )
-
-
 @pytest.mark.slow
 def test_sigmas_of_periods_cover_the_true_ones():
     effect, draws = FewPeriods(), 30

@@ -26,24 +26,25 @@ def partition(n: int, blocks: int) -> list[Floats]:
     return [np.arange(n) * blocks // n == k for k in range(blocks)]
 
 
-@pytest.mark.parametrize("c", [3, 6])
-@pytest.mark.parametrize("free", [0, 6])
-def test_a_block_left_out_is_what_a_fit_without_it_predicts(c, free):
+@pytest.mark.parametrize(("c", "free", "parts"), [(3, 0, 7), (6, 0, 7), (3, 6, 7), (6, 6, 7), (3, 0, 2), (3, 0, 3)])
+def test_a_block_left_out_is_what_a_fit_without_it_predicts(c, free, parts):
+    """Blocks may be larger than the fit, and their columns others than those of the fit."""
     rng = np.random.default_rng(1)
     n, p, k = 30, 9, 4
     W = whitening_of(n, c, rng)
-    B, E = rng.standard_normal((n * c, p + free)), rng.standard_normal((n * c, k))
+    B, E, other = (rng.standard_normal((n * c, m)) for m in (p + free, k, k))
     y = rng.standard_normal(n * c) + 3.0 * B[:, 0] + E @ rng.standard_normal(k)
-    design, blocks = bare_design(y, B, W, p), partition(n, 7)
-    found = leave_out(design, E, blocks)
+    design, blocks = bare_design(y, B, W, p), partition(n, parts)
+    found, elsewhere = leave_out(design, E, blocks), leave_out(design, E, blocks, other)
     J = np.hstack([B, E])
     prior = np.diag([1.0] * p + [0.0] * free + [1.0] * k)
     for block in blocks:
         rows = np.repeat(~block, c)
         z = np.linalg.solve(J[rows].T @ J[rows] + prior, J[rows].T @ y[rows])
-        left = (y - J @ z).reshape(n, c)[block]
-        metres = np.linalg.solve(W[block], left[..., None])[..., 0][:, :3]
-        assert_allclose(found.errors[block], metres, rtol=1e-9, atol=1e-9 * SIGMA)
+        for columns, left_out in ((E, found), (other, elsewhere)):
+            left = (y - np.hstack([B, columns]) @ z).reshape(n, c)[block]
+            metres = np.linalg.solve(W[block], left[..., None])[..., 0][:, :3]
+            assert_allclose(left_out.errors[block], metres, rtol=1e-9, atol=1e-9 * SIGMA)
     z = np.linalg.solve(J.T @ J + prior, J.T @ y)
     assert_allclose(found.z, z, atol=1e-9)
     assert_allclose(found.root @ found.root.T, np.linalg.inv(J.T @ J + prior), atol=1e-9)

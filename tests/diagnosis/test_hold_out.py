@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.predictive import as_unseen
-from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
+from gtpin.diagnosis.linear.cross_validation import Gap, gap
 from gtpin.diagnosis.linear.hold_out import STRETCHES, blocks_of
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.effects.catalogue import effects_by_id
@@ -65,27 +65,6 @@ def test_rows_of_one_time_are_in_one_stretch():
 def test_random_groups_are_those_of_the_seed():
     assert all((a == b).all() for a, b in zip(cut("random", 3), cut("random", 3), strict=True))
     assert any((a != b).any() for a, b in zip(cut("random", 3), cut("random", 4), strict=True))
-
-
-@pytest.mark.parametrize("blocks", [2, 3])
-def test_a_block_larger_than_the_fit_left_out_is_what_a_fit_without_it_predicts(blocks):
-    """By other columns, where these are others for a block that the fit has not seen."""
-    rng = np.random.default_rng(1)
-    n, c, p, k = 30, 3, 5, 3
-    W = np.broadcast_to(np.eye(c) / SIGMA, (n, c, c))
-    B, E, other = (rng.standard_normal((n * c, m)) for m in (p, k, k))
-    y = B @ rng.standard_normal(p) + E @ rng.standard_normal(k) + rng.standard_normal(n * c)
-    masks = [np.arange(n) % blocks == i for i in range(blocks)]
-    J = np.hstack([B, E])
-    for columns, found in (
-        (E, leave_out(bare_design(y, B, W, p), E, masks)),
-        (other, leave_out(bare_design(y, B, W, p), E, masks, other)),
-    ):
-        for block in masks:
-            rows = np.repeat(~block, c)
-            z = np.linalg.solve(J[rows].T @ J[rows] + np.eye(p + k), J[rows].T @ y[rows])
-            left = (y - np.hstack([B, columns]) @ z).reshape(n, c)[block]
-            assert_allclose(found.errors[block], left * SIGMA, rtol=1e-9, atol=1e-9 * SIGMA)
 
 
 @pytest.mark.parametrize(("effect", "site", "freedoms"), [("zero_shift", "cart2", 1), ("frame_shift", "frame", 6)])

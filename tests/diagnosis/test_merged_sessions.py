@@ -1,7 +1,5 @@
 """Sessions between which nothing changed count as one, so that a second label for the same session makes no cause doubtful."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from math import comb, log

@@ -3,8 +3,6 @@
 The cause is given, so that this is about the fit and not about the search.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

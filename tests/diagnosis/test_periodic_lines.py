@@ -1,7 +1,5 @@
 """Periodic errors: all lines of a joint are found as one cause, and none that scatter alone would show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Readings of instruments in the linear problem: what is left out, degrees of freedom, and errors that others can't predict."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import cache

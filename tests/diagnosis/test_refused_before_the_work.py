@@ -1,18 +1,18 @@
 """What can't be diagnosed is said before anything is fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data import Dataset
+from gtpin.data import Dataset, Instrument
 from gtpin.errors import GtpinError
+from gtpin.robot.description import RobotDescription
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +87,54 @@ def test_loops_that_can_not_be_closed(measured: Dataset, tmp_path: Path) -> None
 def test_an_effect_at_a_site_that_it_does_not_have(measured: Dataset) -> None:
     said = refused(lambda **told: gtpin.diagnose(measured, exclude=["joint_compliance@cart1"], **told))
     assert "shoulder_lift_joint" in said
+
+
+TURNER = """<robot name="turner"><link name="base"/><link name="arm"/><joint name="turn" type="revolute">
+<parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3" rpy="1.3 0.2 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint><link name="tool0"/><joint name="tool" type="fixed">
+<parent link="arm"/><child link="tool0"/><origin xyz="0.4 0 0.1" rpy="0.5 0.1 -0.4"/></joint></robot>"""
+OF_LOAD = {"joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"}
+
+
+def test_a_robot_without_masses_is_told_and_its_effects_of_load_are_not_tested() -> None:
+    rng = np.random.default_rng(2)
+    robot = gtpin.Robot(RobotDescription.parse(TURNER, "turner"))
+    q = rng.uniform(-2.5, 2.5, (40, 1))
+    plain = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
+    noise = [pin.exp6(np.repeat([1.5e-5, 5e-5], 3) * rng.standard_normal(6)) for _ in q]
+    seen = [pin.SE3(R, T) * off for T, R, off in zip(plain.T, plain.R, noise, strict=True)]
+    dataset = Dataset(
+        robot="turner",
+        pose=np.arange(40),
+        q=q,
+        position=np.array([M.translation for M in seen]),
+        orientation=np.array([np.roll(pin.Quaternion(M.rotation).coeffs(), 1) for M in seen]),
+        instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5),
+    )
+    with pytest.warns(gtpin.GtpinWarning, match="links of turner have no masses: effects of load"):
+        found = gtpin.diagnose(dataset, robot)
+    reasons = {c.effect: c.reason for c in found.candidates if c.effect in OF_LOAD}
+    assert set(reasons) == OF_LOAD
+    assert all(reason is not None and reason.kind == "no_masses" for reason in reasons.values())
+    assert any(c.reason is None for c in found.candidates)
+
+
+def computed(seed: int, digits: int) -> gtpin.Dataset:
+    """Poses of an arm whose geometry is not nominal, as a controller writes its targets: without noise, and rounded."""
+    rng = np.random.default_rng(seed)
+    model = gtpin.read_model("ur5")
+    geometry = model.geometry
+    other = geometry.with_values(geometry.values + geometry.tolerance * rng.normal(size=len(geometry.values)))
+    q = rng.uniform(-1.0, 1.0, (300, 6)) + np.array([0.0, -1.0, 1.5, 0.0, 1.0, 0.0])
+    T = replace(model, geometry=other).predict(q).T
+    pose = np.arange(len(q)).astype(str).astype(object)
+    return gtpin.Dataset(robot="ur5", pose=pose, q=q, position=np.round(T, digits), instrument=Instrument(frame="free"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "digits"), [(1, 9), (2, 8), (3, 12)])
+def test_computed_positions_are_doubted_and_have_no_cause(seed, digits):
+    with pytest.warns(gtpin.GtpinWarning, match="were they computed"):
+        found = gtpin.diagnose(computed(seed, digits))
+    assert found.verdict == "none"
+    assert not found.causes

@@ -1,7 +1,5 @@
 """The rooms of ``gtpin/diagnosis``: few, imported in one direction, and keyed by values."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import TopologicalSorter
 from pathlib import Path

@@ -1,8 +1,5 @@
 """The verdict is judged against the noise that was declared or that visits show, never against what is left of a fit."""
 
-import warnings
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -78,16 +75,6 @@ def test_noise_that_was_not_declared_is_an_assumption_unless_visits_show_it(visi
     assert found.verdict == "none"
     assert found.noise_source == ("residuals" if visits == 1 else "repeats")
     assert ("are noise is an assumption" in str(found.summary())) == (visits == 1)
-
-
-def test_noise_declared_a_hundred_times_too_small_is_never_nothing_beyond_noise():
-    data = measured(5)
-    small = replace(
-        data, instrument=data.instrument.model_copy(update={"position_sigma": 3e-7, "orientation_sigma": 1e-6})
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        assert gtpin.diagnose(small).verdict == "unknown"
 
 
 class SearchedError(Exception):

@@ -1,7 +1,5 @@
 """What docs/benchmark.md says of the set and of the rivals is so: some cases are made and answered again."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections import Counter
@@ -13,7 +11,6 @@ from gtpin.bench.benchmark.answer import SCHEMA, Answer
 from gtpin.bench.benchmark.make import CASES, make
 from gtpin.bench.benchmark.public_set import PublicSet
 from gtpin.bench.benchmark.score import figures, score_answers
-from gtpin.bench.blind.truth import Truth
 
 pytestmark = pytest.mark.slow
 
@@ -72,10 +69,3 @@ def test_the_answer_on_the_page_is_one(tmp_path: Path) -> None:
     answer = Answer.read(tmp_path / "a.json")
     assert answer.schema_ == SCHEMA
     assert answer.statement.names == ("backlash@cart1",)
-
-
-def test_truths_do_not_lie_where_solvers_look(again: Path) -> None:
-    for name in AGAIN:
-        truth = Truth.model_validate_json((again / "truths" / f"{name}.json").read_bytes())
-        assert truth.effects or truth.kind == "none"
-        assert not (again / CASES / f"{name}.json").exists()

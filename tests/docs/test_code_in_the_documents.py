@@ -1,7 +1,5 @@
 """Every block of code in README and docs is right: Python runs, commands parse, TOML, XML and JSON read; the pages build."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

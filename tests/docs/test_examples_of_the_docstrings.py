@@ -1,7 +1,5 @@
 """Every public name has an example, and it gives what it says."""
 
-from __future__ import annotations
-
 import doctest
 import warnings
 from pathlib import Path

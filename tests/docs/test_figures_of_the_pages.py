@@ -1,7 +1,5 @@
 """The figures that pages print are those of the records, and the numbers that they say of the code are the code's own."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What packages, citations and workflows say of gtpin agrees with pyproject.toml."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

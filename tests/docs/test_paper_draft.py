@@ -1,7 +1,5 @@
 """The draft of a paper has the form that JOSS asks for, cites what it lists, and quotes the records."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The picture of README and docs is of the report that the demo writes today."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

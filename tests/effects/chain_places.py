@@ -1,14 +1,12 @@
 """Effects at joints and links of an arm drawn from its tolerances, and of a gantry whose joints slide."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-from effect_places import EFFECTS, SETTINGS, covariates
+from effect_places import EFFECTS, SETTINGS, covariates, moved  # noqa: F401
 
 import gtpin
-from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.chain_kinematics import ChainKinematics
@@ -49,7 +47,6 @@ def situation(
 
 FIT = situation(120, seed=7)
 """What the effects were fitted to, as it were."""
-PLACES = [(name, site) for name, effect in EFFECTS.items() for site in effect.sites(ARM)]
 
 
 def setting(name: str) -> float | None:
@@ -63,11 +60,6 @@ def basis(name: str, site: str, at: Situation) -> Basis:
 def active(name: str, site: str, coefficients: Floats, references: References = FIT.references) -> ActiveEffect:
     m = len(coefficients)
     return ActiveEffect(EFFECTS[name], site, setting(name), coefficients, np.zeros((m, m)), references)
-
-
-def moved(at: Situation, *effects: ActiveEffect) -> Floats:
-    """(N, 6) what effects do to the exact poses, m and rad, base frame."""
-    return with_effects(at.kinematics, at.q, at.covariates, effects).minus(at.poses)
 
 
 def some(name: str, site: str, at: Situation, seed: int = 3) -> Floats:

@@ -1,7 +1,5 @@
 """Effects at their sites on a Gantry-Tau drawn from its tolerances, in circumstances in which each of them shows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Effects at joints and links of robots without rods: signatures, signs, units, and what can't be tested."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -12,7 +10,6 @@ from chain_places import (
     ARM,
     ARM_FILE,
     FIT,
-    PLACES,
     active,
     basis,
     beam,
@@ -38,24 +35,6 @@ def of_beam(length: float, axis: str = "0 0 1", payload: float = 0.0, mass: floa
     kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(length, axis, mass)))
     q = np.zeros((2, 1))
     return Situation(kinematics, q, kinematics.forward(q), {"payload": np.array([payload, 2.0 * payload])})
-
-
-@pytest.mark.parametrize(("name", "site"), PLACES)
-def test_the_signature_is_the_derivative_of_the_exact_application(name: str, site: str) -> None:
-    at = situation(6, seed=1, fixed=FIT.references)
-    c = 0.3 * some(name, site, at)
-    predicted = basis(name, site, at).displacement(at) @ c
-    exact = (moved(at, active(name, site, c)) - moved(at, active(name, site, -c))) / 2.0
-    assert np.abs(predicted).max() > 0.0
-    np.testing.assert_allclose(exact, predicted, rtol=0, atol=1e-5 * np.abs(predicted).max() + 1e-13)
-
-
-@pytest.mark.parametrize(("name", "site"), PLACES)
-def test_coefficients_of_zero_change_nothing(name: str, site: str) -> None:
-    at = situation(4, seed=1, fixed=FIT.references)
-    np.testing.assert_allclose(
-        moved(at, active(name, site, 0.0 * basis(name, site, at).sigma)), 0.0, rtol=0, atol=1e-13
-    )
 
 
 def test_a_payload_pulls_a_horizontal_arm_down_by_compliance_moment_and_lever() -> None:

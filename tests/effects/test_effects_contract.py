@@ -1,8 +1,10 @@
 """The catalogue is the contract's: ids, sites, what each needs, names and units of what it says."""
 
-from __future__ import annotations
-
+import ast
+import doctest
+import importlib
 import inspect
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, b
 
 import gtpin
 from gtpin.effects.cart_compliance import TIPS
+from gtpin.effects.catalogue import OWN
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 
@@ -163,3 +166,33 @@ def test_a_track_that_turns_grows_by_angles() -> None:
         n: unit for n, (_, unit) in effect.parameters_at(robot, robot.sites[0], np.array([1e-5, 2e-6]), None).items()
     }
     assert units == {"expansion": "1/K", "at_zero": "rad/K", "fixed_point": "rad"}
+
+
+ROOT = Path(gtpin.__file__).parent
+IDS = {kind.id for kind in OWN}
+ELSEWHERE = {("comparison/figures.py", "linearity")}
+"""A figure of the paper, which is called so."""
+
+
+@pytest.mark.slow
+def test_no_other_module_decides_by_an_effects_name() -> None:
+    """The plant's causes stand apart: it must not share the diagnosis's effects."""
+    named = set()
+    for file in ROOT.rglob("*.py"):
+        where = file.relative_to(ROOT).as_posix()
+        if where.startswith(("effects/", "bench/simulator/")):
+            continue
+        texts = [n.value for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Constant)]
+        named |= {(where, text) for text in texts if isinstance(text, str) and text.split("@")[0] in IDS}
+    assert named - ELSEWHERE == set()
+
+
+def test_every_shipped_effect_has_its_own_module_that_is_called_like_it() -> None:
+    assert [kind.__module__ for kind in OWN] == [f"gtpin.effects.{kind.id}" for kind in OWN]
+
+
+@pytest.mark.parametrize("module", ["gtpin.effects.effect", "gtpin.effects.catalogue"])
+def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) -> None:
+    found = doctest.testmod(importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert found.attempted > 0
+    assert found.failed == 0

@@ -1,7 +1,5 @@
 """Products of cosines by which the joints of robots depend on each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

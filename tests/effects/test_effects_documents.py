@@ -1,7 +1,5 @@
 """Every effect has a section on the page of the effects that gives its parameters as the code has them."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Lines of a turning joint: several periods are one effect, each with its own parameters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import gtpin

@@ -1,7 +1,5 @@
 """The sizes of modulations: each is used, and none changes an effect's core."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import fields, replace
 

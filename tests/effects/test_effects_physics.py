@@ -1,6 +1,6 @@
 """Signs, units and meaning of the effects, by arguments that don't use their code."""
 
-from __future__ import annotations
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -46,59 +46,52 @@ def rising_energy(at: Situation, energy) -> np.ndarray:
     )
 
 
+def gives_way(name: str, site: str, column: int, give: float, stretched: Callable[[Situation], np.ndarray]) -> None:
+    """A coefficient moves the tool as the derivative of give / 2 times the sum of squares (N, k) by the tool's force."""
+    at = situation(10, seed=1)
+    moved = (basis(name, site, at).displacement(at) @ only(name, site, at, column, give))[:, :3]
+    expected = rising_energy(at, lambda now: give / 2.0 * (stretched(now) ** 2).sum(axis=1))
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def of_cart(site: str, direction: int) -> tuple[list[int], np.ndarray]:
+    """The rods of a cart, and one of its axes: along the track, and two across it."""
+    cart = ROBOT.sites.index(site)
+    v = ROBOT.actuators[cart].axis
+    return [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == cart], np.vstack([v, rotation_axes(v)[:2]])[
+        direction
+    ]
+
+
 @pytest.mark.parametrize("site", ["arm", "link1", "link2b", "link3c"])
 def test_links_give_way_as_castigliano_says(site: str) -> None:
-    at, give = situation(10, seed=1), 3e-8
     rods = list(RODS.values()) if site == "arm" else [RODS[site]]
-    moved = (basis("link_compliance", site, at).displacement(at) @ only("link_compliance", site, at, 0, give))[:, :3]
-    expected = rising_energy(at, lambda now: give / 2.0 * (now.force[:, rods] ** 2).sum(axis=1))
-    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    gives_way("link_compliance", site, 0, 3e-8, lambda now: now.force[:, rods])
 
 
 @pytest.mark.parametrize("site", ["cart1", "cart2", "cart3"])
 @pytest.mark.parametrize("direction", [0, 1, 2])
 def test_carts_give_way_as_castigliano_says(site: str, direction: int) -> None:
-    at, give = situation(10, seed=2), 5e-8
-    cart = ROBOT.sites.index(site)
-    v = ROBOT.actuators[cart].axis
-    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
-    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == cart]
+    mine, axis = of_cart(site, direction)
 
-    def energy(now: Situation) -> np.ndarray:
-        pull = np.einsum("nk,nki->ni", now.force[:, mine], now.along[:, mine])
-        return give / 2.0 * (pull @ axis) ** 2
+    def pull(now: Situation) -> np.ndarray:
+        return np.einsum("nk,nki->ni", now.force[:, mine], now.along[:, mine]) @ axis[:, None]
 
-    moved = (basis("cart_compliance", site, at).displacement(at) @ only("cart_compliance", site, at, direction, give))[
-        :, :3
-    ]
-    expected = rising_energy(at, energy)
-    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    gives_way("cart_compliance", site, direction, 5e-8, pull)
 
 
 @pytest.mark.parametrize("site", ["cart2", "cart3"])
 @pytest.mark.parametrize(("tip", "direction"), [("roll", 0), ("tip_a", 1), ("tip_b", 2)])
 def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> None:
-    at, give = situation(10, seed=3), 5e-7
-    column = next(
-        k
-        for k in range(len(basis("cart_compliance", site, at)))
-        if parameters("cart_compliance", only("cart_compliance", site, at, k))[tip]
-    )
-    cart = ROBOT.sites.index(site)
-    v = ROBOT.actuators[cart].axis
-    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
-    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == cart]
+    mine, axis = of_cart(site, direction)
+    columns = range(len(basis("cart_compliance", site, FIT)))
+    named = [k for k in columns if parameters("cart_compliance", only("cart_compliance", site, FIT, k))[tip]]
 
-    def energy(now: Situation) -> np.ndarray:
+    def moment(now: Situation) -> np.ndarray:
         arms = now.carrier_joints[:, mine] - now.carrier_joints[:, mine].mean(axis=1, keepdims=True)
-        moment = np.cross(arms, now.force[:, mine, None] * now.along[:, mine]).sum(axis=1)
-        return give / 2.0 * (moment @ axis) ** 2
+        return np.cross(arms, now.force[:, mine, None] * now.along[:, mine]).sum(axis=1) @ axis[:, None]
 
-    moved = (basis("cart_compliance", site, at).displacement(at) @ only("cart_compliance", site, at, column, give))[
-        :, :3
-    ]
-    expected = rising_energy(at, energy)
-    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    gives_way("cart_compliance", site, named[0], 5e-7, moment)
 
 
 @pytest.mark.parametrize("site", RODS)
@@ -259,9 +252,7 @@ def test_a_harmonic_has_its_amplitude_in_the_middle_of_the_range_however_it_chan
 @pytest.mark.parametrize("direction", [0, 1, 2])
 def test_a_cart_with_a_dead_zone_hardly_moves_under_small_forces_and_as_a_linear_one_beyond(direction: int) -> None:
     at, give = situation(200, seed=4), 5e-8
-    mine = [i for i, rod in enumerate(ROBOT.rods) if rod.carrier == 2]
-    v = ROBOT.actuators[2].axis
-    axis = np.vstack([v, rotation_axes(v)[:2]])[direction]
+    mine, axis = of_cart("cart3", direction)
     force = np.einsum("nk,nki->ni", at.force[:, mine], at.along[:, mine]) @ axis
     c = np.zeros(len(basis("cart_compliance", "cart3", at)))
     c[direction], c[TIPS - 3 + direction] = give, -give

@@ -1,7 +1,5 @@
 """Machines of the plant, measured on one day for a model and on a later day for a check."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

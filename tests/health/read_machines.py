@@ -1,7 +1,5 @@
 """Machines of the plant, read on a later day by other instruments than a tracker. The readings are made here, by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What has changed since a model: what is found from ten poses, how often without a change, and what is said of the rest."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

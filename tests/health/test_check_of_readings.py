@@ -1,7 +1,5 @@
 """What has changed since a model, by other instruments than a tracker: what is found, how often without a change, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 

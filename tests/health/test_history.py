@@ -1,7 +1,5 @@
 """A log of checks: added to, never written over where it is damaged, lost or of another machine."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Which poses to measure: what a plan chooses, writes and refuses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from checked_machines import machine

@@ -1,7 +1,5 @@
 """A check against a model that did not explain its own data: no changes are invented, and large ones are found."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """The machines, as gtpin loads them and as the tests' own closures."""
 
-from __future__ import annotations
-
 from importlib import metadata
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Machines as gtpin has them: loaded, and with geometries drawn from their tolerances."""
 
-from __future__ import annotations
-
 import numpy as np
 from machines import Machine
 

@@ -1,7 +1,5 @@
 """Parallel machines written down twice: as a URDF for gtpin, and as the numbers of their closures for the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from xml.etree import ElementTree

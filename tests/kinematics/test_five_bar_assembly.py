@@ -1,7 +1,5 @@
 """Five-bars without ranges: a pose is in home's assembly, or there is none. The poses are those of two circles that cross."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Robots without rods through the same code: arms, and a planar four-bar linkage."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
@@ -36,20 +34,6 @@ def every_joint(robot: gtpin.Robot, q: Floats) -> Floats:
 def drawn(geometry: gtpin.Geometry, seed: int) -> gtpin.Geometry:
     rng = np.random.default_rng(seed)
     return geometry.with_values(geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values)))
-
-
-def test_arms_move_as_plain_pinocchio_moves_them(arm: tuple[gtpin.Robot, Path]) -> None:
-    robot, file = arm
-    model = pin.buildModelFromUrdf(str(file))
-    data, frame = model.createData(), model.getFrameId(robot.tcp_frame, pin.FrameType.BODY)
-    q = np.random.default_rng(1).uniform(-2.0, 2.0, (50, robot.n_actuators))
-    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
-    posture = gtpin.home(robot)
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, every_joint(robot, row))
-        np.testing.assert_allclose(poses.T[i], data.oMf[frame].translation, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(poses.R[i], data.oMf[frame].rotation, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(posture.moved_to(row).T, data.oMf[frame].translation, rtol=0, atol=1e-12)
 
 
 def test_every_moving_joint_of_an_arm_is_an_actuator_in_document_order(arm: tuple[gtpin.Robot, Path]) -> None:
@@ -173,24 +157,6 @@ def test_a_four_bar_linkage_moves_as_two_circles_meet(four_bar: gtpin.Robot) -> 
         assert distances.min() <= 1e-12
         branch = int(np.argmin(distances)) if branch is None else branch
         assert np.argmin(distances) == branch
-
-
-@pytest.mark.slow
-def test_a_four_bar_linkage_has_the_right_derivatives(four_bar: gtpin.Robot) -> None:
-    nominal = gtpin.Geometry.nominal(four_bar)
-    here = ChainKinematics(nominal)
-    q = np.array([[0.7], [2.9]])
-    poses = here.forward(q)
-    numeric = np.stack([differences(lambda x: here.forward(x[None]), row)[0] for row in q])
-    np.testing.assert_allclose(here.command_jacobian(q, poses), numeric, rtol=0, atol=1e-9)
-    # Placements across the plane too: the loop closes in its plane, and play takes up the rest.
-    geometry = drawn(nominal, 3)
-    here = ChainKinematics(geometry)
-    analytic = here.geometry_jacobian(q, here.forward(q))
-    numeric = differences(lambda x: ChainKinematics(nominal.with_values(x)).forward(q), geometry.values)
-    np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-8)
-    numeric = np.stack([differences(lambda x: here.forward(x[None]), row)[0] for row in q])
-    np.testing.assert_allclose(here.command_jacobian(q, here.forward(q)), numeric, rtol=0, atol=1e-8)
 
 
 def test_commands_of_a_continuous_joint_may_go_round(four_bar: gtpin.Robot) -> None:

@@ -1,16 +1,12 @@
 """Open chains: how the TCP answers to displaced joints, and what joints carry, against finite differences of Pinocchio."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-import pytest
 
 import gtpin
-from gtpin.kinematics.bodies import bodies, configurations
-from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.bodies import bodies
 from gtpin.kinematics.statics import joint_loads
 from gtpin.robot.chain import joint_axis
 
@@ -23,37 +19,6 @@ def tcp(model: pin.Model, q: np.ndarray, tool: pin.SE3) -> pin.SE3:
     data = model.createData()
     pin.forwardKinematics(model, data, q)
     return data.oMi[ARM.tcp_joint] * tool
-
-
-def motion(one: pin.SE3, other: pin.SE3) -> np.ndarray:
-    """(6,) shift and rotation vector, base frame."""
-    return np.concatenate([other.translation - one.translation, pin.log3(other.rotation @ one.rotation.T)])
-
-
-@pytest.mark.parametrize("index", range(ARM.model.njoints))
-@pytest.mark.parametrize("way", range(6))
-def test_the_response_is_the_derivative_of_pinocchios_placements(index: int, way: int) -> None:
-    found = bodies(ARM, Q).response[:, :, index, way]
-    step = np.zeros(6)
-    step[way] = STEP
-    for i, configuration in enumerate(configurations(ARM, Q)):
-        ends = []
-        for sign in (-1.0, 1.0):
-            model, tool = ARM.model.copy(), ARM.tcp_placement
-            if index == ARM.model.njoints - 1:
-                tool = tool * pin.exp6(sign * step)
-            else:
-                model.jointPlacements[index + 1] = model.jointPlacements[index + 1] * pin.exp6(sign * step)
-            ends.append(tcp(model, configuration, tool))
-        np.testing.assert_allclose(found[i], motion(*ends) / (2.0 * STEP), rtol=0, atol=1e-9)
-
-
-def test_joints_are_where_pinocchio_puts_them() -> None:
-    at = bodies(ARM, Q)
-    for i, configuration in enumerate(configurations(ARM, Q)):
-        there = tcp(ARM.model, configuration, ARM.tcp_placement)
-        np.testing.assert_allclose(at.T[i, -1], there.translation, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(at.R[i, -1], there.rotation, rtol=0, atol=1e-15)
 
 
 def energy(q: np.ndarray, payload: float, force: np.ndarray) -> float:
@@ -89,30 +54,3 @@ def test_the_tcp_carries_the_payload_and_the_force_in_its_own_axes() -> None:
     wanted = np.einsum("nji,nj->ni", at.R[:, -1], force + np.array([0.0, 0.0, -2.0 * 9.81]))
     np.testing.assert_allclose(found[:, :3], wanted, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(found[:, 3:], 0.0)
-
-
-def test_the_jacobian_by_placements_and_tool_is_the_derivative_of_the_pose() -> None:
-    nominal = gtpin.Geometry.nominal(ARM)
-    rng = np.random.default_rng(2)
-    geometry = nominal.with_values(nominal.values + 1e-2 * rng.standard_normal(len(nominal.values)))
-    assert {f"platform.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")} <= set(geometry.names)
-    kinematics = ChainKinematics(geometry)
-    found = kinematics.geometry_jacobian(Q, kinematics.forward(Q))
-    for column, name in enumerate(geometry.names):
-        ends = []
-        for sign in (-1.0, 1.0):
-            values = geometry.values.copy()
-            values[column] += sign * STEP
-            ends.append(ChainKinematics(geometry.with_values(values)).forward(Q))
-        slope = ends[1].minus(ends[0]) / (2.0 * STEP)
-        np.testing.assert_allclose(found[:, :, column], slope, rtol=0, atol=1e-8, err_msg=name)
-
-
-def test_commands_of_the_derivative_are_the_joints_own() -> None:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(ARM))
-    found = kinematics.command_jacobian(Q, kinematics.forward(Q))
-    for j in range(6):
-        step = np.zeros(6)
-        step[j] = STEP
-        slope = kinematics.forward(Q + step).minus(kinematics.forward(Q - step)) / (2.0 * STEP)
-        np.testing.assert_allclose(found[:, :, j], slope, rtol=0, atol=1e-9)

@@ -1,7 +1,5 @@
 """What can't be closed is said, in one line that tells how far it got."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import numpy as np
@@ -77,10 +75,10 @@ def test_a_batch_is_nan_exactly_where_it_can_not_be_closed(arrays: RodKinematics
 
 
 def test_one_singular_pose_in_a_batch_spoils_no_other() -> None:
-    matrices = np.stack([np.eye(3), np.zeros((3, 3)), 2.0 * np.eye(3)])
-    solved = solve_each(matrices, np.ones((3, 3)))
-    np.testing.assert_array_equal(solved[[0, 2]], [[1, 1, 1], [0.5, 0.5, 0.5]])
-    assert np.isnan(solved[1]).all()
+    matrices = np.stack([np.eye(3), np.zeros((3, 3)), np.full((3, 3), np.nan), 2.0 * np.eye(3)])
+    solved = solve_each(matrices, np.ones((4, 3)))
+    np.testing.assert_array_equal(solved[[0, 3]], [[1, 1, 1], [0.5, 0.5, 0.5]])
+    assert np.isnan(solved[1:3]).all()
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3)])

@@ -1,7 +1,5 @@
 """A geometry written into a URDF: other software reads it, gtpin finds the same robot in it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -96,14 +94,6 @@ def test_a_platform_whose_zero_was_home_has_its_zero_at_the_new_home(robot: gtpi
     pin.forwardKinematics(again.model, again.data, pin.neutral(again.model))
     place = again.data.oMi[again.tcp_joint] * again.tcp_placement
     np.testing.assert_allclose(place.translation, gtpin.home(again).T, rtol=0, atol=1e-12)
-
-
-def test_the_nominal_geometry_exports_to_the_robot_itself(loaded: gtpin.Robot, tmp_path: Path) -> None:
-    again = gtpin.load_robot(written(gtpin.Geometry.nominal(loaded), tmp_path))
-    for one, other in zip(loaded.rods, again.rods, strict=True):
-        np.testing.assert_allclose(one.P, other.P, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(one.C, other.C, rtol=0, atol=2e-15)
-        assert pytest.approx(other.L, abs=1e-15) == one.L
 
 
 def test_track_directions_are_exported_as_unit_vectors_without_the_drives_scale(

@@ -1,13 +1,8 @@
 """Random geometries within the tolerances: arrays, Pinocchio on the exported URDF, and scipy's fsolve."""
 
-from __future__ import annotations
-
 import machines
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays as array_of
 from loaded_machines import drawn
 
 import gtpin
@@ -32,19 +27,9 @@ def agree(geometry: gtpin.Geometry, q: Floats, within: float) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_arrays_agree_with_pinocchio_for_random_geometries(robot: gtpin.Robot, seed: int) -> None:
     q = np.random.default_rng(100 + seed).uniform(robot.lower, robot.upper, (25, 3))
-    agree(drawn(robot, seed), q, 1e-12)
-
-
-@pytest.mark.slow
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    deviation=array_of(float, 48, elements=st.floats(-4.0, 4.0)),
-    share=array_of(float, (3, 3), elements=st.floats(0.0, 1.0)),
-)
-def test_arrays_agree_with_pinocchio_up_to_four_sigma(robot: gtpin.Robot, deviation: Floats, share: Floats) -> None:
     nominal = gtpin.Geometry.nominal(robot)
-    q = robot.lower + share * (robot.upper - robot.lower)
-    agree(nominal.with_values(nominal.values + deviation * nominal.tolerance), q, 1e-12)
+    wide = 2.0 * nominal.tolerance * np.random.default_rng(seed).standard_normal(len(nominal.values))
+    agree(nominal.with_values(nominal.values + wide), q, 1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))

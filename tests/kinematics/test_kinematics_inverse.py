@@ -1,7 +1,5 @@
 """Inverse kinematics: the commands that bring the TCP where it is wanted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machines import Machine

@@ -1,13 +1,13 @@
 """Newton's method on the loops: few steps, rounding at the end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machines import Machine
+from scipy.stats import qmc
 
 import gtpin
 from gtpin.kinematics import newton
+from gtpin.kinematics.first_guess import halton
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 
@@ -60,3 +60,9 @@ def test_rotations_stay_orthogonal_over_long_paths(robot: gtpin.Robot, at_home: 
 def test_moving_nowhere_takes_no_step(at_home: gtpin.ClosedPosture) -> None:
     there = at_home.moved_to([0.1, -0.2, 0.3])
     assert there.moved_to(there.q).steps == 0
+
+
+@pytest.mark.parametrize("coordinates", [1, 3, 6])
+@pytest.mark.parametrize("count", [1, 2, 1001])
+def test_the_sequence_is_scipys_to_the_last_bit(coordinates: int, count: int) -> None:
+    assert np.array_equal(halton(coordinates, count), qmc.Halton(coordinates, scramble=False).random(count))

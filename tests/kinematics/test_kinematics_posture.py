@@ -1,7 +1,5 @@
 """A closed posture can't be spoilt, robots travel between processes, rotations are rotations."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,7 +1,5 @@
 """Static forces: balanced by hand, and the gradient of the potential energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -141,14 +139,6 @@ def test_the_middle_of_a_rod_bears_half_its_weight_more_than_its_lower_end(
     at_carrier = np.einsum("ki,ki->k", forces.loops, u)
     at_platform = at_carrier + u @ weight
     np.testing.assert_allclose(forces.rods, (at_carrier + at_platform) / 2.0, rtol=0, atol=1e-9)
-
-
-def test_payload_is_a_weight_at_the_tcp(at_home: gtpin.ClosedPosture) -> None:
-    posture = at_home.moved_to([0.3, 0.1, -0.2])
-    weight = PAYLOAD * np.array([0.0, 0.0, -9.81])
-    by_payload, by_force = gtpin.static_forces(posture, payload=PAYLOAD), gtpin.static_forces(posture, weight)
-    np.testing.assert_allclose(by_payload.rods, by_force.rods, rtol=1e-12)
-    np.testing.assert_allclose(by_payload.actuators, by_force.actuators, rtol=1e-12)
 
 
 def test_rods_forces_follow_the_geometry(robot: gtpin.Robot) -> None:

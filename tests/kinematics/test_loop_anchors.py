@@ -1,7 +1,5 @@
 """Anchors of loops that are no rods are parameters: the lengths of the links at which a loop is cut."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 from pathlib import Path
@@ -39,19 +37,6 @@ def columns(geometry: gtpin.Geometry) -> list[int]:
 def test_a_loop_has_the_positions_of_both_anchors_as_parameters(geometry: gtpin.Geometry) -> None:
     names = [geometry.names[i] for i in columns(geometry)]
     assert names == [f"anchor[pin.{link}].{axis}" for link in ("left_far", "right_far") for axis in "xyz"]
-
-
-def test_the_derivative_by_anchors_is_that_of_poses_and_measured_joints(
-    geometry: gtpin.Geometry, q: np.ndarray
-) -> None:
-    kinematics = ChainKinematics(geometry)
-    found = kinematics.geometry_jacobian(q, kinematics.forward(q))
-    for column in columns(geometry):
-        step = STEP * np.eye(len(geometry.values))[column]
-        one, other = (ChainKinematics(geometry.with_values(geometry.values + s * step)).forward(q) for s in (1.0, -1.0))
-        joint = (one.joints["elbow_right"] - other.joints["elbow_right"])[:, None]
-        slope = np.hstack([one.minus(other), joint]) / (2.0 * STEP)
-        np.testing.assert_allclose(found[:, :, column], slope, rtol=0, atol=1e-8)
 
 
 def test_the_derivative_of_a_posture_by_anchors_is_that_of_the_kinematics(

@@ -1,6 +1,4 @@
-"""Coordinates of passive joints: those that close the loops, with derivatives by geometry, commands and effects."""
-
-from __future__ import annotations
+"""Coordinates of joints that follow, in loops and where rods hang on a platform: they close, and have derivatives."""
 
 import pickle
 from collections.abc import Callable
@@ -15,13 +13,16 @@ from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
+from gtpin.errors import ModelError, RobotError
 from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.pinocchio_rods import PinocchioRods
+from gtpin.kinematics.posture import ClosedPosture
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.measured_joints import readable
+from gtpin.robot.measured_joints import measured_joint, readable
 
 Floats = np.ndarray
 
-STEP = 1e-5
+STEP = 1e-6
 
 
 def four_bar() -> gtpin.Robot:
@@ -74,24 +75,34 @@ ROBOTS: dict[str, tuple[Callable[[], gtpin.Robot], tuple[str, ...]]] = {
     "parallelogram": (parallelogram, ("follow", "top")),
     "rusr": (spatial_loop, ("rocker_joint", "coupler_joint", "cross_joint")),
 }
+RODS = ("gantry_tau", "gantry_tau_6dof", "linear_delta", "stewart")
 
 
-@pytest.fixture(params=ROBOTS)
+@pytest.fixture(params=(*ROBOTS, *RODS), scope="module")
 def robot(request: pytest.FixtureRequest) -> gtpin.Robot:
+    """With all joints measured that can be: two of each rod."""
+    if request.param in RODS:
+        plain = gtpin.load_robot(request.param)
+        assert len(readable(plain)) == 12
+        return plain.measuring(readable(plain))
     made, joints = ROBOTS[request.param]
     return made().measuring(joints)
 
 
+looped, of_rods = (pytest.mark.parametrize("robot", names, indirect=True) for names in (tuple(ROBOTS), RODS))
+
+
 def off(robot: gtpin.Robot) -> gtpin.Geometry:
-    """A machine whose joints are off by their tolerances."""
+    """A machine whose parameters are off by their tolerances."""
     nominal = gtpin.Geometry.nominal(robot)
-    return nominal.with_values(
-        nominal.values + nominal.tolerance * np.random.default_rng(2).standard_normal(len(nominal.values))
-    )
+    rng = np.random.default_rng(2)
+    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
 
 
 def commands(robot: gtpin.Robot) -> Floats:
-    return np.random.default_rng(3).uniform(-0.3, 0.3, (4, robot.n_actuators))
+    way = np.random.default_rng(3).uniform(-0.15, 0.15, (4, robot.n_actuators))
+    ends = (np.where(np.isfinite(end), end, side) for end, side in ((robot.upper, 1.0), (robot.lower, -1.0)))
+    return np.asarray(robot.home_q + way * np.subtract(*ends))
 
 
 def coordinates(poses: gtpin.Poses) -> Floats:
@@ -99,11 +110,17 @@ def coordinates(poses: gtpin.Poses) -> Floats:
     return np.stack(list(poses.joints.values()), axis=1)
 
 
+def motion(one: gtpin.Poses, other: gtpin.Poses) -> Floats:
+    """(N, 6 + k) by what poses and coordinates differ."""
+    return np.hstack([one.minus(other), coordinates(one) - coordinates(other)])
+
+
 def test_the_joints_that_can_be_read_are_those_that_the_loops_move() -> None:
     for made, joints in ROBOTS.values():
         assert set(readable(made())) == set(joints)
 
 
+@looped
 def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
     """Pinocchio's own forward kinematics at the coordinates leaves no gap of the nominal loops."""
     geometry, q = gtpin.Geometry.nominal(robot), commands(robot)
@@ -130,30 +147,27 @@ def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
 
 
 @pytest.mark.slow
-def test_derivatives_by_geometry_are_those_of_the_coordinates(robot: gtpin.Robot) -> None:
+def test_derivatives_are_those_of_poses_and_coordinates(robot: gtpin.Robot) -> None:
     drawn, q = off(robot), commands(robot)
     here = kinematics(drawn)
-    slopes = [
-        coordinates(kinematics(drawn.with_values(drawn.values + h)).forward(q))
-        - coordinates(kinematics(drawn.with_values(drawn.values - h)).forward(q))
-        for h in STEP * np.eye(len(drawn.values))
-    ]
-    found = here.geometry_jacobian(q, here.forward(q))[:, 6:]
-    assert np.abs(found).max() > 0.1
-    np.testing.assert_allclose(found, np.moveaxis(slopes, 0, 2) / (2.0 * STEP), rtol=0, atol=1e-7)
+    found, plain = here.geometry_jacobian(q, here.forward(q)), kinematics(gtpin.Geometry.nominal(robot)).forward(q)
+    assert plain.reached.all()
+    assert found.shape[1] == robot.motion_size == 6 + len(robot.measured_joints)
 
+    def at(h: Floats) -> gtpin.Poses:
+        return kinematics(drawn.with_values(drawn.values + h)).forward(q)
 
-def test_derivatives_by_commands_are_those_of_the_coordinates(robot: gtpin.Robot) -> None:
-    here, q = kinematics(off(robot)), commands(robot)
+    slopes = [motion(at(h), at(-h)) / (2.0 * STEP) for h in STEP * np.eye(len(drawn.values))]
+    np.testing.assert_allclose(found, np.stack(slopes, axis=2), rtol=0, atol=1e-7)
     steps = STEP * np.eye(robot.n_actuators)
-    slopes = [coordinates(here.forward(q + h)) - coordinates(here.forward(q - h)) for h in steps]
-    found = here.command_jacobian(q, here.forward(q))[:, 6:]
-    assert np.abs(found).max() > 0.1
-    np.testing.assert_allclose(found, np.moveaxis(slopes, 0, 2) / (2.0 * STEP), rtol=0, atol=1e-7)
+    slopes = [motion(here.forward(q + h), here.forward(q - h)) / (2.0 * STEP) for h in steps]
+    found = here.command_jacobian(q, here.forward(q))
+    assert np.abs(found[:, 6:]).max() > 0.1
+    np.testing.assert_allclose(found, np.stack(slopes, axis=2), rtol=0, atol=1e-7)
 
 
 class Displaced(Effect):
-    """One coefficient displaces a command and the frames of all joints and of the tool."""
+    """One coefficient displaces a command, the target, and all frames, or the rods' joints on carriers and lengths."""
 
     id, title = "displaced", "displaced"
 
@@ -161,30 +175,30 @@ class Displaced(Effect):
         return robot.sites
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        rng = np.random.default_rng(4)
-        frames = at.robot.model.njoints
-        return Basis(
-            np.ones(1),
-            command=(0, rng.standard_normal((len(at), 1))),
-            twist=rng.standard_normal((len(at), 6, 1)),
-            placements=tuple((i, rng.standard_normal((len(at), 6, 1))) for i in range(frames)),
-        )
+        rng, k = np.random.default_rng(4), len(at.robot.rods)
+
+        def some(*shape: int) -> Floats:
+            return rng.standard_normal((len(at), *shape, 1))
+
+        if k:
+            parts = {"carrier_joints": some(k, 3), "length": some(k)}
+        else:
+            parts = {"placements": tuple((i, some(6)) for i in range(at.robot.model.njoints))}
+        return Basis(np.ones(1), command=(0, some()), twist=some(6), **parts)
 
 
 def test_displacements_by_effects_are_those_of_the_exact_solution(robot: gtpin.Robot) -> None:
-    here, q, step = kinematics(off(robot)), commands(robot), 2e-6
-    plain = here.forward(q)
-    at = Situation(here, q, plain, {})
+    here, q = kinematics(off(robot)), commands(robot)
+    at = Situation(here, q, here.forward(q), {})
     first = Displaced().basis(at, robot.sites[0]).displacement(at)[:, :, 0]
 
     def displaced(size: float) -> gtpin.Poses:
         active = ActiveEffect(Displaced(), robot.sites[0], None, np.array([size]), np.zeros((1, 1)), at.references)
         return with_effects(here, q, {}, [active])
 
-    there, back = displaced(step), displaced(-step)
-    exact = np.hstack([there.minus(back), coordinates(there) - coordinates(back)]) / (2.0 * step)
+    exact = motion(displaced(STEP), displaced(-STEP)) / (2.0 * STEP)
     assert np.abs(first[:, 6:]).max() > 0.1
-    np.testing.assert_allclose(first, exact, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(first, exact, rtol=1e-7, atol=1e-7)
 
 
 def test_a_robot_measures_the_same_after_it_was_sent_elsewhere_and_moved(robot: gtpin.Robot) -> None:
@@ -205,3 +219,48 @@ def test_poses_do_not_depend_on_what_is_measured(robot: gtpin.Robot) -> None:
     np.testing.assert_array_equal(here.T, there.T)
     np.testing.assert_array_equal(one.geometry_jacobian(q, here)[:, :6], other.geometry_jacobian(q, there))
     assert not there.joints
+
+
+def turned(one: Floats, other: Floats) -> Floats:
+    """Differences of angles, rad."""
+    return np.abs(np.angle(np.exp(1j * (one - other))))
+
+
+def postures(geometry: gtpin.Geometry, q: Floats) -> list[ClosedPosture]:
+    """As Pinocchio closes the URDF of a geometry, pose by pose."""
+    plain = gtpin.Geometry(geometry.robot.measuring([]), geometry.parameters, geometry.values)
+    start = PinocchioRods(plain)._posture
+    return [start.moved_to(row) for row in q]
+
+
+@of_rods
+def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robot) -> None:
+    """No parameter turns the rods' joints on the platform, so that this URDF has them as the nominal one does."""
+    drawn, q = off(robot), commands(robot)
+    found = kinematics(drawn).forward(q)
+    for i, posture in enumerate(postures(drawn, q)):
+        for name, x in found.joints.items():
+            there = measured_joint(posture.robot, name).coordinate(posture.configuration)
+            assert turned(x[i], np.array(there)) < 1e-9, name
+
+
+@of_rods
+def test_poses_that_are_not_reached_have_no_coordinates(robot: gtpin.Robot) -> None:
+    q = np.vstack([robot.home_q, robot.home_q + 50.0 * np.eye(robot.n_actuators)[0]])
+    found = kinematics(gtpin.Geometry.nominal(robot)).forward(q)
+    assert found.reached.tolist() == [True, False]
+    assert np.isfinite(coordinates(found)).all(axis=1).tolist() == [True, False]
+
+
+def test_a_platform_s_pose_has_several_coordinates_and_a_cart_is_driven() -> None:
+    robot = gtpin.load_robot("gantry_tau")
+    for joint, what in (("platform_pose", "6 coordinates"), ("track1", "driven by q1")):
+        with pytest.raises(RobotError, match=what) as caught:
+            robot.measuring([joint])
+        assert "link1_pitch" in caught.value.hint
+
+
+def test_the_solver_of_single_postures_refuses_measured_joints() -> None:
+    robot = gtpin.load_robot("gantry_tau").measuring(["link1_pitch"])
+    with pytest.raises(ModelError, match="arrays"):
+        kinematics(gtpin.Geometry.nominal(robot), "pinocchio")

@@ -1,7 +1,5 @@
 """Loops that are no rods: five-bar and parallelogram, from simulation to an exported URDF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,6 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.errors import RobotError
-from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.description import RobotDescription
 
 
@@ -75,25 +72,6 @@ def test_the_plate_of_a_parallelogram_stays_level() -> None:
         out = 0.1 + 0.5 * np.sin(shoulder) + 0.1 + 0.4 * np.cos(elbow)
         up = 0.3 + 0.5 * np.cos(shoulder) + 0.1 - 0.4 * np.sin(elbow)
         np.testing.assert_allclose(at.T, [out * np.cos(waist), out * np.sin(waist), up], rtol=0, atol=1e-12)
-
-
-def test_derivatives_hold_where_joints_are_off_in_all_directions(robot: gtpin.Robot) -> None:
-    nominal = gtpin.Geometry.nominal(robot)
-    off = nominal.tolerance * np.random.default_rng(2).standard_normal(len(nominal.values))
-    drawn = nominal.with_values(nominal.values + off)
-    here, q, step = kinematics(drawn), np.full((1, robot.n_actuators), 0.2), 1e-5
-    poses = here.forward(q)
-    assert poses.reached.all()
-
-    def at(h: np.ndarray) -> gtpin.Poses:
-        return kinematics(drawn.with_values(drawn.values + h)).forward(q)
-
-    slopes = [at(h).minus(at(-h))[0] / (2.0 * step) for h in step * np.eye(len(drawn.values))]
-    np.testing.assert_allclose(here.geometry_jacobian(q, poses)[0], np.array(slopes).T, rtol=0, atol=1e-8)
-    slopes = [
-        (here.forward(q + h).minus(here.forward(q - h)))[0] / (2.0 * step) for h in step * np.eye(robot.n_actuators)
-    ]
-    np.testing.assert_allclose(here.command_jacobian(q, poses)[0], np.array(slopes).T, rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow

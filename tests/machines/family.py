@@ -1,7 +1,5 @@
 """The shipped machines as the tests' own closures: read from their URDFs with nothing but ElementTree and numpy."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -77,7 +75,7 @@ class Closures:
         assert np.abs(step).max() < 1e-11
         return T, R
 
-    def off(self, deviations: Mapping[str, float]) -> Closures:
+    def off(self, deviations: Mapping[str, float]) -> "Closures":
         """The machine with parameters off by so much, m, rad and m/m."""
         P, C, L, scale, axis = self.P.copy(), self.C.copy(), self.L.copy(), self.scale.copy(), self.axis.copy()
         turns = np.zeros((len(self.sites), 2))
@@ -146,7 +144,7 @@ def turned(v: Floats, turn: Floats) -> Floats:
 
 
 @cache
-def nominal(name: str) -> Closures:
+def nominal(name: str) -> "Closures":
     """A shipped machine's closures."""
     root = ElementTree.parse(gtpin.robot.library.urdf_path(name)).getroot()
     joints = {joint.get("name"): joint for joint in root.findall("joint")}

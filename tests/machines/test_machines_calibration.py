@@ -1,7 +1,5 @@
 """Each shipped machine calibrates: parameters come back, and intervals cover what they say."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

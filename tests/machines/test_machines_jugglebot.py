@@ -1,7 +1,5 @@
 """A real machine: 108 poses of Jugglebot."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 from pathlib import Path

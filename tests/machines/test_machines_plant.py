@@ -1,7 +1,5 @@
 """The plant makes cases of every shipped machine: closed, in balance, each effect where the machine can have it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -58,7 +56,7 @@ def test_guideways_err_only_where_there_are_any(name: str) -> None:
     assert kind("linearity", robot).sites(robot) == robot.sites
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", gtpin.robot_names())
 def test_forces_are_those_of_the_package_s_statics_where_masses_are_nominal(name: str) -> None:
     robot = known_robot(name)
     geometry = gtpin.Geometry.nominal(robot)

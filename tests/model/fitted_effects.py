@@ -1,7 +1,5 @@
 """Models with effects whose coefficients were given instead of fitted, and commands with every covariate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import gtpin

@@ -1,7 +1,5 @@
 """What a model keeps of its fit: the joint covariance of geometry and effects, noise and temperatures."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,10 +1,7 @@
 """The robot that a dataset names has its actuators and its TCP; parts that it lacks are named by their key."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pytest
@@ -14,7 +11,6 @@ from gtpin.bench.simulator import simulate
 from gtpin.data import Driver
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
-from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.library import load_robot
 
 SEVEN = tuple(f"panda_joint{i}" for i in range(1, 8))
@@ -57,15 +53,3 @@ def test_drivers_may_act_at_links_joints_the_platform_and_the_frame(dataset: gtp
     places = ("panda_link3", "panda_joint2", "platform", "frame")
     drivers = (*(Driver("tilt", site, "rx", 1e-3) for site in places), Driver("tilt", "panda_joint2", "q", 1e-3))
     assert robot_of(replace(dataset, drivers=drivers)).n_actuators == 7
-
-
-def test_a_urdf_without_masses_loads_and_is_calibrated() -> None:
-    """A later test of loads says that they can't be seen; geometry needs no mass."""
-    description = load_robot("ur5").description
-    root = parse_xml(description.xml, "ur5")
-    for link in root.findall("link"):
-        for inertial in link.findall("inertial"):
-            link.remove(inertial)
-    robot = gtpin.Robot(RobotDescription.parse(tostring(root, encoding="unicode")))
-    assert robot.n_actuators == 6
-    assert 0.7 < gtpin.calibrate(simulate(robot, "ur5", poses=60, seed=6).dataset, robot).chi2_per_dof < 1.3

@@ -1,7 +1,5 @@
 """Models with effects: written and read bit by bit, wrong files refused by their keys, covariates asked for by name."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import replace
@@ -61,15 +59,6 @@ def test_several_effects_and_a_free_instrument_come_back_whole(tmp_path):
     assert [e.name for e in again.effects] == [e.name for e in effects]
     assert same(again.predict(Q, COLUMNS), model.predict(Q, COLUMNS))
     assert np.array_equal(again.covariance, model.covariance)
-
-
-@pytest.mark.parametrize(("name", "site"), dict(PLACES).items())  # the last site of each
-def test_a_pose_does_not_depend_on_which_others_it_is_asked_with(name, site):
-    model = with_effect(name, site)
-    together = model.predict(Q, COLUMNS)
-    alone = model.predict(Q[[4]], {key: values[[4]] for key, values in COLUMNS.items()})
-    assert np.abs(alone.minus(together[np.array([4])])).max() < 1e-12
-    assert np.abs(together.minus(gtpin.Model(GEOMETRY).predict(Q))).max() > 1e-9  # it does something
 
 
 # -------------------------------------------------------------------------------------------------- wrong files

@@ -1,7 +1,5 @@
 """Models drawn from the posterior."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

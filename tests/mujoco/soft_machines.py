@@ -1,7 +1,5 @@
 """Machines that give way: by the plant's mechanics and by MuJoCo's, and datasets of the latter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -49,14 +47,14 @@ class Day:
     visits: Visits
 
     @staticmethod
-    def draw(seed: int, poses: int) -> Day:
+    def draw(seed: int, poses: int) -> "Day":
         rng = np.random.default_rng(seed)
         machine = RodMachine.draw(gtpin.load_robot("gantry_tau"), rng)
         visits = plan(machine, poses, 1, CONDITIONS, rng)
         return Day(machine, visits.take(~visits.held))
 
     @cached_property
-    def unloaded(self) -> Day:
+    def unloaded(self) -> "Day":
         """The same visits with nothing on the tool."""
         v = self.visits
         return Day(self.machine, replace(v, payload=np.zeros(len(v)), force=np.zeros((len(v), 3))))

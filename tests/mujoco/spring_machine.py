@@ -4,8 +4,6 @@ Nothing of the plant's mechanics is used: no closures, no statics. Bodies, sprin
 does the rest. The plant gives the numbers of the machine, and its rigid poses to start from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

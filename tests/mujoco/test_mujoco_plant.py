@@ -1,11 +1,14 @@
 """The plant's compliance against MuJoCo's: forces, springs, levers and closures are each other's check."""
 
-from __future__ import annotations
+import warnings
 
 import numpy as np
 import pytest
 from soft_machines import Day
 from spring_machine import Springs
+
+from gtpin.diagnosis.diagnose import diagnose
+from gtpin.errors import GtpinWarning
 
 RIGID = [0.0] * 6
 SOFT = {
@@ -49,3 +52,28 @@ def test_what_loads_change_agrees_for_the_plant_as_it_is(day: Day, name: str) ->
     expected = day.by_plant(springs).minus(day.unloaded.by_plant(springs))
     assert size(expected)[0].max() > 1e-5
     assert size(found - expected)[0].max() < 0.02 * size(expected)[0].max()
+
+
+CASES = {
+    "rigid": (Springs(RIGID), []),
+    "a soft link": (Springs([0.0, 0.0, 2e-7, 0.0, 0.0, 0.0]), [("link_compliance", "link2b")]),
+    "a cart along": (Springs(RIGID, {1: [2e-7, 0.0, 0.0, 0.0, 0.0, 0.0]}), [("cart_compliance", "cart2")]),
+    "a cart across": (Springs(RIGID, {2: [0.0, 3e-7, 3e-7, 0.0, 0.0, 0.0]}), [("cart_compliance", "cart3")]),
+    "a cart tips": (Springs(RIGID, {2: [0.0, 0.0, 0.0, 8e-6, 8e-6, 8e-6]}), [("cart_compliance", "cart3")]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_what_gives_way_is_named_and_nothing_else(name: str) -> None:
+    number, (springs, causes) = list(CASES).index(name), CASES[name]
+    dataset = Day.draw(20 + number, 100).dataset(springs, number)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        diagnosis = diagnose(dataset)
+    assert [(cause.effect, cause.site) for cause in diagnosis.causes] == causes
+    assert diagnosis.verdict == ("explained" if causes else "none")
+    if name == "a soft link":
+        found = diagnosis.causes[0].parameters["compliance"]
+        assert found.unit == "m/N"
+        assert abs(found.value - 2e-7) < 3.0 * found.sigma < 1.2e-7

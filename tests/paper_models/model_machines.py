@@ -3,8 +3,6 @@
 Only the nominal numbers come from gtpin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -61,10 +59,10 @@ class Machine:
     R: Floats | None = None
 
     @staticmethod
-    def nominal() -> Machine:
+    def nominal() -> "Machine":
         return Machine(P0, C0, L0, tuple(straight(AXES[c]) for c in CART))
 
-    def off(self, seed: int) -> Machine:
+    def off(self, seed: int) -> "Machine":
         """The machine with joints and lengths off by about the manufacturing tolerances."""
         rng = np.random.default_rng(seed)
         return replace(
@@ -121,7 +119,7 @@ class Machine:
         )
 
 
-def reduced(seed: int, paths: tuple[Path, Path, Path] | None = None) -> Machine:
+def reduced(seed: int, paths: tuple[Path, Path, Path] | None = None) -> "Machine":
     """Three rods to one point and a plate that keeps its turn (eqs. 1 to 3), near the Gantry-Tau, off by the tolerances."""
     C = np.array([(C0 - P0 @ HOME_R.T)[c == CART].mean(axis=0) for c in range(3)])
     L = np.array([L0[c == CART].mean() for c in range(3)])

@@ -1,7 +1,5 @@
 """The paper's cost: squared closure residuals at measured poses, each rod by itself (eq. 6)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import model_machines as mm

@@ -1,7 +1,5 @@
 """Models 1 to 5 side by side on poses that they were not fitted to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import model_machines as mm

@@ -1,7 +1,5 @@
 """Analytic derivatives of the models' kinematics against differences of the kinematics themselves."""
 
-from __future__ import annotations
-
 import model_machines as mm
 import numpy as np
 import pytest

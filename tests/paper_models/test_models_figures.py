@@ -1,7 +1,5 @@
 """Figures of a comparison, and its files."""
 
-from __future__ import annotations
-
 import builtins
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The reduced arm: a plate that never turns, on three rods that meet in a point (eqs. 1 to 3)."""
 
-from __future__ import annotations
-
 import model_machines as mm
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A measured track holds where it was measured, and a model on one keeps it on disk."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +11,6 @@ import gtpin
 from gtpin import Commands, Dataset, Model
 from gtpin.calibration.paper_models import model_geometry
 from gtpin.errors import DatasetError, GtpinWarning, ModelError
-from gtpin.kinematics.closures import solve_each
 from gtpin.model.predict import predict
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 50 + c)) for c in range(3))
@@ -81,13 +78,6 @@ def test_a_model_on_disk_is_the_same_model(number: int, orientations: bool, tmp_
     difference = after.predict(q).minus(before.predict(q))
     assert np.abs(difference).max() < 1e-12
     assert (after.geometry.outside_tracks(2.0 * Q) == before.geometry.outside_tracks(2.0 * Q)).all()
-
-
-def test_a_singular_and_a_missing_system_leave_the_others_solved():
-    matrices = np.array([2.0 * np.eye(6), np.ones((6, 6)), np.full((6, 6), np.nan), np.eye(6)])
-    solved = solve_each(matrices, np.ones((4, 6)))
-    np.testing.assert_allclose(solved[[0, 3]], [[0.5] * 6, [1.0] * 6])
-    assert np.isnan(solved[[1, 2]]).all()
 
 
 def test_the_turning_of_carts_is_refused_where_no_track_is_measured():

@@ -1,7 +1,5 @@
 """Each of the paper's models finds a machine that is exactly of its kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import model_machines as mm
@@ -88,16 +86,10 @@ def test_a_cart_that_turns_needs_its_measured_turning():
     assert left[False] > 2.0 * left[True]
 
 
-def test_model_5_by_validation_takes_the_rods_whose_measured_tracks_are_true():
-    # Cart 2 bends as it was measured; carts 1 and 3 are straight, and bends were measured that they do not have.
-    paths = (mm.straight(mm.AXES[0]), *(BENT[1],) * 2, *(mm.straight(mm.AXES[2]),) * 3)
+@pytest.mark.parametrize("bends", [(False, True, False), (True, False, True)])
+def test_model_5_by_validation_takes_the_rods_whose_measured_tracks_are_true(bends: tuple[bool, ...]) -> None:
+    """Bends were measured of all carts; the others are straight."""
+    paths = tuple(BENT[c] if bends[c] else mm.straight(mm.AXES[c]) for c in mm.CART)
     truth = replace(mm.Machine.nominal(), paths=paths).off(84)
     dataset = truth.dataset(FIT, NOISE, TURN_NOISE, 2, mm.carts_of(BENT))
-    assert better_measured(mm.ROBOT, dataset) == [False, True, True, False, False, False]
-
-
-def test_model_5_by_validation_takes_other_rods_where_others_are_true():
-    paths = (BENT[0], *(mm.straight(mm.AXES[1]),) * 2, *(BENT[2],) * 3)
-    truth = replace(mm.Machine.nominal(), paths=paths).off(85)
-    dataset = truth.dataset(FIT, NOISE, TURN_NOISE, 2, mm.carts_of(BENT))
-    assert better_measured(mm.ROBOT, dataset) == [True, False, False, True, True, True]
+    assert better_measured(mm.ROBOT, dataset) == [bends[c] for c in mm.CART]

@@ -1,7 +1,5 @@
 """Measured tracks, out of carts measured by themselves in a frame of their own."""
 
-from __future__ import annotations
-
 import model_machines as mm
 import numpy as np
 import pytest

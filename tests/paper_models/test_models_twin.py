@@ -1,7 +1,5 @@
 """The twin of the paper's experiment: what the paper reports of its machine holds for the twin."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings

@@ -1,7 +1,5 @@
 """Features of MJCF that move a body or change a mass: gtpin has MuJoCo's poses and masses, or says by name that it has not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 

@@ -1,7 +1,5 @@
 """Any robot: by the names of example-robot-data, with any of its joints commanded, and with a TCP that it need not name."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import subprocess

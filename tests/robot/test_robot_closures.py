@@ -1,7 +1,5 @@
 """A robot of example-parallel-robots: a URDF without loops, and a YAML file that closes them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints with <mimic> follow: they are not counted, and move with their masters in poses, derivatives and loads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The shipped Gantry-Tau is the machine of Table II, model 3, of Dressler, Brogardh and Robertsson, ICRA 2010."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An arm with a gripper whose fingers are loops: without a command of its own, the gripper rests, and its mass stays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring
 

@@ -1,7 +1,5 @@
 """A robot with a single moving joint loads, moves, is simulated, calibrated and asked for its poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -51,34 +49,6 @@ def test_it_is_simulated_and_calibrated(kind: str) -> None:
     assert 0.8 < found.chi2_per_dof < 1.25
     off = found.model.predict(made.commands.q).T - made.truth.T
     assert np.sqrt((off**2).mean()) < 1.5e-5  # less than one measurement's noise, by 80 of them
-
-
-@pytest.mark.slow
-def test_a_planar_loop_with_joints_off_by_tolerances_is_simulated_and_calibrated(four_bar_urdf: str) -> None:
-    """Across its plane no such loop closes: play in its bearings takes that up."""
-    robot = gtpin.Robot(RobotDescription.parse(four_bar_urdf))
-    made = simulate(robot, "four_bar", poses=80, seed=3)
-    found = gtpin.calibrate(made.dataset, robot)
-    assert 0.75 < found.chi2_per_dof < 1.25
-    off = found.model.predict(made.commands.q).T - made.truth.T
-    assert np.sqrt((off**2).mean()) < 1.5e-5
-
-
-@pytest.fixture
-def four_bar_urdf() -> str:
-    links = "".join(f'<link name="{name}"/>' for name in ("base", "crank", "coupler", "rocker"))
-    joints = "".join(
-        f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} 0 0" rpy="0 0 {yaw}"/><axis xyz="0 0 1"/></joint>'
-        for parent, child, x, yaw in (
-            ("base", "crank", 0, 0),
-            ("crank", "coupler", 0.2, 1.025),
-            ("base", "rocker", 0.6, 1.889),
-        )
-    )
-    loop = '<loop_joint name="pin" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/><link2 link="rocker" xyz="0.45 0 0"/>'
-    own = '</loop_joint><gtpin><actuator joint="crank_joint"/><platform link="rocker"/></gtpin>'
-    return f'<robot name="four_bar">{links}{joints}{loop}{own}</robot>'
 
 
 def test_a_chain_so_long_that_its_parser_s_stack_overflows_is_refused() -> None:

@@ -1,7 +1,5 @@
 """A scene in the style of MuJoCo Menagerie as the nominal robot: objects beside it, meshes that are missing, measured poses."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Passive motions that the loops leave free, joints that move nothing, and loop joints of other types: one line says so."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

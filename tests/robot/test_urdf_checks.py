@@ -1,7 +1,5 @@
 """A URDF that can be parsed, but is not what its author means: said by name, in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a machine to its model, to MuJoCo, and to a diagnosis again; machines by the plant, which shares no code with gtpin."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands and offsets with which a nominal simulator shows a diagnosed machine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An environment of the nominal robot that behaves as diagnosed machines do."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 

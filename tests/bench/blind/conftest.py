@@ -1,7 +1,5 @@
 """A small machine, and a folder of cases made by hand."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cases made by hand: truths, and diagnoses that nobody made."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pieces of work that tell about the process they run in; they import nothing of gtpin themselves."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -1,7 +1,5 @@
 """The public set is made again bit for bit, solvers do not see truths, and the command makes and scores it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

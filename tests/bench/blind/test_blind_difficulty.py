@@ -72,14 +72,6 @@ def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(difficulty: D
         assert nonlinear is None or found.nonlinear == pytest.approx(nonlinear, rel=0.05)
 
 
-def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
-    (effect,) = linearity[0].effects
-    whole = difficulty.energy(effect.displacement)
-    assert all(
-        -1e-6 * whole <= best.left <= whole * (1 + 1e-9) for best in difficulty.left(effect.displacement).values()
-    )
-
-
 def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
     linearity: tuple[Case, Calibration], difficulty: Difficulty
 ) -> None:

@@ -4,107 +4,26 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from arm_urdf import a_plant, nominal, urdf_file
+from plant_machines import a_plant, nominal, urdf_file
 
 import gtpin
-from gtpin.bench.blind.draw import drafts, made, truth_of
-from gtpin.bench.simulator import make_case, simulate
+from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.poses import exp, log
+from gtpin.bench.simulator.poses import log
 from gtpin.bench.simulator.recipe import Conditions, Noise
-from gtpin.bench.simulator.tree import moved
 from gtpin.bench.simulator.urdf import read_urdf
 
-PLANT = a_plant()
-
-
-def by_pinocchio(machine: ArmMachine):
-    """Pinocchio's model of a machine, and the placement of its TCP on the last joint."""
-    robot = nominal()[0]
-    model = robot.model.copy()
-    for name, twist in zip(machine.robot.sites, machine.twists, strict=True):
-        j = model.getJointId(name)
-        model.jointPlacements[j] = model.jointPlacements[j] * pin.exp6(twist)
-        own = machine.robot.sites.index(name)
-        model.inertias[j] = pin.Inertia(machine.masses[own], machine.centres[own], np.eye(3))
-    return model, robot.tcp_placement * pin.exp6(machine.tool)
-
-
-def poses_by_pinocchio(machine: ArmMachine, q: np.ndarray):
-    model, tool = by_pinocchio(machine)
-    data = model.createData()
-    for row in q:
-        pin.forwardKinematics(model, data, row)
-        yield data.oMi[model.njoints - 1] * tool
-
-
-def test_poses_of_a_drawn_machine_are_pinocchio_s() -> None:
-    machine, q = PLANT.machine, PLANT.visits.q
-    found = machine.forward(q)
-    for i, M in enumerate(poses_by_pinocchio(machine, q)):
-        assert np.abs(found.T[i] - M.translation).max() < 1e-12
-        assert np.abs(found.R[i] - M.rotation).max() < 1e-12
-
-
-def test_derivatives_by_placements_and_tool_are_differences_of_pinocchio_s_poses() -> None:
-    machine, q = PLANT.machine, PLANT.visits.q[:4]
-    columns = machine.by_tolerance(q, machine.forward(q)) / np.tile(machine.robot.tolerance, machine.n_carts + 1)
-    step = 1e-5
-    for i in range(machine.n_carts + 1):
-        for c in range(6):
-            h = np.zeros((machine.n_carts + 1, 6))
-            h[i, c] = step
-            one, other = (
-                list(
-                    poses_by_pinocchio(
-                        replace(machine, twists=machine.twists + s * h[:-1], tool=machine.tool + s * h[-1]), q
-                    )
-                )
-                for s in (1, -1)
-            )
-            for row in range(len(q)):
-                slope = np.hstack(
-                    [one[row].translation - other[row].translation, pin.log3(one[row].rotation @ other[row].rotation.T)]
-                )
-                np.testing.assert_allclose(columns[row, :, 6 * i + c], slope / (2.0 * step), atol=1e-8)
-
-
-def test_loads_of_the_joints_are_pinocchio_s_gravity_and_the_tool_s_forces() -> None:
-    now, machine, visits = PLANT.ideal, PLANT.machine, PLANT.visits
-    model, tool = by_pinocchio(machine)
-    data = model.createData()
-    for i, q in enumerate(visits.q):
-        weight = pin.computeGeneralizedGravity(model, data, q)
-        J = pin.computeJointJacobians(model, data, q)
-        at = data.oMi[model.njoints - 1] * tool
-        force = visits.force[i] + visits.payload[i] * np.array([0.0, 0.0, -9.81])
-        J = pin.getJointJacobian(model, data, model.njoints - 1, pin.LOCAL_WORLD_ALIGNED)
-        lever = at.translation - data.oMi[model.njoints - 1].translation
-        push = J[:3].T @ force + J[3:].T @ np.cross(lever, force)
-        loads = np.array([now.load(c)[i] for c in range(machine.n_carts)])
-        np.testing.assert_allclose(loads, push - weight, atol=1e-9)
+ROBOT, ARM = nominal("seven")
 
 
 def test_a_body_s_mass_is_that_of_its_link_and_of_all_that_is_fixed_to_it() -> None:
-    for joint in read_urdf(nominal()[0].description.xml).joints:
-        inertia = nominal()[0].model.inertias[nominal()[0].model.getJointId(joint.name)]
+    for joint in read_urdf(ROBOT.description.xml).joints:
+        inertia = ROBOT.model.inertias[ROBOT.model.getJointId(joint.name)]
         assert joint.mass == pytest.approx(inertia.mass)
         np.testing.assert_allclose(joint.centre, inertia.lever, atol=1e-12)
-
-
-@pytest.mark.parametrize("size", [1e-9, 5e-4, 0.9e-2, 1.1e-2, 1.0])
-def test_a_placement_moves_by_the_exponential_of_its_twist(size: float) -> None:
-    twist = size * np.array([0.3, -0.5, 0.2, 0.6, 0.1, -0.7])
-    R, p = exp([0.2, 0.4, 1.0]), np.array([0.1, 0.2, -0.4])
-    expected = pin.SE3(R, p) * pin.exp6(twist)
-    found = moved(R, p, twist)
-    np.testing.assert_allclose(found[0], expected.rotation, atol=1e-14)
-    np.testing.assert_allclose(found[1], expected.translation, atol=1e-13)
 
 
 def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None:
@@ -130,7 +49,7 @@ def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None
 
 
 def test_commands_keep_the_arm_in_front_of_its_base_above_the_floor_and_spread_it_out() -> None:
-    plant = a_plant(poses=300)
+    plant = a_plant("seven", 300)
     robot, q, T = plant.machine.robot, plant.visits.q, plant.ideal.tcp.T
     middle, half = (robot.lower + robot.upper) / 2.0, (robot.upper - robot.lower) / 2.0
     assert (np.abs(q - middle) <= 0.6 * half + 1e-6).all()
@@ -141,16 +60,15 @@ def test_commands_keep_the_arm_in_front_of_its_base_above_the_floor_and_spread_i
 
 
 def test_payloads_and_pushes_are_those_of_the_robot_s_size() -> None:
-    robot = nominal()[1]
-    assert 3.0 <= robot.capacity <= 5.0  # moves 21.2 kg
-    drawn = [Conditions.draw(np.random.default_rng(s), ("force", "payload"), robot.capacity) for s in range(30)]
-    assert {max(c.payloads) for c in drawn} == {robot.capacity}
-    assert max(c.push for c in drawn) <= 250.0 * robot.capacity / 20.0
+    assert 3.0 <= ARM.capacity <= 5.0  # moves 21.2 kg
+    drawn = [Conditions.draw(np.random.default_rng(s), ("force", "payload"), ARM.capacity) for s in range(30)]
+    assert {max(c.payloads) for c in drawn} == {ARM.capacity}
+    assert max(c.push for c in drawn) <= 250.0 * ARM.capacity / 20.0
 
 
 @pytest.mark.slow
 def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_path: Path) -> None:
-    file = str(urdf_file(tmp_path))
+    file = urdf_file("seven", tmp_path)
     asked = {"effects": [("backlash", "elbow")], "energy": 500.0, "poses": 60, "held_out": 10, "robot": file}
     plain, free = (make_case(3, noise=Noise(free=f, free_target=f), **asked) for f in (False, True))
     assert free.dataset.instrument.frame == "free"
@@ -171,7 +89,7 @@ def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_pat
 
 @pytest.mark.slow
 def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(tmp_path: Path) -> None:
-    file = str(urdf_file(tmp_path))
+    file = urdf_file("seven", tmp_path)
     one, again, other = (make_case(seed, robot=file, poses=50, held_out=10) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.dataset.position, again.dataset.position)
     assert one.dataset.position.shape != other.dataset.position.shape or (one.dataset.q != other.dataset.q).any()
@@ -180,29 +98,3 @@ def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(t
             make_case(0, effects=effects, robot=file)
     with pytest.raises(gtpin.GtpinError, match="free target"):
         make_case(0, noise=Noise(free_target=True), robot="gantry_tau")
-
-
-def test_a_simulated_arm_without_effects_is_where_its_geometry_says() -> None:
-    robot = nominal()[0]
-    made = simulate(robot, "seven", poses=40, held_out=10, seed=4)
-    off = made.dataset.position - gtpin.Model(made.machine.geometry).predict(made.dataset.q).T
-    assert np.abs(off).max() < 6.0 * 1.5e-5
-    np.testing.assert_allclose(made.truth.T, gtpin.Model(made.machine.geometry).predict(made.commands.q).T, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_check_draws_arms_with_their_own_effects_and_makes_them(tmp_path: Path) -> None:
-    file = str(urdf_file(tmp_path))
-    drawn = list(drafts(300, 1, file))
-    singles = [draft.effects[0] for draft in drawn if draft.kind == "one"]
-    assert set(singles) == {k.name for k in ARM_CATALOGUE}
-    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in ARM_UNLISTED}
-    for kind in ("one", "rough", "two", "unlisted"):
-        draft = next(draft for draft in drawn if draft.kind == kind)
-        case = made(draft)
-        truth = truth_of(case, draft.kind)
-        assert len(case.dataset) == len(case.visits)
-        for effect in truth.effects:
-            assert effect.displacement is not None
-            assert len(effect.displacement) == len(case.dataset)
-            assert effect.site in {*nominal()[1].sites, *nominal()[1].link_sites, "arm", "platform", "frame"}

@@ -1,13 +1,11 @@
 """Encoders at joints that follow in loops: the plant's readings have all effects in, and its energies are those of readings."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from looped_urdf import FIVE_BAR
+from plant_machines import FIVE_BAR
 from typer.testing import CliRunner
 
 import gtpin
@@ -141,19 +139,6 @@ def test_an_encoder_and_a_tracker_see_one_posture_with_what_the_drives_do(
     there = values[:, 0] - case.hidden["encoder.zero"]
     assert np.abs(turned(there - followed(case, case.commands.q, held))).max() < EXACT
     assert (sigmas == 2e-5).all()
-
-
-def test_the_energy_of_an_effect_is_that_of_the_readings_past_geometry_and_the_zero(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(build, "errors", none)
-    case = built("backlash", "drive_right", ("encoder",), repeatability=(0.0, 0.0))
-    case.write_dataset(tmp_path)
-    dataset = gtpin.Dataset.read(tmp_path)
-    model = true_kinematics(case)
-    energy = energy_of(model, five_bar(), dataset, case.hidden["encoder.zero"])
-    assert case.effects[0].energy == pytest.approx(energy, rel=1e-3)
-    assert case.effects[0].energy == pytest.approx(500.0, rel=1e-2)
 
 
 def test_what_moves_the_measurement_frame_has_no_energy_in_an_encoder_s_readings() -> None:

@@ -1,7 +1,5 @@
 """What other instruments read of a virtual machine: their equations hold, and what is hidden has the contract's names."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace
@@ -11,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
-from test_plant_loops import spatial_loop
 
 import gtpin
 from gtpin.bench.simulator.case import drawn_recipe
@@ -244,22 +241,6 @@ def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None
     (read,) = (read for read in case.dataset.read if read.described["name"] == "wire")
     off = np.abs(read.columns["range"] - wire.readings(case.true[wire.stop], wire.truth)[:, 0]) > 6.0 * wire.sigma[:, 0]
     assert 0.05 < off.mean() < 0.15
-
-
-@pytest.mark.slow
-def test_an_encoder_reads_a_passive_joint_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build, "errors", none)
-    robot = spatial_loop()
-    case = simulate_measured(robot, "rusr", ["encoder"], poses=12, seed=1, held_out=2)
-    (read,), machine = case.dataset.read, case.machine
-    joint = read.described["joint"]
-    assert joint not in [actuator.joint for actuator in robot.actuators]
-    zero = case.hidden["encoder.zero"]
-    step, rows = 1e-6, case.dataset.q[read.stop]
-    # A crank that turns by a little turns the joint by the slope of its readings.
-    ahead, here, behind = (machine.predict(q).joints[joint] for q in (rows + step, rows, rows - step))
-    assert np.abs((ahead - behind) / (2.0 * step)).max() > 0.05
-    np.testing.assert_allclose(read.columns["reading"] - zero, here, atol=EXACT)
 
 
 @pytest.mark.slow

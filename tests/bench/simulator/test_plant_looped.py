@@ -1,17 +1,16 @@
-"""Machines with loops that are no rods: what effects do to them, by closed postures, virtual work, and Pinocchio."""
-
-from __future__ import annotations
+"""Machines that are no rods: what effects do to them, by closed postures, virtual work, and Pinocchio."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from looped_urdf import ROBOTS, a_plant, nominal
+from plant_machines import LOOPED, ROBOTS, a_plant, nominal
 
 import gtpin
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
+from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.urdf import Frame
 from gtpin.errors import UnreachableError
@@ -42,7 +41,7 @@ def off(found: Poses, expected: object) -> float:
     return float(np.abs(found.minus(Poses(expected.T, expected.R))).max())  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LOOPED)
 def test_the_contract_s_effects_are_at_commanded_joints_and_links_that_reach_to_another(name: str) -> None:
     robot, arm = nominal(name)
     links = tuple(arm.link_sites[c] for c in range(arm.n_actuators))
@@ -94,14 +93,14 @@ def test_a_drive_bears_what_the_energy_of_all_weights_and_of_the_push_changes_by
         np.testing.assert_allclose(now.load(c), slope, atol=(1e-6 if name == "spatial" else 2e-5) * scale)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LOOPED)
 def test_what_followers_bear_about_their_own_axes_is_nothing(name: str) -> None:
     now = a_plant(name).ideal
     for j in now.machine.loops.passive:
         assert np.abs(now._along(j, *now._loads)).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LOOPED)
 def test_loads_of_the_joints_are_the_package_s_by_recursive_newton_and_euler(name: str) -> None:
     robot, arm = nominal(name)
     machine, visits = ArmMachine.of(arm), a_plant(name).visits
@@ -115,7 +114,7 @@ def test_loads_of_the_joints_are_the_package_s_by_recursive_newton_and_euler(nam
         np.testing.assert_allclose(np.einsum("nji,nj->ni", seat, moment), expected[:, 3:], atol=1e-7)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LOOPED)
 def test_a_joint_that_is_off_is_one_that_is_commanded_or_placed_elsewhere(name: str) -> None:
     plant = a_plant(name)
     machine, q, near = plant.machine, plant.visits.q, plant.ideal.bodies
@@ -160,9 +159,11 @@ def test_deviations_that_open_the_loops_are_one_line() -> None:
     torn.axis[:, 0, :3] = 3.0
     with pytest.raises(UnreachableError, match="open the loops"):
         plant.ideal.settled_by(torn)
+    far = Loops.of(nominal("spatial")[0], {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
+    assert not far.predict(np.array([[0.1]])).reached.any()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LOOPED)
 def test_commands_are_all_over_the_ranges_where_the_loops_lead_the_tcp_well(name: str) -> None:
     machine, q = a_plant(name, 200).machine, a_plant(name, 200).visits.q
     half = (machine.robot.upper - machine.robot.lower) / 2.0

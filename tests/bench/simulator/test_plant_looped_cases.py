@@ -1,6 +1,4 @@
-"""What causes do to machines with loops, each by its property, and the cases that are made of them."""
-
-from __future__ import annotations
+"""What causes do to machines that are no rods, each by its property, and the cases that are made of them."""
 
 import json
 from dataclasses import replace
@@ -8,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from looped_urdf import FIVE_BAR, ROBOTS, a_plant, nominal, spatial
+from plant_machines import FIVE_BAR, LOOPED, ROBOTS, a_plant, nominal, urdf_file
 from typer.testing import CliRunner
 
 from gtpin.bench.blind.draw import drafts, made, truth_of
@@ -16,8 +14,7 @@ from gtpin.bench.simulator import draw_case, make_case
 from gtpin.bench.simulator.build import build, known_robot, measure_at
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, LOOPED_UNLISTED, kind, listed, unlisted
-from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, kind, listed, unlisted
 from gtpin.bench.simulator.recipe import Conditions
 from gtpin.bench.simulator.response import Response
 from gtpin.cli import app
@@ -27,7 +24,7 @@ NAMES = tuple(ROBOTS)
 PLACES = [
     (name, k.name, site)
     for name in NAMES
-    for kinds in (listed, unlisted)
+    for kinds in ((listed, unlisted) if name in LOOPED else (listed,))
     for k in kinds(nominal(name)[1])
     for site in k.sites(nominal(name)[1])
 ]
@@ -90,7 +87,7 @@ def test_gravity_loads_the_drives_of_an_upright_loop_and_a_push_alone_those_of_a
 
 
 def test_a_base_that_tilts_turns_all_that_stands_on_it_about_its_origin() -> None:
-    for name in NAMES:
+    for name in LOOPED:
         now = a_plant(name).ideal
         turn = np.array([1e-4, -2e-4, 5e-5])
         moved = now.settled_by(now.tilted(np.ones(len(now)), turn)).poses.minus(now.poses)
@@ -98,7 +95,7 @@ def test_a_base_that_tilts_turns_all_that_stands_on_it_about_its_origin() -> Non
         np.testing.assert_allclose(moved[:, 3:], np.tile(turn, (len(now), 1)), atol=2e-7)
 
 
-@pytest.mark.parametrize(("name", "site"), [(n, s) for n in NAMES for s in nominal(n)[1].pin_sites])
+@pytest.mark.parametrize(("name", "site"), [(n, s) for n in LOOPED for s in nominal(n)[1].pin_sites])
 def test_a_worn_pin_has_play_across_its_axis_on_the_side_of_its_force(name: str, site: str) -> None:
     plant, arm = a_plant(name), nominal(name)[1]
     now, j = plant.ideal, arm.pins[arm.pin_sites.index(site)]
@@ -119,43 +116,23 @@ def test_what_goes_by_a_load_is_pushed_in_a_machine_with_loops() -> None:
     assert recipe.conditions.push > 0.0
 
 
-@pytest.fixture
-def one_command(tmp_path: Path) -> str:
-    file = tmp_path / "rusr.urdf"
-    file.write_text(spatial(), encoding="utf-8")
-    return str(file)
-
-
 @pytest.mark.slow
-def test_a_case_is_the_same_for_the_same_seed_and_has_the_energy_asked_for() -> None:
-    asked = {
-        "effects": [("servo_lag", "drive_right")],
-        "energy": 100.0,
-        "poses": 60,
-        "held_out": 10,
-        "robot": str(FIVE_BAR),
-    }
-    one, again, other = (make_case(seed, **asked) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(one.dataset.position, again.dataset.position)
-    assert (one.dataset.q[:10] != other.dataset.q[:10]).any()
-    assert one.effects[0].energy == pytest.approx(100.0, rel=2e-3)
-    assert Path(one.dataset.robot).is_absolute()
-
-
-@pytest.mark.slow
-def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(one_command: str) -> None:
+def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(tmp_path: Path) -> None:
     for order in ("random", "layers"):
-        case = make_case(1, poses=30, held_out=5, conditions=Conditions(order=order), robot=one_command)
+        case = make_case(
+            1, poses=30, held_out=5, conditions=Conditions(order=order), robot=urdf_file("spatial", tmp_path)
+        )
         assert case.dataset.q.shape[1] == 1
         assert np.isfinite(case.truth.T).all()
 
 
 @pytest.mark.slow
-def test_a_check_draws_machines_with_loops_with_their_own_effects_and_makes_them() -> None:
-    drawn = list(drafts(400, 1, str(FIVE_BAR)))
-    arm = known_robot(str(FIVE_BAR))
+@pytest.mark.parametrize("name", ["five_bar", "seven"])
+def test_a_check_draws_machines_with_their_own_effects_and_makes_them(name: str, tmp_path: Path) -> None:
+    file = urdf_file(name, tmp_path)
+    drawn, arm = list(drafts(400, 1, file)), known_robot(file)
     assert {draft.effects[0] for draft in drawn if draft.kind == "one"} == {k.name for k in ARM_CATALOGUE}
-    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in LOOPED_UNLISTED}
+    assert {draft.effects[0] for draft in drawn if draft.kind == "unlisted"} == {k.name for k in unlisted(arm)}
     for wanted in ("one", "rough", "three", "known_and_unlisted"):
         case = made(next(draft for draft in drawn if draft.kind == wanted))
         for effect in truth_of(case, wanted).effects:
@@ -171,14 +148,6 @@ def test_a_machine_with_loops_is_measured_again_after_its_day() -> None:
     again = measure_at(case, Commands(case.commands.pose, case.commands.q))
     # Loads are others than in the day: the drive gives way by more or less, and the instrument has its noise.
     assert np.abs(again.position - case.truth.T).max() < 1e-3
-
-
-@pytest.mark.slow
-def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_effects() -> None:
-    recipe = drawn_recipe(2, effects=[("backlash", "drive_right")], poses=30, held_out=5, robot=str(FIVE_BAR))
-    case = build_measured(recipe, ("range", "tilt"))
-    assert case.effects[0].energy > 1.0
-    assert "placement[elbow_right].x" in case.geometry
 
 
 @pytest.mark.slow

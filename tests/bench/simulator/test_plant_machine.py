@@ -10,8 +10,6 @@ from gtpin.bench.simulator.recipe import Conditions
 from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
-from gtpin.kinematics.statics import rod_forces
-from gtpin.robot.geometry import Geometry
 
 ROBOT = known_robot("gantry_tau")
 STATION = np.array([1.5, -7.0, 0.3])
@@ -79,28 +77,9 @@ def test_forces_and_deflections_agree_where_the_machine_comes_to_rest() -> None:
         np.testing.assert_allclose(getattr(again, name), getattr(deviation, name), atol=1e-12)
 
 
-def test_forces_are_those_of_the_package_s_statics_where_masses_are_nominal() -> None:
-    geometry = Geometry.nominal(ROBOT)
-    plate = ROBOT.tcp_placement.inverse() * ROBOT.model.inertias[ROBOT.tcp_joint]
-    machine = RodMachine(geometry, float(plate.mass), np.array(plate.lever), np.full(6, 4.1))
-    plant = Response(machine, PLANT.visits, STATION)
-    visits = plant.visits
-    expected = rod_forces(machine.kinematics, visits.q, plant.ideal.poses, visits.force, visits.payload)
-    np.testing.assert_allclose(plant.ideal.forces, expected, atol=1e-6)
-
-
 def test_masses_are_off_nominal_by_some_per_cent() -> None:
     masses = np.array([RodMachine.draw(ROBOT, np.random.default_rng(s)).rod_masses for s in range(50)]) / 4.1
     assert 0.02 < masses.std() < 0.06
-
-
-def test_rods_hold_the_platform_in_balance() -> None:
-    now, g = PLANT.ideal, 9.81
-    pulls = -(now.forces[..., None] * now.along).sum(axis=1)  # of the rods on the platform
-    machine, visits = PLANT.machine, PLANT.visits
-    weight = (machine.plate_mass + machine.rod_masses.sum() / 2.0 + visits.payload) * g
-    np.testing.assert_allclose(pulls + visits.force, np.outer(weight, [0.0, 0.0, 1.0]), atol=1e-9)
-    np.testing.assert_allclose(sum(now.pull(c) for c in range(3)), -pulls, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["backlash", "cable_chain", "guide_whip"])

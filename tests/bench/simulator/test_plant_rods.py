@@ -5,10 +5,9 @@ import pytest
 from scipy.optimize import approx_fprime
 
 import gtpin
-from gtpin.bench.simulator.poses import Poses, across, exp, log
+from gtpin.bench.simulator.poses import Poses, exp, log
 from gtpin.bench.simulator.rods import RodEnds, Rods, closed, each_solved
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.robot.parameters import rotation_axes
 
 NAMES = gtpin.robot_names()
 
@@ -18,17 +17,6 @@ def commands(robot: gtpin.Robot, count: int, seed: int = 0) -> np.ndarray:
     lower, upper = (np.where(np.isfinite(x), x, s * np.pi) for x, s in ((robot.lower, -1), (robot.upper, 1)))
     way = np.random.default_rng(seed).uniform(-0.25, 0.25, (count, robot.n_actuators)) * (upper - lower)
     return np.clip(robot.home_q + way, lower, upper)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_poses_are_pinocchio_s_closed_postures(name: str) -> None:
-    robot = gtpin.load_robot(name)
-    q, start = commands(robot, 8), gtpin.home(robot)
-    found = Rods(gtpin.Geometry.nominal(robot)).predict(q)
-    for i, row in enumerate(q):
-        posture = start.moved_to(row)
-        assert np.abs(found.T[i] - posture.T).max() < 1e-9
-        assert np.abs(log(found.R[i] @ posture.R.T)).max() < 1e-9
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -90,8 +78,3 @@ def test_rotations_turn_as_they_should() -> None:
         np.testing.assert_allclose(exp(v) @ exp(-v), np.eye(3), atol=1e-15)
     slope = approx_fprime(np.zeros(3), lambda v: exp(v) @ [0.0, 0.0, 1.0], 1e-7)
     np.testing.assert_allclose(slope[0], [0.0, 1.0, 0.0], atol=1e-6)
-
-
-def test_small_turns_of_a_track_are_about_the_axes_of_the_conventions() -> None:
-    for direction in ([1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.36, 0.48, 0.8]):
-        np.testing.assert_allclose(across(np.array(direction)), rotation_axes(np.array(direction))[:2], atol=1e-15)

@@ -1,6 +1,4 @@
-"""Robots with loops that are no rods, with masses: planar upright, planar level, spatial, and a parallelogram on a column."""
-
-from __future__ import annotations
+"""Robots that are no rods, with masses: an arm, and loops (planar upright, planar level, spatial, a parallelogram)."""
 
 from functools import cache
 from pathlib import Path
@@ -76,12 +74,49 @@ def parallelogram() -> str:
     )
 
 
+JOINTS = (
+    ("pan", "revolute", "0 0 0.3", "0 0 0.2", "0 0 1", 7.0, "0 0.02 0.1", 2.9),
+    ("slide", "prismatic", "0 0 0.1", "0.1 0 0", "0 0 -1", 2.0, "0 0 0", 0.2),
+    ("shoulder", "revolute", "0 0.1 0.2", "0 1.2 0", "0 1 0", 6.0, "0 0 0.25", 2.0),
+    ("elbow", "revolute", "0 -0.05 0.45", "0 0.1 -0.2", "0 1 0.1", 3.0, "0.01 0 0.2", 2.0),
+    ("wrist1", "revolute", "0 0 0.4", "0 0.3 0", "0 1 0", 1.2, "0 0.05 0", 2.5),
+    ("wrist2", "revolute", "0 0.1 0", "0.4 0 0", "0 0 1", 1.1, "0 0 0.04", 2.5),
+    ("wrist3", "revolute", "0 0 0.1", "0 0 0", "0 -1 0", 0.4, "0 0.02 0", 2.9),
+)
+
+
+def seven() -> str:
+    """An arm of six turning joints and a sliding one, in skew places."""
+    parts, parent = ['<link name="base"/>'], "base"
+    for name, kind, xyz, rpy, axis, mass, centre, limit in JOINTS:
+        parts.append(
+            f'<link name="{name}_link"><inertial><origin xyz="{centre}" rpy="0.3 0 0"/><mass value="{mass}"/>'
+            '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}_link"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+            f'<limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/></joint>'
+        )
+        parent = f"{name}_link"
+    parts.append(
+        '<link name="bracket"><inertial><mass value="0.5"/><origin xyz="0 0.01 0"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="f" type="fixed"><parent link="wrist3_link"/><child link="bracket"/>'
+        '<origin xyz="0 0.05 0" rpy="0 0 1"/></joint>'
+        '<link name="tool0"/><joint name="t" type="fixed"><parent link="bracket"/><child link="tool0"/>'
+        '<origin xyz="0 0 0.1"/></joint>'
+    )
+    named = "".join(f'<actuator joint="{joint[0]}"/>' for joint in JOINTS)
+    return f'<robot name="seven">{"".join(parts)}<gtpin>{named}<platform link="tool0"/></gtpin></robot>'
+
+
 ROBOTS = {
     "five_bar": lambda: FIVE_BAR.read_text(encoding="utf-8"),
     "level": level,
     "spatial": spatial,
     "parallelogram": parallelogram,
+    "seven": seven,
 }
+LOOPED = tuple(name for name in ROBOTS if name != "seven")
 
 
 @cache
@@ -91,10 +126,18 @@ def nominal(name: str) -> tuple[gtpin.Robot, Arm]:
     return robot, Arm.of(robot)
 
 
+def urdf_file(name: str, folder: Path) -> str:
+    """The URDF in a file."""
+    file = folder / f"{name}.urdf"
+    file.write_text(ROBOTS[name](), encoding="utf-8")
+    return str(file)
+
+
 @cache
-def a_plant(name: str, poses: int = 50, seed: int = 0) -> Response:
+def a_plant(name: str, poses: int = 50, warming: float = 1.5) -> Response:
     """A machine drawn from the tolerances on its way through a day."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     machine = ArmMachine.draw(nominal(name)[1], rng)
-    conditions = Conditions(sessions=3, push=5.0, payloads=(0.0, 0.5, 1.0), warming=1.5)
+    push, payload = (30.0, 2.0) if name == "seven" else (5.0, 0.5)
+    conditions = Conditions(sessions=3, push=push, payloads=(0.0, payload, 2.0 * payload), warming=warming)
     return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))
