@@ -133,7 +133,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
 
 
 def placed_best(motion: Floats, poses: Poses) -> Floats:
-    """Motions (N, 6, a) of the TCP at N poses, m and rad, each without the motion of the whole machine that explains most of it.
+    """Motions (N, 6, a) of the TCP at N poses, m and rad, each without the most that a motion of the whole machine explains.
 
     A free instrument does not show where the machine stands: such a motion is no error of the machine. Positions and rotations
     count relative to what of each remains if the positions alone place the machine.
@@ -217,4 +217,3 @@ def _visited(count: int, visits: int, rng: np.random.Generator) -> npt.NDArray[n
         return np.arange(count)
     passes = -(-visits // count)
     return np.concatenate([rng.permutation(count) for _ in range(passes)])[:visits]
-

@@ -143,7 +143,8 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
     at home; where it reaches hardly any combination of these commands, the ranges are reduced around home. Of other robots,
     commands that can't be reached or, with loops, are near a singularity are left out of ``count``.
 
-    ``count``: by default 180 with rods; else 200, or fewer with one or two actuators. ``seed``: seed of the commands of a robot without rods.
+    ``count``: by default 180 with rods; else 200, or fewer with one or two actuators. ``seed``: seed of the commands of a robot
+    without rods.
 
     Raises `UnreachableError` if a robot with rods reaches hardly any of its range even near home.
     """

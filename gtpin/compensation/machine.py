@@ -40,7 +40,7 @@ class CompensatedMachine:
         """
         if approach is None and self._depends_on_approach:
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
-        return self.model.predict(q, self._columns(len(q), 1.0 if approach is None else approach)).T
+        return self.model.predict(q, self.columns(len(q), 1.0 if approach is None else approach)).T
 
     @property
     def temperature_columns(self) -> tuple[str, ...]:
@@ -54,7 +54,8 @@ class CompensatedMachine:
     def _depends_on_approach(self) -> bool:
         return any(is_approach(name) for active in self.model.effects for name in _names(self.model, active))
 
-    def _columns(self, count: int, approach: Floats | float) -> dict[str, Column]:
+    def columns(self, count: int, approach: Floats | float = 1.0) -> dict[str, Column]:
+        """(count,) values of each covariate that the model's effects need; ``approach``: see :meth:`goes_to`."""
         known: dict[str, Column] = {}
         for active in self.model.effects:
             references = active.references

@@ -43,7 +43,7 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
         moved: Floats | None
         words: str | None
         if name == "drive scales":
-            moved, words = _by_scales(model, *_postures(model)), ""
+            moved, words = _by_scales(model, *postures(model)), ""
         elif name in active:
             words = _conditions(model, active[name])
             moved = None if words is None else by_effect(active[name], conditions(model, active[name]))
@@ -84,7 +84,7 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
     return lower, upper
 
 
-def _postures(model: Model) -> tuple[Floats, Poses]:
+def postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
     from scipy.stats import qmc
 
@@ -114,7 +114,7 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
 
     Forces on the tool are drawn with the mean and the spread of the loads of the fit, where it had some.
     """
-    q, poses = _postures(model)
+    q, poses = postures(model)
     references, count = active.references, len(q)
     wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
     start, span = references.time
