@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -81,12 +81,17 @@ def machine_at(
 
     Raises `ModelError` if the session is not one of the model's.
     """
-    known = sorted({name for active in model.effects for name in active.references.sessions})
-    if session is not None and session not in known:
-        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
+    check_session(model.effects, session)
     machine = machine_of(model)
     unknown = tuple(active.name for active in machine.effects if not _is_known(machine, active, session))
     return CompensatedMachine(machine.without(unknown), session, temperatures or {}), unknown
+
+
+def check_session(effects: Sequence[ActiveEffect], session: str | None) -> None:
+    """Raise `ModelError` if a session is none of those of the effects."""
+    known = sorted({name for active in effects for name in active.references.sessions})
+    if session is not None and session not in known:
+        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
 
 
 def parts(machine: CompensatedMachine, controller: Model) -> dict[str, CompensatedMachine]:

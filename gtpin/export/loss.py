@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.compensation.box import spread
+from gtpin.compensation.corrections import geometric_scales
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column, Situation
@@ -86,21 +88,14 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
 
 def postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
-    from scipy.stats import qmc
-
-    robot = model.robot
-    lower, upper = ranges(model)
-    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, scramble=False).random(POSES)
+    q = spread(*ranges(model), POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
 
 
 def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     """(N, 6) motion of the TCP by drive scales, m and rad, base frame, to first order."""
-    off = np.zeros_like(q)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            off[:, parameter.owner] = deviation * q[:, parameter.owner]
+    off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
     return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.compensation.box import Box
+from gtpin.compensation.box import Box, spread
 from gtpin.compensation.controller import Controller, ModelController, there
 from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
@@ -271,10 +271,8 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
 
 def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model | None = None) -> Left:
     """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
-    from scipy.stats import qmc
-
     low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))
-    q = low + (high - low) * qmc.Halton(len(low), scramble=False).random(POINTS + 1)[1:]
+    q = spread(low, high, POINTS)
     asked = table.applied(q, len(table.temperatures) - 1)
     wanted = controller.kinematics.forward(q)
     inside = wanted.reached & np.isfinite(asked).all(axis=1)
