@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawn_machines import Drawn
+from scipy.stats import binom
 from with_effects import active
 
 from gtpin.compensation.machine import machine_at
@@ -86,10 +87,16 @@ def by_script(monkeypatch: pytest.MonkeyPatch) -> object:
 
 
 def test_the_stored_table_covers(by_script: object) -> None:
-    """100 machines: 93 to 97 of them are inside of 95 %."""
+    """Of 100 machines of which each is inside with a probability of 95 %, 89 to 99 are inside, with 99 %."""
     table = pd.read_csv(MACHINES / "exported_corrections.csv")
     assert (table.machines == 100).all()
-    assert table.covered.between(0.93, 0.97).all(), table
+    assert table.covered.between(*binom(100, 0.95).interval(0.99) / np.array(100.0)).all(), table
+    page = (MACHINES.parents[1] / "docs" / "export.md").read_text(encoding="utf-8")
+    for row in table.itertuples(index=False):
+        assert (
+            f"| {row.controller} | {row.said_um:g} | {row.file_alone_um:g} | {row.realised_um:g} | {row.covered:g} |"
+            in page
+        )
 
 
 @pytest.mark.slow
