@@ -172,7 +172,8 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
     if sigmas is not None:
         return "closure residuals of the given costs", Uncertainty(closures=sigmas)
     if model.covariance is not None:
-        return "covariance of the calibration", Uncertainty(model.covariance)
+        free = "" if model.frame.is_base else ", without where the machine stands"
+        return f"covariance of the calibration{free}", Uncertainty(model.covariance)
     return "manufacturing tolerances", Uncertainty(np.diag(model.geometry.tolerance**2))
 
 

@@ -13,11 +13,14 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model.model import Model
+from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import Model, root_of
 from gtpin.typing import Floats
 
 CHUNK = 5_000_000
 """Largest number of array elements in memory at the same time."""
+ALMOST = 1e-3
+"""Weight of rotations, 1/rad, beside that of positions, 1/m, if they shall decide only what positions leave open."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,8 @@ def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floa
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse:
     """The TCP's response at commands q (N, n), base frame, to the causes of an uncertainty.
 
+    For a model of a free instrument, it is relative to the machine placed best: see :func:`placed_best`.
+
     Raises `ModelError` if the uncertainty does not have the model's number of parameters, or has closures for a robot
     without rods. `UnreachableError` if the commands can't be reached.
     """
@@ -114,7 +119,8 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
         if uncertainty.parameters.shape != (count, count):
             shape = uncertainty.parameters.shape
             raise ModelError(f"a covariance of shape {shape}", hint=f"{model.robot.name} has {count} parameters here")
-        fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ _root(uncertainty.parameters)
+        fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(uncertainty.parameters)
+        fixed = fixed if model.frame.is_base else placed_best(fixed, poses)
     if uncertainty.closures is not None:
         rods = rod_kinematics(model)
         if np.shape(uncertainty.closures) != rods.L0.shape:
@@ -124,6 +130,22 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2))
+
+
+def placed_best(motion: Floats, poses: Poses) -> Floats:
+    """Motions (N, 6, a) of the TCP at N poses, m and rad, each without the most that a motion of the whole machine explains.
+
+    A free instrument does not show where the machine stands: such a motion is no error of the machine. Positions and rotations
+    count relative to what of each remains if the positions alone place the machine.
+    """
+    F, weight = frame_motions(poses.T - poses.T.mean(axis=0)), np.repeat([1.0, ALMOST], 3)
+    for _ in range(2):
+        flat = (F * weight[:, None]).reshape(-1, 6)
+        shift = np.linalg.lstsq(flat, (motion * weight[:, None]).reshape(len(flat), -1), rcond=None)[0]
+        left = np.asarray(motion - F @ shift)
+        size = np.sqrt([(left[:, part] ** 2).sum() for part in (slice(0, 3), slice(3, 6))])
+        weight = np.repeat(1.0 / np.maximum(size, ALMOST * max(float(size.max()), 1e-300)), 3)
+    return left
 
 
 def expected_error(
@@ -195,9 +217,3 @@ def _visited(count: int, visits: int, rng: np.random.Generator) -> npt.NDArray[n
         return np.arange(count)
     passes = -(-visits // count)
     return np.concatenate([rng.permutation(count) for _ in range(passes)])[:visits]
-
-
-def _root(covariance: Floats) -> Floats:
-    """(p, p) F with F F' the covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

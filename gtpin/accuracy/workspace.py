@@ -17,16 +17,20 @@ from gtpin.typing import Floats, Mask
 
 COUNTS = (7, 21, 21)
 """Numbers of grid points of a box along x, y and z."""
-POSTURES = 8192
-"""Number of postures of a map, reached or not: 8,192 over 5 * 17 * 17 cells are about six for each cell."""
+POSTURES = (128, 1800, 8192)
+"""Numbers of postures of a map, reached or not, with one, two, and more actuators: 8,192 over 5 * 17 * 17 cells, and 1,800 over
+the 17 * 17 of a surface, are about six for each cell."""
 CELLS = (5, 17)
 """Numbers of cells of such a map along its thinnest direction, and along the other two."""
 ENDLESS = 2048
 """Number of postures for a robot with loops and drives without limits: many of its commands are far, or can't be reached."""
-FLAT = 1e-6
-"""Extent, m, below which a workspace counts as flat in a direction."""
-POSES = (180, 200)
-"""Number of default commands of a robot with and without rods."""
+FLAT = 0.01
+"""Extent in a direction, relative to the largest, below which a workspace counts as flat: a planar robot that is calibrated
+leaves its plane by some thousandths."""
+POSES = (24, 60, 200)
+"""Numbers of default commands of a robot without rods, with one, two, and more actuators."""
+ROD_POSES = 180
+"""Number of default commands of a robot with rods."""
 CONDITIONED = (1.5, 10.0)
 """Largest motion of the TCP by unit commands, relative to that at home, of a robot with rods and with other loops: nearer to a
 singularity, a small error of the geometry can open the loops."""
@@ -110,17 +114,17 @@ def filled_workspace(model: Model, seed: int = 0) -> Workspace:
     Raises `UnreachableError` if no posture can be reached.
     """
     endless = len(model.robot.constraints) > 0 and not np.isfinite(model.robot.upper - model.robot.lower).all()
-    q = _filling(model, ENDLESS if endless else POSTURES, seed)
+    count = _by_actuators(POSTURES, model)
+    q, poses = _filling(model, min(count, ENDLESS) if endless else count, seed)
     if not len(q):
         raise UnreachableError(f"{model.robot.name} reaches none of its range", hint="check the joints' limits")
-    poses = model.kinematics.forward(q)
     low, extent = poses.T.min(axis=0), np.ptp(poses.T, axis=0)
-    across = int(np.argmin(extent))
-    counts = np.where(extent < FLAT, 1, np.where(np.arange(3) == across, CELLS[0], CELLS[1]))
-    size = np.where(extent < FLAT, 1.0, extent / counts)
+    across, flat = int(np.argmin(extent)), extent <= FLAT * extent.max()
+    counts = np.where(flat, 1, np.where(np.arange(3) == across, CELLS[0], CELLS[1]))
+    size = np.maximum(extent / counts, 1e-300)
     cell = np.clip(((poses.T - low) / size).astype(int), 0, counts - 1)
-    x, y, z = (low[i] + size[i] * (np.arange(counts[i]) + 0.5 * (extent[i] >= FLAT)) for i in range(3))
-    volume = 0.0 if (extent < FLAT).any() else len(np.unique(cell, axis=0)) * float(np.prod(size))
+    x, y, z = (low[i] + size[i] * (np.arange(counts[i]) + 0.5) for i in range(3))
+    volume = 0.0 if flat.any() else len(np.unique(cell, axis=0)) * float(np.prod(size))
     return Workspace((x, y, z), across, cell, q, poses, dexterity(model, q, poses), volume, filled=True)
 
 
@@ -139,19 +143,20 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
     at home; where it reaches hardly any combination of these commands, the ranges are reduced around home. Of other robots,
     commands that can't be reached or, with loops, are near a singularity are left out of ``count``.
 
-    ``count``: by default 180, or 200 for a robot without rods. ``seed``: seed of the commands of a robot without rods.
+    ``count``: by default 180 with rods; else 200, or fewer with one or two actuators. ``seed``: seed of the commands of a robot
+    without rods.
 
     Raises `UnreachableError` if a robot with rods reaches hardly any of its range even near home.
     """
     robot = model.robot
     if not robot.rod_sites:
-        return _filling(model, count or POSES[1], seed)
+        return _filling(model, count or _by_actuators(POSES, model), seed)[0]
     lower, upper = _ranges(model)
     size = 1.0
     while size >= SMALLEST_BOX:
         a, b = robot.home_q + size * (lower - robot.home_q), robot.home_q + size * (upper - robot.home_q)
-        found = _fit_to_work(model, a, b, count or POSES[0])
-        if len(found) == (count or POSES[0]):
+        found = _fit_to_work(model, a, b, count or ROD_POSES)
+        if len(found) == (count or ROD_POSES):
             return found
         size /= 2.0
     raise UnreachableError(f"{robot.name} reaches hardly any of its range", hint="give commands")
@@ -162,16 +167,24 @@ def _ranges(model: Model) -> tuple[Floats, Floats]:
     return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
 
 
-def _filling(model: Model, count: int, seed: int) -> Floats:
-    """Commands that fill the ranges, out of ``count``, without those that can't be reached or are near a singularity."""
+def _by_actuators(counts: tuple[int, int, int], model: Model) -> int:
+    """The number for a robot with one, with two, or with more actuators."""
+    return counts[min(model.robot.n_actuators, 3) - 1]
+
+
+def _filling(model: Model, count: int, seed: int) -> tuple[Floats, Poses]:
+    """Commands that fill the ranges, out of ``count``, without those that can't be reached or are near a singularity; and the
+    poses there."""
     from scipy.stats import qmc
 
     robot, kinematics = model.robot, model.kinematics
     lower, upper = _ranges(model)
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
     poses = kinematics.forward(q)
-    q, poses = q[poses.reached], poses[poses.reached]
-    return np.asarray(q[_gain(model, q, poses) <= CONDITIONED[1]] if robot.constraints else q)
+    kept = poses.reached
+    if robot.constraints:
+        kept[kept] = _gain(model, q[kept], poses[kept]) <= CONDITIONED[1]
+    return q[kept], poses[kept]
 
 
 def _gain(model: Model, q: Floats, poses: Poses) -> Floats:

@@ -114,7 +114,7 @@ class HeldAgainst:
         """
         W, c = self.whitening / self._misfit, self.errors.shape[1]
         left = np.einsum("nij,nj->ni", W, self.errors)
-        columns = by_unknowns(self.model, self.at)[:, :c] * _sizes(self.model, self.at)
+        columns = by_unknowns(self.model, self.at)[:, :c] * prior_sizes(self.model, self.at)
         if posterior.frame is not None:
             columns = np.concatenate([columns, FREE * posterior.frame.motions(self.model, self.at)[:, :c]], axis=2)
         J = W @ columns
@@ -135,7 +135,7 @@ class HeldAgainst:
         return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :components]), errors[:, :components]))
 
 
-def _sizes(model: Model, at: At) -> Floats:
+def prior_sizes(model: Model, at: At) -> Floats:
     """(p + m,) prior standard deviations of the geometry's parameters and the effects' coefficients.
 
     The scale of an effect's coefficients is not in the model: that of the fitted ones takes its place, and at least 1.

@@ -16,6 +16,7 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
+from gtpin.export.machine_error import left_of_commands
 from gtpin.export.tables import TablesFor
 from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
@@ -89,6 +90,10 @@ def export(
             show_default=False,
         ),
     ] = None,
+    undetermined: Annotated[
+        bool,
+        typer.Option("--undetermined", help=".cfg and .g: change also settings that the data do not determine."),
+    ] = False,
     tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -101,10 +106,10 @@ def export(
             tables = None
             if controller is not None and (form or SUFFIXES.get(output.suffix.lower())) not in TABLES:
                 raise GtpinError("--controller without --commands", hint="give the table of commands")
-            if temperature or box or firmware or controller is not None:
+            if temperature or box or firmware or undetermined or controller is not None:
                 believed = None if controller is None else _believed(found, controller)
                 placed = None if box is None else Box.of(box, origin)
-                tables = TablesFor(believed, tuple(temperature or ()), placed, firmware)
+                tables = TablesFor(believed, tuple(temperature or ()), placed, firmware, undetermined)
             written = run_export(found, output, form, session=session, tables=tables, force=force)
         else:
             written = (_corrected(found, commands, controller, output, force),)
@@ -126,7 +131,10 @@ def _corrected(model: Model, commands: Path, controller: str | None, output: Pat
         believed = nominal if controller is None else _believed(model, controller)
         meant = predict(believed, Commands(given.pose, given.q, row=given.row, file=given.file))
         rotations = meant.R if model.robot.n_actuators >= 6 else None
-        replace(given, q=compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)).write(new)
+        q = compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)
+        replace(given, q=q).write(new)
+    for note in left_of_commands(model, q):
+        warn(f"{output.name} {note}")
     return output
 
 

@@ -66,6 +66,23 @@ Within = Annotated[
     typer.Option("--within", help="Longest time between a reading and its command, s.", show_default=False),
 ]
 UP: Vector = (0.0, 0.0, 1.0)
+TOUCHES_NEEDED = """Touches of a printer's bed, what they leave over for a check, and the sigmas (mm) of the delta radius, the
+arms and the end stops; none determines angles of towers or scales:
+
+7 (DELTA_CALIBRATE): 0.0, too few for a calibration
+
+9 (mesh of 3 x 3): 0.0, too few
+
+25 (5 x 5): 10.9; 0.4, 2.4, 1.4
+
+49 (7 x 7): 34.3; 0.36, 2.4, 1.4
+
+For the shipped linear_delta, a sigma of 10 um of a touch. Probe a mesh of 7 x 7: klipper-mesh, rrf-heightmap.
+
+"""
+"""From examples/machines/touches_needed.py."""
+ENOUGH = 25
+"""Fewest touches of a printer's bed that leave something over in this table."""
 
 
 def klipper_delta(
@@ -278,7 +295,12 @@ def ros_poses(
 def _write_touches(touches: Touches, output: Path, robot: str, as_json: bool, **options: Any) -> None:
     """Write the dataset of touches; the options are those of :func:`~gtpin.importers.touches.write_touches`."""
     rows = write_touches(touches, output, robot, **options)
-    _tell_written(rows, "touches", robot, output, as_json)
+    few = (
+        ""
+        if rows >= ENOUGH
+        else f"\n{rows} touches are few: a calibration needs about {ENOUGH}. Probe a mesh of 7 x 7."
+    )
+    _tell_written(rows, "touches", robot, output, as_json, few)
 
 
 def _write_poses(dataset: Dataset, output: Path, robot: str, force: bool, as_json: bool) -> None:
@@ -286,9 +308,9 @@ def _write_poses(dataset: Dataset, output: Path, robot: str, force: bool, as_jso
     _tell_written(len(dataset), "measured poses", robot, output, as_json)
 
 
-def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool) -> None:
+def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool, more: str = "") -> None:
     result = {"dataset": str(dataset), "robot": robot, "rows": rows}
-    tell(result, f"{rows} {what} of {robot}. Written: {dataset}", as_json)
+    tell(result, f"{rows} {what} of {robot}. Written: {dataset}{more}", as_json)
 
 
 def _commands(file: Path, robot: str, tcp: str | None) -> Commands:
@@ -321,4 +343,5 @@ for command, example in (
         "gtpin import ros-poses tag.csv --commands commands.csv --match time --within 0.02 --robot ur5 -o measured",
     ),
 ):
-    import_app.command(epilog=f"Example:\n\n{example}")(command)
+    needed = TOUCHES_NEEDED if command in (klipper_delta, klipper_probe, klipper_mesh, rrf_heightmap, rrf_g32) else ""
+    import_app.command(epilog=f"{needed}Example:\n\n{example}")(command)

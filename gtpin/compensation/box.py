@@ -41,7 +41,12 @@ class Box:
         return np.column_stack([along.ravel(), across.ravel(), up.ravel()])
 
     def fill(self, count: int) -> Floats:
-        """(count, 3) points, m, that fill the box evenly without lying on a grid: Halton's sequence."""
-        from scipy.stats import qmc
+        """(count, 3) points, m, that fill the box evenly without lying on a grid."""
+        return spread(self.low, self.high, count)
 
-        return np.asarray(self.low + (self.high - self.low) * qmc.Halton(3, scramble=False).random(count + 1)[1:])
+
+def spread(low: Floats, high: Floats, count: int) -> Floats:
+    """(count, n) points of Halton's sequence between (n,) corners, without the first, which is a corner."""
+    from scipy.stats import qmc
+
+    return np.asarray(low + (high - low) * qmc.Halton(len(low), scramble=False).random(count + 1)[1:])

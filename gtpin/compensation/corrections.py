@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtpin.compensation.machine import check_session
 from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.sites import number
@@ -58,6 +59,15 @@ def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect,
     return tuple(found)
 
 
+def geometric_scales(model: Model) -> dict[str, float]:
+    """Travel per command of each drive by site, from the geometry alone."""
+    scales = dict.fromkeys(model.robot.sites, 1.0)
+    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+        if parameter.kind == "scale" and parameter.per == "actuator":
+            scales[model.robot.sites[parameter.owner]] += float(deviation)
+    return scales
+
+
 def _moves_along(model: Model, active: ActiveEffect) -> bool:
     """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
     q = model.robot.home_q[None]
@@ -80,12 +90,8 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
     ends.
     """
     effects = correctable(model, session)
-    _check_session(effects, session)
-    robot = model.robot
-    scales = dict.fromkeys(robot.sites, 1.0)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            scales[robot.sites[parameter.owner]] += float(deviation)
+    check_session(effects, session)
+    robot, scales = model.robot, geometric_scales(model)
     tables = []
     for i, site in enumerate(robot.sites):
         mine = [active for active in effects if active.site == site]
@@ -164,11 +170,3 @@ def _deviations(
             hint="check the model's parameters",
         )
     return np.interp(q, q[there], below[there]), np.interp(q, q[there], above[there])
-
-
-def _check_session(effects: tuple[ActiveEffect, ...], session: str | None) -> None:
-    if session is None:
-        return
-    known = sorted({name for active in effects for name in active.references.sessions})
-    if session not in known:
-        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")

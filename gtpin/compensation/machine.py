@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -40,7 +40,7 @@ class CompensatedMachine:
         """
         if approach is None and self._depends_on_approach:
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
-        return self.model.predict(q, self._columns(len(q), 1.0 if approach is None else approach)).T
+        return self.model.predict(q, self.columns(len(q), 1.0 if approach is None else approach)).T
 
     @property
     def temperature_columns(self) -> tuple[str, ...]:
@@ -54,7 +54,8 @@ class CompensatedMachine:
     def _depends_on_approach(self) -> bool:
         return any(is_approach(name) for active in self.model.effects for name in _names(self.model, active))
 
-    def _columns(self, count: int, approach: Floats | float) -> dict[str, Column]:
+    def columns(self, count: int, approach: Floats | float = 1.0) -> dict[str, Column]:
+        """(count,) values of each covariate that the model's effects need; ``approach``: see :meth:`goes_to`."""
         known: dict[str, Column] = {}
         for active in self.model.effects:
             references = active.references
@@ -80,12 +81,17 @@ def machine_at(
 
     Raises `ModelError` if the session is not one of the model's.
     """
-    known = sorted({name for active in model.effects for name in active.references.sessions})
-    if session is not None and session not in known:
-        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
+    check_session(model.effects, session)
     machine = machine_of(model)
     unknown = tuple(active.name for active in machine.effects if not _is_known(machine, active, session))
     return CompensatedMachine(machine.without(unknown), session, temperatures or {}), unknown
+
+
+def check_session(effects: Sequence[ActiveEffect], session: str | None) -> None:
+    """Raise `ModelError` if a session is none of those of the effects."""
+    known = sorted({name for active in effects for name in active.references.sessions})
+    if session is not None and session not in known:
+        raise ModelError(f"the model knows no session {session!r}", hint=f"sessions are {', '.join(known) or 'none'}")
 
 
 def parts(machine: CompensatedMachine, controller: Model) -> dict[str, CompensatedMachine]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.compensation.box import Box
 from gtpin.compensation.controller import Controller, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 NODES = 21
 """Number of nodes along x, and along y. Their 441 points are the largest number that RepRapFirmware accepts on its smaller
@@ -19,6 +19,19 @@ LEVELS = 3
 """Number of heights in the box at which a correction in z is computed; the table has the mean over them."""
 COARSE = 7
 """Number of points along x, and along y, from which offset and skew are computed."""
+
+PARTS = (
+    "offset x",
+    "offset y",
+    "skew xy",
+    "skew xz",
+    "skew yz",
+    "height",
+    "tilt along x",
+    "tilt along y",
+    "unevenness",
+)
+"""The parts of the correction; the last four are those of the heights: mean, slopes, and what is no plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +52,19 @@ class PlaneTables:
     x: Floats
     y: Floats
     height: Floats
+
+    def only(self, kept: Mask) -> PlaneTables:
+        """The tables with those of their ``PARTS`` alone that are ``kept``."""
+        of_plane = np.linalg.pinv(self._plane) @ self.height.ravel()
+        heights = self._plane @ (of_plane * kept[5:8])
+        heights += (self.height.ravel() - self._plane @ of_plane) * kept[8]
+        offset, skew = self.offset * kept[:2], self.skew * kept[2:5]
+        return PlaneTables(offset, skew, self.x, self.y, heights.reshape(self.height.shape))
+
+    @property
+    def _plane(self) -> Floats:
+        y, x = np.meshgrid(self.y, self.x, indexing="ij")
+        return np.column_stack([np.ones(x.size), x.ravel(), y.ravel()])
 
     def applied(self, xyz: Floats) -> Floats:
         """(N, 3) positions that the controller moves to for commanded positions (N, 3), m.
@@ -74,6 +100,16 @@ def plane_tables(machine: CompensatedMachine, controller: Controller, box: Box) 
     height = (positions_to_ask_for(machine, controller, box, wanted) - wanted)[:, 2]
     x, y = (np.linspace(box.low[k], box.high[k], NODES) for k in (0, 1))
     return PlaneTables(offset, skew, x, y, height.reshape(LEVELS, NODES, NODES).mean(axis=0))
+
+
+def changes_of_parts(xyz: Floats, error: Floats) -> list[Floats]:
+    """Size of each of the ``PARTS``, (..., k), for errors (N, 3, k) of the TCP at points ``xyz`` (N, 3), m."""
+    one, x, y, z = np.ones(len(xyz)), *xyz.T
+    plane = np.column_stack([one, x, y])
+    of_plane = np.linalg.pinv(plane) @ error[:, 2]
+    ox, xy, xz = np.linalg.pinv(np.column_stack([one, y, z])) @ error[:, 0]
+    oy, yz = np.linalg.pinv(np.column_stack([one, z])) @ error[:, 1]
+    return [ox, oy, xy, xz, yz, *of_plane, np.asarray(error[:, 2] - plane @ of_plane)]
 
 
 def _skewed(xyz: Floats, offset: Floats, skew: Floats) -> Floats:

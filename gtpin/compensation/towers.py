@@ -14,7 +14,7 @@ from gtpin.compensation.controller import ModelController, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 CLOSE = 1e-5
 """Largest accepted difference, m, between a carriage's height computed with the firmware's dimensions and with the nominal
@@ -26,6 +26,14 @@ USUAL = 1e-3
 SLACK = 1e-7
 """Error of the TCP, m, that weighs as much in the fit as a change of a dimension by `USUAL`. Of dimensions that fit equally
 well, those with the smallest change are taken."""
+
+DIMENSIONS = (
+    "delta radius",
+    *(f"{what} {tower}" for what in ("arm", "angle", "end stop", "scale") for tower in "abc"),
+)
+"""The dimensions in their order in :attr:`Towers.values`; RepRapFirmware's towers X, Y, Z are a, b, c."""
+STEP = 1e-7
+"""Step of a dimension, m, rad or relative, from which a derivative is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,27 +136,64 @@ def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
     return Drives(towers, actuator, sign, q.mean(axis=0)[actuator] - sign * height.mean(axis=0))
 
 
-def fitted_towers(machine: CompensatedMachine, drives: Drives, box: Box, scales: bool = True) -> Towers:
-    """The dimensions with which the root mean square error of the TCP in a box is smallest.
+@dataclass(frozen=True, eq=False)
+class TowerFit:
+    """The fit of a delta's dimensions to a machine, at N points of a box.
 
-    ``scales``: whether the travel per step may change.
+    ``needed``: (N, 3) commands, m, that bring the machine's TCP to the points. ``jacobian``: (N, 3, 3) derivative of the TCP
+    by the commands there. ``xyz``: (N, 3) the points, firmware's coordinates, m.
     """
-    wanted = box.grid(*POINTS)
-    asked = positions_to_ask_for(machine, TowerController(drives, drives.towers), box, wanted)
-    needed = drives.commands(drives.towers, asked)
-    kinematics = machine.model.kinematics
-    jacobian = kinematics.command_jacobian(needed, kinematics.forward(needed))[:, :3]
-    start = drives.towers.values
-    free = np.arange(len(start)) < (13 if scales else 10)
-    weight = SLACK * np.sqrt(len(wanted)) / USUAL
 
-    def residuals(change: Floats) -> Floats:
-        values = start.copy()
-        values[free] += change
-        off = np.einsum("nij,nj->ni", jacobian, drives.commands(Towers.of(values), wanted) - needed)
-        return np.concatenate([off.ravel(), weight * change])
+    drives: Drives
+    xyz: Floats
+    needed: Floats
+    jacobian: Floats
 
-    change = least_squares(residuals, np.zeros(free.sum()), x_scale=USUAL, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    values = start.copy()
-    values[free] += change
-    return Towers.of(values)
+    @staticmethod
+    def of(machine: CompensatedMachine, drives: Drives, box: Box) -> TowerFit:
+        """The fit to a machine; raises `UnreachableError` if it can't reach all of the box."""
+        wanted = box.grid(*POINTS)
+        asked = positions_to_ask_for(machine, TowerController(drives, drives.towers), box, wanted)
+        needed = drives.commands(drives.towers, asked)
+        kinematics = machine.model.kinematics
+        jacobian = kinematics.command_jacobian(needed, kinematics.forward(needed))[:, :3]
+        return TowerFit(drives, wanted, needed, jacobian)
+
+    @property
+    def _weight(self) -> float:
+        return float(SLACK * np.sqrt(len(self.xyz)) / USUAL)
+
+    def towers(self, free: Mask) -> Towers:
+        """The dimensions with which the root mean square error of the TCP is smallest.
+
+        ``free``: (13,) whether a dimension, in the order of :attr:`Towers.values`, may change.
+        """
+        start = self.drives.towers.values
+
+        def changed(change: Floats) -> Towers:
+            values = start.copy()
+            values[free] += change
+            return Towers.of(values)
+
+        def residuals(change: Floats) -> Floats:
+            off = np.einsum("nij,nj->ni", self.jacobian, self.drives.commands(changed(change), self.xyz) - self.needed)
+            return np.concatenate([off.ravel(), self._weight * change])
+
+        if not free.any():
+            return self.drives.towers
+        start_at = np.zeros(free.sum())
+        return changed(least_squares(residuals, start_at, x_scale=USUAL, xtol=1e-15, ftol=1e-15, gtol=1e-15).x)
+
+    def response(self, free: Mask) -> tuple[Floats, Floats]:
+        """(3 N, 13) motion of the TCP by the dimensions, and (13, 3 N) change of the fitted dimensions by the TCP's error.
+
+        Rows and columns of dimensions that are not ``free`` are zero.
+        """
+        start = self.drives.towers.values
+        by = np.zeros((self.xyz.size, len(start)))
+        plain = self.drives.commands(self.drives.towers, self.xyz)
+        for k in np.flatnonzero(free):
+            step = np.where(np.arange(len(start)) == k, STEP, 0.0)
+            moved = (self.drives.commands(Towers.of(start + step), self.xyz) - plain) / STEP
+            by[:, k] = np.einsum("nij,nj->ni", self.jacobian, moved).ravel()
+        return by, np.asarray(-np.linalg.solve(by.T @ by + self._weight**2 * np.eye(len(start)), by.T))

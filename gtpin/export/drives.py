@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from gtpin.compensation.corrections import correctable
+from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
 from gtpin.effects.drives import own_load
@@ -200,15 +200,6 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: DriveC
 
 def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
     return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))
-
-
-def geometric_scales(model: Model) -> dict[str, float]:
-    """Travel per command of each drive by site, from the geometry alone."""
-    scales = dict.fromkeys(model.robot.sites, 1.0)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            scales[model.robot.sites[parameter.owner]] += float(deviation)
-    return scales
 
 
 def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:

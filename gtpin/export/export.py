@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
 
-from gtpin.compensation.corrections import correctable, corrections
+from gtpin.compensation.corrections import MOST, correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
 from gtpin.errors import GtpinError, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
 from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
+from gtpin.export.machine_error import left_of_drives
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
 from gtpin.export.parallel_robots import side_file, with_anchors
@@ -164,11 +165,12 @@ def _corrections(model: Model, file: Path, form: Format, session: str | None) ->
     carried = {"drive scales", *(active.name for active in correctable(model, session))}
     # Of what these tables leave out, name only effects ("effect@site"). The geometry belongs in the controller's kinematics.
     missing = tuple(name for name in left_out(model, carried) if "@" in name)
+    tables = corrections(model, session=session, most=MOST if form == "csv" else TRIPLETS)
     if form == "csv":
-        text = correction_table(corrections(model, session=session)).to_csv(index=False, lineterminator="\n")
-        return Export({file.name: text}, missing)
-    tables = corrections(model, session=session, most=TRIPLETS)
-    return Export({f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}, missing)
+        files = {file.name: correction_table(tables).to_csv(index=False, lineterminator="\n")}
+    else:
+        files = {f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}
+    return Export(files, missing, notes=left_of_drives(model, carried, session))
 
 
 def _format(file: Path) -> Format:

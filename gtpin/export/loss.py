@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.compensation.box import spread
+from gtpin.compensation.corrections import geometric_scales
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column, Situation
@@ -43,7 +45,7 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
         moved: Floats | None
         words: str | None
         if name == "drive scales":
-            moved, words = _by_scales(model, *_postures(model)), ""
+            moved, words = _by_scales(model, *postures(model)), ""
         elif name in active:
             words = _conditions(model, active[name])
             moved = None if words is None else by_effect(active[name], conditions(model, active[name]))
@@ -84,23 +86,16 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
     return lower, upper
 
 
-def _postures(model: Model) -> tuple[Floats, Poses]:
+def postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
-    from scipy.stats import qmc
-
-    robot = model.robot
-    lower, upper = ranges(model)
-    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, scramble=False).random(POSES)
+    q = spread(*ranges(model), POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
 
 
 def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     """(N, 6) motion of the TCP by drive scales, m and rad, base frame, to first order."""
-    off = np.zeros_like(q)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            off[:, parameter.owner] = deviation * q[:, parameter.owner]
+    off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
     return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
@@ -114,7 +109,7 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
 
     Forces on the tool are drawn with the mean and the spread of the loads of the fit, where it had some.
     """
-    q, poses = _postures(model)
+    q, poses = postures(model)
     references, count = active.references, len(q)
     wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
     start, span = references.time

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from gtpin.compensation.box import Box
+from gtpin.compensation.box import Box, spread
 from gtpin.compensation.controller import Controller, ModelController, there
 from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
-from gtpin.compensation.plane_tables import PlaneTables, plane_tables
+from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
-from gtpin.compensation.towers import Drives, TowerController, Towers, drives_of, fitted_towers
+from gtpin.compensation.towers import DIMENSIONS, Drives, TowerController, TowerFit, Towers, drives_of
 from gtpin.errors import GtpinError, ModelError
+from gtpin.export.machine_error import Left, both_approaches, by_parts, check_any, determined, open_directions
 from gtpin.importers.klipper import TOWERS, tower_dimensions
 from gtpin.importers.klipper_config import needed, read_config
 from gtpin.importers.rrf import read_rrf_delta
 from gtpin.model.model import Model
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 POINTS = 512
 """Number of points at which errors are computed."""
-LEAST = 1e-8
-"""Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
 PRINTER_AXES = 3
+D = len(DIMENSIONS)
+GRID = (9, 9, 5)
+"""Numbers of points along x, y and z of the box, at which it is decided what the data determine of offset, skew and heights."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +45,15 @@ class TablesFor:
         The part of the workspace that the tables cover; needed for printers.
     firmware
         The present printer.cfg or config.g of a delta, to correct its dimensions too.
+    undetermined
+        Whether a printer's settings change that the data do not determine.
     """
 
     controller: Model | None = None
     temperatures: tuple[float, ...] = ()
     box: Box | None = None
     firmware: Path | None = None
+    undetermined: bool = False
 
     def believed(self, model: Model) -> Model:
         """The model whose kinematics the controller has, without effects; raises `ModelError` if it is of another robot."""
@@ -78,70 +83,30 @@ class Written:
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
-    """(N, 3) errors of the TCP without and with tables, base frame, m."""
-
-    before: Floats
-    after: Floats
-
-    @property
-    def is_nothing(self) -> bool:
-        """Whether there is no error to correct."""
-        return _rms(self.before) < LEAST
-
-    def words(self, where: str, temperatures: Mapping[str, float]) -> str:
-        """Text with the root mean squares of both errors, um."""
-        warm = "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
-        return (
-            f"leaves {_um(self.after)} of {_um(self.before)} um of the TCP's error in {where}{warm}"
-            f" (z: {_um(self.after[:, 2:])} of {_um(self.before[:, 2:])} um)"
-        )
-
-
-def check_any(left: Sequence[Left]) -> None:
-    """Raise `ModelError` if there is no error to correct at any temperature."""
-    if all(some.is_nothing for some in left):
-        hint = "give a calibrated or diagnosed model, and --temperature for effects of temperatures"
-        raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
-
-
-def both_approaches(count: int) -> Floats:
-    """(count,) alternating directions of approach, +1 and -1."""
-    return np.where(np.arange(count) % 2, 1.0, -1.0)
-
-
-def by_parts(
-    machines: Mapping[str, CompensatedMachine], left: Callable[[CompensatedMachine], Left]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
-    move nothing under the conditions of the tables."""
-    words, absent = [], []
-    for name, machine in machines.items():
-        found = left(machine)
-        if not found.is_nothing:
-            words.append(f"{name} {_um(found.after)} of {_um(found.before)} um")
-        elif name != "geometry":
-            absent.append(name)
-    return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
-
-
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt((errors**2).sum(axis=1).mean()))
-
-
-def _um(errors: Floats) -> str:
-    size = 1e6 * _rms(errors)
-    if size < 0.01:
-        return "under 0.01"
-    return f"{size:.3g}" if size < 1000.0 else f"{size:.0f}"
-
-
-@dataclass(frozen=True, eq=False)
 class _Present:
     """A delta as its firmware is configured now: its drives, and for each tower the rotation distance, mm, or steps per mm."""
 
     drives: Drives
     per_tower: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PrinterCorrection:
+    """The corrections of a printer's firmware for a machine under one or several temperatures.
+
+    ``towers``, ``controller``: the new dimensions of a delta, None where they do not change, and the firmware with them.
+    ``tables``, ``left``: for each temperature the tables, and the errors that they leave. ``alone``: settings that stay as they
+    are, because the data do not determine them. ``notes``, ``absent``: messages on single effects, and names of those that move
+    nothing.
+    """
+
+    towers: Towers | None
+    controller: Controller
+    tables: tuple[PlaneTables, ...]
+    left: tuple[Left, ...]
+    alone: tuple[str, ...]
+    notes: tuple[str, ...]
+    absent: tuple[str, ...]
 
 
 def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
@@ -158,48 +123,101 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
         hint = "give x0 x1 y0 y1 z0 z1 in the controller's coordinates, m, and its --origin"
         raise GtpinError("tables of a printer's firmware need --box", file=file, hint=hint)
     believed = wanted.believed(model)
-    plain = ModelController(believed, box.origin)
     present = None if wanted.firmware is None else _present(wanted.firmware, form, believed, box, file)
     machine, unknown = wanted.machine(model, session)
     steps: Sequence[float | None] = sorted(set(wanted.temperatures)) or [None]
     known = [{} if t is None else dict.fromkeys(machine.temperature_columns, t) for t in steps]
     machines = [replace(machine, temperatures=temperatures) for temperatures in known]
-
-    def corrected(part: CompensatedMachine) -> tuple[Towers | None, Controller]:
-        """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""
-        if present is None:
-            return None, plain
-        towers = fitted_towers(replace(part, temperatures=known[0]), present.drives, box)
-        return towers, TowerController(present.drives, towers)
-
-    def left(part: CompensatedMachine, controller: Controller, table: PlaneTables) -> Left:
-        points = box.fill(POINTS)
-        approach = both_approaches(POINTS)
-        before = there(part, plain, box, points, approach) - points
-        return Left(before, there(part, controller, box, table.applied(points), approach) - points)
-
-    def left_alone(part: CompensatedMachine) -> Left:
-        controller = corrected(part)[1]
-        return left(part, controller, plane_tables(part, controller, box))
-
-    towers, controller = corrected(machine)
-    tables = [plane_tables(at, controller, box) for at in machines]
-    remains = [left(at, controller, table) for at, table in zip(machines, tables, strict=True)]
-    check_any(remains)
-    notes = [some.words("the box", at.temperatures) for at, some in zip(machines, remains, strict=True)]
-    words, absent = by_parts(parts(machines[-1], believed), left_alone)
+    found = printer_correction(
+        model, machines, believed, box, None if present is None else present.drives, undetermined=wanted.undetermined
+    )
+    notes = [some.words("the box", at.temperatures) for at, some in zip(machines, found.left, strict=True)]
+    if found.alone:
+        notes.append(f"leaves alone what the data do not determine: {', '.join(found.alone)}")
     title = f"{robot.name}, for a controller with {_kinematics(wanted, present)}"
     per_tower = None if present is None else present.per_tower
     if form == "klipper":
-        files = {file.name: klipper_config(title, list(zip(steps, tables, strict=True)), towers, per_tower)}
+        tables = list(zip(steps, found.tables, strict=True))
+        files = {file.name: klipper_config(title, tables, found.towers, per_tower)}
     else:
         files = {}
-        for step, table in zip(steps, tables, strict=True):
+        for step, table in zip(steps, found.tables, strict=True):
             stem = f"{file.stem}{named(step)}"
             heights = f"{stem}_heightmap.csv"
-            files[f"{stem}{file.suffix}"] = rrf_macro(title, table, heights, towers, per_tower)
+            files[f"{stem}{file.suffix}"] = rrf_macro(title, table, heights, found.towers, per_tower)
             files[heights] = rrf_heightmap(table)
-    return Written(files, (*unknown, *absent), (*notes, *words))
+    return Written(files, (*unknown, *found.absent), (*notes, *found.notes))
+
+
+def printer_correction(
+    model: Model,
+    machines: Sequence[CompensatedMachine],
+    believed: Model,
+    box: Box,
+    drives: Drives | None,
+    *,
+    undetermined: bool = False,
+) -> PrinterCorrection:
+    """The correction of a model's machine at each of several temperatures, the lowest first.
+
+    ``believed``: the firmware's kinematics. ``drives``: those of a delta whose dimensions may change; None: they stay.
+    ``undetermined``: whether settings change that the data do not determine.
+    """
+    plain, first = ModelController(believed, box.origin), machines[0]
+    chosen = _chosen(first, plain, drives, box, everything=undetermined)
+
+    def corrected(part: CompensatedMachine) -> tuple[Towers | None, Controller]:
+        """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""
+        if drives is None:
+            return None, plain
+        towers = TowerFit.of(replace(part, temperatures=first.temperatures), drives, box).towers(chosen[:D])
+        return towers, TowerController(drives, towers)
+
+    def tables_of(part: CompensatedMachine, controller: Controller) -> PlaneTables:
+        return plane_tables(part, controller, box).only(chosen[D:])
+
+    def left(part: CompensatedMachine, controller: Controller, table: PlaneTables, whole: Model | None = None) -> Left:
+        points, approach = box.fill(POINTS), both_approaches(POINTS)
+        before = there(part, plain, box, points, approach) - points
+        after = there(part, controller, box, table.applied(points), approach) - points
+        return Left(before, after, None if whole is None else open_directions(part, whole, plain.commands(points)))
+
+    def left_alone(part: CompensatedMachine) -> Left:
+        controller = corrected(part)[1]
+        return left(part, controller, tables_of(part, controller))
+
+    towers, controller = corrected(first)
+    tables = tuple(tables_of(at, controller) for at in machines)
+    remains = tuple(left(at, controller, table, model) for at, table in zip(machines, tables, strict=True))
+    check_any(remains)
+    words, absent = by_parts(parts(machines[-1], believed), left_alone)
+    names = (*(DIMENSIONS if drives is not None else [""] * D), *PARTS)
+    alone = tuple(name for name, used in zip(names, chosen, strict=True) if name and not used)
+    return PrinterCorrection(towers, controller, tables, remains, alone, words, absent)
+
+
+def _chosen(
+    machine: CompensatedMachine, plain: Controller, drives: Drives | None, box: Box, *, everything: bool
+) -> Mask:
+    """Which dimensions of a delta, and which ``PARTS`` of the tables, shall change: those that the data determine."""
+    free = np.ones(D + len(PARTS), dtype=bool)
+    if everything or machine.model.covariance is None:
+        return free
+    if drives is None:
+        xyz = box.grid(*GRID)
+        free[D:] = determined(machine, plain.commands(xyz), lambda errors: changes_of_parts(xyz, errors))
+        return free
+    fit = TowerFit.of(machine, drives, box)
+    gain = fit.response(free[:D])[1]
+    free[:D] = determined(machine, fit.needed, lambda errors: [*(gain @ errors.reshape(gain.shape[1], -1))])
+    by, gain = fit.response(free[:D])
+
+    def parts_of(errors: Floats) -> list[Floats]:
+        flat = errors.reshape(len(by), -1)
+        return changes_of_parts(fit.xyz, (flat + by @ (gain @ flat)).reshape(errors.shape))
+
+    free[D:] = determined(machine, fit.needed, parts_of)
+    return free
 
 
 def _kinematics(wanted: TablesFor, present: _Present | None) -> str:
@@ -240,7 +258,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     def left(part: CompensatedMachine) -> Left:
         return _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures))
 
-    remains = _left_of_grid(last, believed, table)
+    remains = _left_of_grid(last, believed, table, model)
     check_any([remains])
     words, absent = by_parts(parts(last, believed), left)
     notes = [remains.words("the range of the actuators", last.temperatures), *words]
@@ -251,12 +269,10 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     return Written({file.name: text}, (*unknown, *absent), tuple(notes))
 
 
-def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable) -> Left:
+def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model | None = None) -> Left:
     """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
-    from scipy.stats import qmc
-
     low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))
-    q = low + (high - low) * qmc.Halton(len(low), scramble=False).random(POINTS + 1)[1:]
+    q = spread(low, high, POINTS)
     asked = table.applied(q, len(table.temperatures) - 1)
     wanted = controller.kinematics.forward(q)
     inside = wanted.reached & np.isfinite(asked).all(axis=1)
@@ -266,4 +282,5 @@ def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTab
     kept = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
     if not kept.any():
         raise ModelError("the robot can't be anywhere between the nodes of the table", hint="check its limits")
-    return Left(before[kept], after[kept])
+    doubt = None if whole is None else open_directions(at, whole, q[inside][kept])
+    return Left(before[kept], after[kept], doubt)

@@ -133,7 +133,16 @@ class ChainKinematics:
         return _contracted(self._responses(q), self._parameter_twists)
 
     def _responses(self, q: Floats) -> Floats:
-        return responses(self.robot, q, self._home if self.robot.constraints else None)
+        """The last response is kept: derivatives by commands and by parameters are computed at the same commands."""
+        if not self.robot.constraints:
+            return responses(self.robot, q)
+        if self._last.get("q") != (key := q.tobytes()):
+            self._last.update(q=key, response=responses(self.robot, q, self._home))
+        return np.asarray(self._last["response"])
+
+    @cached_property
+    def _last(self) -> dict[str, object]:
+        return {}
 
     @cached_property
     def _parameter_twists(self) -> Floats:

@@ -34,8 +34,8 @@ MEANINGS = {
 }
 ONE_AT = {"home": "1 as at home", "best": "1 at the best of these poses"}
 WITHIN = {
-    False: "Slices of the box that the poses span, about {volume} m³ of it within reach; blank where the robot can't reach.",
-    True: "Slices of the workspace, about {volume} m³, from {postures:,} postures that fill the joints' ranges: a cell has the "
+    False: "Slices of the box that the poses span{volume}; blank where the robot can't reach.",
+    True: "Slices of the workspace{volume}, from {postures:,} postures that fill the joints' ranges: a cell has the "
     "median over the postures that bring the TCP there; blank where none does.",
 }
 """Text on what the maps show: whether postures fill the workspace, or a box has one in each cell."""
@@ -118,7 +118,8 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
                 (quantity(error["maximum"], unit), "largest of a machine, on average"),
             ]
     quantities, plots = slices(found)
-    within = WITHIN[space.filled].format(volume=f"{space.volume:.3g}", postures=len(space.q))
+    volume = f", about {space.volume:.3g} m³ within reach" if space.volume else ""  # a planar robot has none
+    within = WITHIN[space.filled].format(volume=volume, postures=len(space.q))
     legend = LEGEND["rx" in steps.parameters]
     return report(
         f"Accuracy of {model.robot.name}",

@@ -136,7 +136,8 @@ def check_freedom(dataset: Dataset, numbers: float, dof: float) -> None:
         raise DatasetError(
             f"{numbers:g} measured numbers leave {max(dof, 0.0):.2g} degrees of freedom",
             file=dataset.file,
-            hint="measure more: a fit needs more numbers than it takes to fit them",
+            hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
+            "of 7 x 7 is good)",
         )
 
 

@@ -1,0 +1,120 @@
+"""Whether exported corrections tell the machine's error: said and realised on simulated machines of a linear delta.
+
+Each machine is drawn from the tolerances. Its printer probes a mesh of 7 x 7, or a tracker measures 40 poses; the correction of
+the calibrated model is then used on the machine, whose error is exact here.
+
+    python examples/machines/exported_corrections.py [MACHINES]
+
+writes a row for each controller to exported_corrections.csv beside it.
+"""
+
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import gtpin
+from gtpin.compensation.compensate import compensate
+from gtpin.compensation.controller import ModelController
+from gtpin.compensation.grid_table import grid_table
+from gtpin.compensation.machine import CompensatedMachine, machine_at
+from gtpin.compensation.towers import Drives, Towers, drives_of
+from gtpin.data import Instrument
+from gtpin.export import Box
+from gtpin.export.machine_error import open_directions
+from gtpin.export.tables import printer_correction
+from gtpin.importers.touches import Touches, write_touches
+
+BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
+TOWERS = Towers(0.52425, np.full(3, 0.999), np.radians([210.0, 330.0, 90.0]), np.full(3, 0.9), np.ones(3))
+TOUCH, TRACKER = 1e-5, 1.5e-5  # one sigma, m
+NOMINAL = gtpin.read_model("linear_delta")
+
+
+def drawn(rng: np.random.Generator) -> gtpin.Model:
+    """A machine from the tolerances."""
+    geometry = NOMINAL.geometry
+    return gtpin.Model(
+        geometry.with_values(geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.names)))
+    )
+
+
+def touched(truth: gtpin.Model, per_side: int, rng: np.random.Generator, folder: str) -> gtpin.Dataset:
+    """The touches of a mesh on a flat bed, as a printer with the nominal dimensions reports them."""
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, per_side), np.linspace(-0.3, 0.3, per_side))
+    xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    firmware = ModelController(NOMINAL, BOX.origin)
+    for _ in range(5):
+        xyz[:, 2] -= truth.predict(firmware.commands(xyz)).T[:, 2] - BOX.origin[2]
+    xyz[:, 2] += TOUCH * rng.standard_normal(len(xyz))
+    rows = np.arange(1, len(xyz) + 1)
+    touches = Touches(Path("mesh"), rows, rows.astype(str).astype(object), position=xyz)
+    write_touches(touches, folder, "linear_delta", origin=BOX.origin.tolist(), sigma=TOUCH)
+    return gtpin.Dataset.read(folder)
+
+
+def measured(truth: gtpin.Model, rng: np.random.Generator) -> gtpin.Dataset:
+    """Positions of the TCP by a tracker in the base frame, at commands of poses around the box."""
+    q = ModelController(NOMINAL, BOX.origin).commands(rng.uniform(1.5 * BOX.low, 1.5 * BOX.high, (40, 3)))
+    ids = np.arange(len(q)).astype(str).astype(object)
+    T = truth.predict(q).T + TRACKER * rng.standard_normal((len(q), 3))
+    return gtpin.Dataset("linear_delta", ids, q, T, None, {}, Instrument(position_sigma=TRACKER))
+
+
+def of_printer(truth: gtpin.Model, model: gtpin.Model, drives: Drives | None) -> tuple[float, ...]:
+    """Said (expected, low, high, and relative to the model) and realised error in the box, m."""
+    machine, _ = machine_at(model)
+    found = printer_correction(model, [machine], NOMINAL, BOX, drives)
+    points = BOX.fill(512)
+    there = truth.predict(found.controller.commands(found.tables[0].applied(points))).T - BOX.origin
+    return (*found.left[0].doubt.rms(found.left[0].after), rms(found.left[0].after), rms(there - points))
+
+
+def of_commands(truth: gtpin.Model, model: gtpin.Model, *, grid: bool) -> tuple[float, ...]:
+    """The same of corrected commands, or of a table over commands."""
+    machine: CompensatedMachine = machine_at(model)[0]
+    q = ModelController(NOMINAL, BOX.origin).commands(BOX.fill(256))
+    wanted = NOMINAL.predict(q).T
+    new = grid_table(machine, NOMINAL).applied(q, 0) if grid else compensate(model, wanted, start=q)
+    left, doubt = machine.goes_to(new) - wanted, open_directions(machine, model, q)
+    return (*doubt.rms(left), rms(left), rms(truth.predict(new).T - wanted))
+
+
+def rms(errors: np.ndarray) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def machine(seed: int) -> dict[str, tuple[float, ...]]:
+    """The errors of one machine, by controller."""
+    rng = np.random.default_rng(seed)
+    truth = drawn(rng)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        probed = gtpin.calibrate(touched(truth, 7, rng, folder)).model
+        tracked = gtpin.calibrate(measured(truth, rng)).model
+        return {
+            "Klipper, RepRapFirmware: touches, dimensions": of_printer(truth, probed, drives_of(TOWERS, NOMINAL, BOX)),
+            "Klipper, RepRapFirmware: touches, tables only": of_printer(truth, probed, None),
+            "table over commands: tracker": of_commands(truth, tracked, grid=True),
+            "corrected commands: tracker": of_commands(truth, tracked, grid=False),
+        }
+
+
+def table(machines: int) -> pd.DataFrame:
+    """A row for each controller: medians, um, and the share of machines inside the 95 % interval."""
+    found = [machine(seed) for seed in range(machines)]
+    rows = []
+    for name in found[0]:
+        said, low, high, file, real = np.array([one[name] for one in found]).T
+        medians = [round(1e6 * float(np.median(values)), 1) for values in (said, file, real)]
+        rows.append((name, *medians, round(float(np.mean((low <= real) & (real <= high))), 2), machines))
+    return pd.DataFrame(rows, columns=["controller", "said_um", "file_alone_um", "realised_um", "covered", "machines"])
+
+
+if __name__ == "__main__":
+    made = table(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    made.to_csv(Path(__file__).with_suffix(".csv"), index=False, lineterminator="\n")
+    print(made.to_string(index=False))

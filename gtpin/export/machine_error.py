@@ -1,0 +1,178 @@
+"""The error to expect of a machine that a file corrects: what the file can't hold, and what the data leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtpin.accuracy.expected import placed_best
+from gtpin.certificate.held_against import prior_sizes
+from gtpin.certificate.response import At, ModelPosterior, by_unknowns
+from gtpin.compensation.machine import CompensatedMachine, machine_at
+from gtpin.errors import ModelError
+from gtpin.export.loss import postures
+from gtpin.model.model import Model
+from gtpin.typing import Floats, Mask
+
+DRAWS = 2000
+"""Number of machines that are drawn from the posterior for an interval."""
+LEAST = 1e-8
+"""Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
+INTERVAL = (0.025, 0.975)
+"""Quantiles of the intervals."""
+DETERMINED = 0.5
+"""Smallest share of a setting's prior variance that the data must take away, or the setting is left alone. Assumed: with less,
+the setting would follow the tolerances more than the measurements."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenDirections:
+    """What the data leave open of a machine: ``moved`` (N, 3, k) motions of the TCP, m, for k independent standard normal
+    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose."""
+
+    moved: Floats
+    unexplained: float
+
+    def rms(self, left: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
+        """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
+        allow; ``left`` (N, 3): the error, m, of the machine that the model is."""
+        e, R = left[:, axes], self.moved[:, axes]
+        flat, n = R.reshape(-1, R.shape[2]), len(left)
+        square, cross = flat.T @ flat / n, flat.T @ e.ravel() / n
+        fixed = float((e**2).sum() / n) + e.shape[1] * self.unexplained**2
+        z = np.random.default_rng(0).standard_normal((DRAWS, len(square)))
+        power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
+        low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL), 0.0))
+        return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
+
+
+def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> OpenDirections | None:
+    """What the data leave open at commands q (N, n); None where the uncertainty of the geometry is not known.
+
+    ``whole``: the model with its instrument. Where the instrument was free, the place of the machine is no error.
+    """
+    if machine.model.covariance is None:
+        return None
+    at, left = _at(machine, q), whole.unexplained
+    moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
+    if not whole.frame.is_base:
+        moved = placed_best(moved, at.plain)
+    return OpenDirections(moved[:, :3], left.position if left is not None and left.noise_known else 0.0)
+
+
+def left_of_commands(model: Model, q: Floats) -> tuple[str, ...]:
+    """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known."""
+    doubt = open_directions(machine_at(model)[0], model, q)
+    return () if doubt is None else (f"leaves {machine_words(doubt, np.zeros((len(q), 3)), None, 'these poses')}",)
+
+
+def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
+    """The same of tables for each actuator, which hold the effects of the names ``carried``."""
+    machine, (q, poses) = machine_at(model, session)[0], postures(model)
+    doubt = open_directions(machine, model, q)
+    if doubt is None:
+        return ()
+    after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
+    where = "the range of the fit, with the calibrated kinematics in the controller,"
+    return (f"leaves {machine_words(doubt, after, None, where)}",)
+
+
+def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Floats], list[Floats]]) -> Mask:
+    """Whether the data determine settings that follow from the errors of the TCP at commands q (N, n).
+
+    ``settings``: for errors (N, 3, k) of the TCP, m, the changes of each setting, (..., k): of several numbers together their
+    variances count.
+    """
+    if machine.model.covariance is None:
+        return np.ones(len(settings(np.zeros((len(q), 3, 1)))), dtype=bool)
+    at = _at(machine, q)
+    D = by_unknowns(machine.model, at)[:, :3]
+    before, after = settings(D * prior_sizes(machine.model, at)), settings(D @ ModelPosterior(machine.model).root)
+    power = np.array([[float((part**2).sum()) for part in parts] for parts in (before, after)])
+    return np.asarray(power[1] <= (1.0 - DETERMINED) * power[0])
+
+
+def _at(machine: CompensatedMachine, q: Floats) -> At:
+    return At.of(machine.model, q, machine.columns(len(q)))
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """(N, 3) errors of the TCP without and with tables, base frame, m, and what the data leave open there; None: not known."""
+
+    before: Floats
+    after: Floats
+    doubt: OpenDirections | None = None
+
+    @property
+    def is_nothing(self) -> bool:
+        """Whether there is no error to correct."""
+        return _rms(self.before) < LEAST
+
+    def words(self, where: str, temperatures: Mapping[str, float]) -> str:
+        """Text with the root mean squares of both errors, um: of the machine where its uncertainty is known, else of the
+        model."""
+        where += "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
+        if self.doubt is None:
+            return (
+                f"leaves {_um(_rms(self.after))} of {_um(_rms(self.before))} um of the TCP's error in {where}"
+                f" (z: {_um(_rms(self.after[:, 2:]))} of {_um(_rms(self.before[:, 2:]))} um)"
+            )
+        return f"leaves {machine_words(self.doubt, self.after, self.before, where)}"
+
+
+def machine_words(doubt: OpenDirections, after: Floats, before: Floats | None, where: str) -> str:
+    """The expected error of a machine, um, with the parts of the file and of the data, from (N, 3) errors of its model, m.
+
+    ``before``: the errors without the file; None where they are not known.
+    """
+    found, low, high = map(_um, doubt.rms(after))
+    of = "" if before is None else f" of {_um(doubt.rms(before)[0])}"
+    up = f"z: {_um(doubt.rms(after, slice(2, 3))[0])}"
+    up += "" if before is None else f" of {_um(doubt.rms(before, slice(2, 3))[0])}"
+    return (
+        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up} um): the file "
+        f"can't hold {_um(_rms(after))} um, and the data leave {_um(doubt.rms(np.zeros_like(after))[0])} um open"
+    )
+
+
+def check_any(left: Sequence[Left]) -> None:
+    """Raise `ModelError` if there is no error to correct at any temperature."""
+    if all(some.is_nothing for some in left):
+        hint = "give a calibrated or diagnosed model, and --temperature for effects of temperatures"
+        raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
+
+
+def both_approaches(count: int) -> Floats:
+    """(count,) alternating directions of approach, +1 and -1."""
+    return np.where(np.arange(count) % 2, 1.0, -1.0)
+
+
+def by_parts(
+    machines: Mapping[str, CompensatedMachine], left: Callable[[CompensatedMachine], Left]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
+    move nothing under the conditions of the tables."""
+    words, absent = [], []
+    if len(machines) < 2:  # its part is the whole
+        return (), ()
+    for name, machine in machines.items():
+        found = left(machine)
+        if not found.is_nothing:
+            words.append(f"{name} {_um(_rms(found.after))} of {_um(_rms(found.before))} um")
+        elif name != "geometry":
+            absent.append(name)
+    return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _um(metres: float) -> str:
+    size = 1e6 * metres
+    if size < 0.01:
+        return "under 0.01"
+    return f"{size:.3g}" if size < 1000.0 else f"{size:.0f}"
