@@ -146,7 +146,7 @@ def test_a_proposal_says_in_its_first_sentence_whether_it_is_worth_doing(settles
     assert "About 4 such measurements are needed" in step.measure
     assert "such measurements" not in enough.measure
     hopeless = replace(step, settles=0.0, rounds=None, watch=("cart2",)).measure
-    assert hopeless.startswith("To distinguish linearity@cart2 from rack_periodic@cart2, measure cart2 directly")
+    assert hopeless.startswith("To distinguish smooth drive error at cart2 from periodic drive error at cart2, ")
     assert "only 0%" in hopeless
 
 
