@@ -55,8 +55,8 @@ def _fit(c: Calibration) -> str:
         )
         lines.append(f"    {'at poses left out of the fit':<31} {values['orientation_rms_left_out'] * 1e6:.1f} urad")
     spread = np.sqrt(2.0 / c.dof)
-    meaning = cannot_judge(c) or f"1 +- {spread:.3f} for a model that fits"
-    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")
+    meaning = cannot_judge(c) or f"1 +- {spread:.2f} if it fits"
+    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})")
     lines.append(f"  degrees of freedom                {c.dof:.1f}")
     lines.append(f"  iterations                        {c.iterations}")
     if c.rejected:

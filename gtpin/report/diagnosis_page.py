@@ -23,7 +23,7 @@ from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Note, Plots, Section, Small, Table, report
-from gtpin.report.phrases import SURE, clause, named, others, parameter, reason_words, sentence, size_words
+from gtpin.report.phrases import SURE, clause, named, of_robot, others, parameter, reason_words, sentence, size_words
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import nominal_words, quality
 from gtpin.report.residual_columns import View, commanded, leading
@@ -38,10 +38,24 @@ from gtpin.report.residual_sections import (
 from gtpin.report.residuals import Residuals
 from gtpin.report.sketch import drawing
 from gtpin.report.verdict import gap_words, verdict
-from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
+from gtpin.report.words import (
+    chance,
+    coordinate_words,
+    joined,
+    length,
+    percent,
+    quantity,
+    short,
+    site_words,
+    typeset,
+    whole,
+)
+from gtpin.robot.robot import Robot
 
 CHANCE = 0.01
 """Smallest p-value at which noise alone explains what is left."""
+ALIKE = 0.02
+"""Relative difference of two noise floors that is not told."""
 SHOWN = 12
 """Number of candidates with a bar; the others are in a table."""
 PROGRAM = Markup("<code>gtpin export DIR/model --commands program.csv -o corrected.csv</code>")
@@ -81,10 +95,21 @@ def diagnosis_page(d: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
         _parameters(d),
         data_section(
             quality(dataset, d.baseline, d.set_aside_rows),
-            Small(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}."),
+            Small(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}".rstrip()),
         ),
     ]
     return report(f"{robot.name}: {d.verdict}", _lead(d, dataset, reaches), sections, provenance(dataset, robot, seed))
+
+
+def _two_floors(d: Diagnosis) -> str:
+    """A sentence where the noise floor is not that of the calibration: repeated visits differ by less without the causes."""
+    calibrated = None if d.gap.by_instrument else d.baseline.to_json()["position_noise_floor"]
+    if calibrated is None or abs(calibrated / d.gap.floor - 1.0) < ALIKE:
+        return ""
+    return (
+        f"Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
+        f"{length(calibrated)} as noise."
+    )
 
 
 def _lead(d: Diagnosis, dataset: Dataset, reaches: Sequence[str]) -> Lead:
@@ -162,7 +187,7 @@ def _where(d: Diagnosis) -> Section:
         Bars(beside=beside),
     ]
     if regions := _bars(_regions(where), 0.0)[:4]:
-        content += [Heading("By region of the workspace"), Bars(regions)]
+        content.append(Fold("By region of the workspace", [Bars(regions)]))
     return Section("where", "Where it lies", content)
 
 
@@ -197,8 +222,8 @@ def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[EffectCurv
             f"{told} Its name in files and for --exclude: {c.effect}@{c.site}. Probability {chance(c.probability)}.{explains}",
             Table(("parameter", "value"), rows),
         ]
-        if paragraphs := meaning(effect):
-            content.append(Fold("What they mean", [Small(words) for words in paragraphs], opened=True))
+        if paragraphs := meaning(effect, d.model.robot):
+            content.append(Fold("What they mean", [Small(words) for words in paragraphs]))
         if found:
             content += [Plots(curve_plots(f"cause-{k + 1}", found)), *map(Small, curve_notes(found))]
     if kept := sure_corrections(d):
@@ -233,14 +258,14 @@ def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[E
     return "; ".join(filter(None, words))
 
 
-def meaning(effect: Effect) -> tuple[Markup, ...]:
-    """Equation, signs and parameters of an effect, a paragraph each; empty without a docstring.
+def meaning(effect: Effect, robot: Robot) -> tuple[Markup, ...]:
+    """Equation, signs and parameters of an effect at a robot, a paragraph each; empty without a docstring.
 
     Paragraphs on typical sizes are omitted, because the data have determined the size.
     """
     text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
     paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
-    return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))
+    return tuple(_marked(part) for part in of_robot(paragraphs, robot) if part and not part.startswith("Typical size"))
 
 
 def _marked(text: str) -> Markup:

@@ -111,9 +111,9 @@ class Shared:
             settings = {name: self._written(one) for name, one in value.items()}
             text = json.dumps(settings)
             return self._reference(text, settings) if len(text) > SHORT else settings
-        if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size > FEW:
-            value = {"dtype": "f4", "bdata": b64encode(value.astype("<f4").tobytes()).decode()}
-            return self._reference(value["bdata"], value)
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.ndim == 1 and value.size > FEW:
+            small = np.where(np.isfinite(value), value, np.nan).astype("<f4").tobytes()
+            return self._reference(small, {"dtype": "f4", "bdata": b64encode(small).decode()})
         if isinstance(value, np.ndarray):
             key = (value.dtype.str, value.shape, tuple(value) if value.dtype == object else value.tobytes())
             return self._reference(key, value) if value.size > FEW else plain(value)

@@ -130,7 +130,11 @@ def _apart(e: Experiment, robot: Robot) -> str:
 
 def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
     """How effects can be tested."""
-    effects = joined([known_as(effect, site) for effect, site in e.effects])
+    sites: dict[str, list[str]] = {}
+    for effect, site in e.effects:
+        name, where = known_as(effect, site).rsplit(" at ", 1)
+        sites.setdefault(name, []).append(where)
+    effects = joined([f"{name} at {joined(places)}" for name, places in sites.items()], "and also")
     if not len(e.poses):
         reason = reason_words(lacking.reason, e.effects[0][1])
         return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, robot)}."

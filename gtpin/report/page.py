@@ -132,7 +132,6 @@ class Fold:
 
     title: str
     content: Sequence[Block]
-    opened: bool = False
     kind: ClassVar[str] = "fold"
 
 

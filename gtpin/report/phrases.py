@@ -85,6 +85,19 @@ def remedy(effect: Effect, robot: Robot) -> str:
     return own or effect.remedy
 
 
+def of_robot(paragraphs: list[str], robot: Robot) -> list[str]:
+    """The paragraphs of an effect's description that are of a robot.
+
+    What begins with robots without rods is for these alone; an equation there takes the place of the one for rods.
+    """
+    for k in [k for k, part in enumerate(paragraphs) if "robot without rods" in part[:50]]:
+        if robot.rods:
+            return [*paragraphs[:k], *paragraphs[k + 1 :]]
+        if " = " in paragraphs[k]:
+            return paragraphs[k:]
+    return paragraphs
+
+
 def sentence(words: str) -> str:
     """Words as a sentence: a full stop, and a capital first letter unless the first word is the name of a site."""
     name = any(c.isdigit() or c in "_:" for c in words.split(" ")[0])
@@ -184,7 +197,7 @@ def cause_rows(found: Findings) -> list[list[str]]:
         title = f"{found.effect(cause.effect).title}\n  at {site_words(cause.site)}"
         rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), share])
         for m in others(cause):
-            title = f"  or {found.effect(m.effect).title}\n  at {site_words(m.site)}"
+            title = f"  or {found.effect(m.effect).title}\n     at {site_words(m.site)}"
             own = [value(*one) for one in m.parameters.items()][:LINES]
             rows.append([title, chance(m.probability), "\n".join(own), ""])
     return rows
@@ -235,8 +248,9 @@ def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
 
     parts = [f"{' with '.join(map(words, both))} ({chance(p)})" for both, p in told]
     if len(parts) > NAMED:
-        parts = [*parts[:NAMED], f"{len(parts) - NAMED} others"]
-    said = f"{also}{common}{place} (open{share}): {joined(parts, 'or')}"
+        parts = [*parts[:NAMED], "another" if len(parts) == NAMED + 1 else f"one of {len(parts) - NAMED} others"]
+    parts[-1] = f"or {parts[-1]}"
+    said = f"{also}{common}{place} (open{share}): {(', ' if len(parts) < 3 else '; ').join(parts)}"
     return said[:1].upper() + said[1:]
 
 

@@ -51,7 +51,7 @@ def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     said = verdict(findings["ambiguous"].diagnosis).headline.replace("\u00a0", " ")
     assert said.startswith("Drive error at cart2 (open; ")
     assert "periodic, every " in said
-    assert "(60 %) or smooth, rms 12.3 µm (40 %)." in said
+    assert "(60 %), or smooth, rms 12.3 µm (40 %)." in said
 
 
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
