@@ -13,7 +13,7 @@ LETTER, LINE = 8.6, 19.0
 """Width of a letter and height of a line, pixels: between those of a wide and of a narrow page, whose letters are larger."""
 FAR = 24.0
 """Distance of a label from its spot, pixels, from which a line joins them."""
-COVERED, JOINT, CROSSED = 1e3, 6.0, 0.35
+COVERED, JOINT, CROSSED = 1e3, 12.0, 0.35
 """Costs of a label on another one, on a joint, and on a twentieth of a line; the cost of a pixel of distance is a tenth."""
 ROUND = ((1, 0), (-1, 0), (0, -1), (0, 1), *((side, row) for row in (-1, 1, -2, 2, -3, 3, -4, 4) for side in (1, -1)))
 """Places about a spot, the first is the best: side (0: centred) and row."""
