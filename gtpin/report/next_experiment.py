@@ -17,7 +17,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.situation import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words
-from gtpin.report.words import covariate_unit, joined, typeset, whole, with_unit
+from gtpin.report.words import coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
 from gtpin.robot.robot import Robot
 
 FOLDER = "next_experiment"
@@ -97,7 +97,8 @@ def measure_words(e: Experiment) -> str:
     """What to measure, and for what purpose."""
     robot = e.robot
     if e.visits is not None:
-        where = f"the unknown effect at {e.visits.site} depends on {e.visits.coordinates}"
+        over = coordinate_words(e.visits.coordinates)
+        where = f"the unknown effect at {site_words(e.visits.site)} depends on {over}"
         return f"{_visits(e, e.visits, robot)}: {where}."
     if e.lacking is not None:
         return _testable(e, e.lacking, robot)

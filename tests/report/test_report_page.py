@@ -86,7 +86,7 @@ def test_the_same_diagnosis_makes_the_same_page(findings):
 
 
 def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
-    monkeypatch.setattr(page, "plotly_js", lambda: None)
+    monkeypatch.setattr(page, "plotly_js", lambda kinds: None)
     whole = of(findings["explained"])
     assert len(whole) < 2e5
     assert "pip install 'gtpin[plots]'" in text(whole)

@@ -41,7 +41,7 @@ def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     cause = found.diagnosis.causes[0]
     assert (cause.effect, cause.site) == ("rack_periodic", "cart2")
     period = cause.parameters["period"].value
-    assert said.headline.startswith(f"cart2: periodic drive error, every {1e3 * period:.1f}\u00a0mm, ")
+    assert said.headline.startswith(f"cart2: periodic drive error, every {1e3 * period:.3g}\u00a0mm, ")
     assert said.headline.endswith("of the gap).")
     assert said.badge == "1 certain"
     assert "poses that it was not fitted to" in words(found)
