@@ -42,7 +42,7 @@ class AxisMotion(Effect):
 
     id = "axis_motion"
     nature = "description"
-    title = "the axis of a joint moves as the joint moves"
+    title = "error motion of the axis"
     clause = "the axis of {site} moves as the joint moves"
     remedy = "Check the bearing and its seat for run-out; or use the corrected model."
     coefficient = ("radial", "m")

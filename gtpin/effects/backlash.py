@@ -34,9 +34,8 @@ class Backlash(Effect):
     """
 
     id = "backlash"
-    title = "deviation that follows the direction of approach"
+    title = "backlash"
     clause = "{site} has backlash"
-    changed = "{site} has another backlash"
     first_checked = True
     of_chains = ChainWords(
         remedy="Check the play of the gear and its preload; approach from one side, or set the drive's backlash compensation."

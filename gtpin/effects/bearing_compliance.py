@@ -35,7 +35,7 @@ class BearingCompliance(Effect):
     """
 
     id = "bearing_compliance"
-    title = "the bearing of a joint tilts under the moments that it carries"
+    title = "bearing deflection under load"
     clause = "the bearing of {site} tilts under load"
     remedy = "Use the corrected model with the payload given; check the bearing's preload and the bolts of its flange."
     coefficient = ("tilt", "rad/(N m)")

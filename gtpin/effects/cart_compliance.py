@@ -50,7 +50,7 @@ class CartCompliance(Effect):
     """
 
     id = "cart_compliance"
-    title = "the cart moves and tilts under the forces of its links"
+    title = "cart deflection under load"
     clause = "{site} moves and tilts under the forces of its links"
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")

@@ -35,7 +35,7 @@ class CartRotation(Effect):
 
     id = "cart_rotation"
     nature = "profile"
-    title = "smooth roll, pitch and yaw of the cart along the track (EAX, EBX, ECX)"
+    title = "roll, pitch and yaw along the track"
     clause = "{site} rolls, pitches or yaws along its track"
     remedy = "Check the guideway's parallelism and the carriage's preload, or use the corrected model."
     coefficient = ("first_wave", "rad")

@@ -56,7 +56,7 @@ class CrossCoupling(Effect):
 
     id = "cross_coupling"
     nature = "description"
-    title = "deviation along the track that depends on where the other carts are"
+    title = "drive error that depends on the other drives"
     clause = "{site} shifts along its track with where the other carts are"
     of_chains = ChainWords(
         clause="{site} departs from its command with where the other joints are",

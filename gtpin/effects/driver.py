@@ -52,7 +52,7 @@ class DriverEffect(Effect):
         """Take a column, its ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the base frame)."""
         self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or InstrumentAxes()
         self.id = PREFIX + column.name
-        self.title = f"moves with the column {column.name}"
+        self.title = f"motion with the column {column.name}"
         self.clause = f"{{site}} moves with the column {column.name}"
         self.remedy = "Use the corrected model with this column recorded, or take away what it measures."
         self.coefficient = (self.drivers[0].motion, "")

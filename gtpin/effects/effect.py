@@ -75,7 +75,7 @@ class Effect(ABC):
     >>> from gtpin.effects import Effect, Situation, along_track, carts
     >>> class CableChain(Effect):
     ...     id = "cable_chain"
-    ...     title = "a cable chain pulls the cart back"
+    ...     title = "pull of a cable chain"
     ...     clause = "a cable chain pulls {site} back"
     ...     remedy = "Guide the chain, or use the corrected model."
     ...     coefficient = ("rate", "m/m")
@@ -103,9 +103,9 @@ class Effect(ABC):
     """
 
     id: str
-    """Its name in files, on the command line and in reports: ``rack_periodic``."""
+    """Its name in files and on the command line: ``rack_periodic``."""
     title: str
-    """A short description."""
+    """Its name in reports, without its site: ``periodic drive error``."""
     coefficient: tuple[str, str]
     """Name and unit of the first coefficient as a parameter: the only one, unless :meth:`parameters` gives others."""
     nature: ClassVar[Nature] = "mechanism"
@@ -113,8 +113,6 @@ class Effect(ABC):
     clause: str = ""
     """What it does, as a clause in which ``{site}`` stands for the site: ``{site} has backlash``. If empty, it is made
     from ``title``."""
-    changed: ClassVar[str] = ""
-    """The clause that reports use for a change since an earlier model; if empty, ``clause``."""
     first_checked: ClassVar[bool] = False
     """Whether a health check looks for it first, because crashes and wear cause it: the poses of a check are chosen for it, and
     reports name the smallest change of it that they show. True for shifted zeros and backlash (assumed)."""

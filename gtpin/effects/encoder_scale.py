@@ -30,7 +30,7 @@ class EncoderScale(Effect):
     """
 
     id = "encoder_scale"
-    title = "travel per count is off by a constant factor"
+    title = "wrong drive scale"
     clause = "travel per count of {site} is off by a constant factor"
     of_chains = ChainWords(
         clause="the motion of {site} per count is off by a constant factor",

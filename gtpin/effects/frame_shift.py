@@ -29,9 +29,8 @@ class FrameShift(Effect):
     """
 
     id = "frame_shift"
-    title = "the measurement frame has another pose in each session"
+    title = "shift between sessions"
     clause = "{site} has another pose in each session"
-    changed = "{site} sits elsewhere"
     since_a_model = True
     remedy = "A fault of the measurement: tie the sessions together by reference nests."
     coefficient = ("shift_x[1]", "m")

@@ -40,7 +40,7 @@ class JointClearance(Effect):
     """
 
     id = "joint_clearance"
-    title = "play in a spherical joint, taken up by the sign of the force"
+    title = "joint play"
     clause = "a joint of {site} has play"
     of_chains = ChainWords(
         clause="{site} has play, which its load takes up", remedy="Replace the gear or bearing, or preload it."

@@ -39,7 +39,7 @@ class JointCompliance(Effect):
     """
 
     id = "joint_compliance"
-    title = "the drive of a joint deflects under the joint's load"
+    title = "drive deflection under load"
     clause = "the drive of {site} deflects under its load"
     remedy = "Use the corrected model with the payload given; check the gear and its preload."
     coefficient = ("compliance", "rad/(N m)")

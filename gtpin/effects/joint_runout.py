@@ -32,7 +32,7 @@ class JointRunout(Effect):
     """
 
     id = "joint_runout"
-    title = "an out-of-round ball: the length varies with the link's direction"
+    title = "out-of-round ball"
     clause = "a ball of {site} is out of round"
     remedy = "Have the ball and its socket measured, or replaced."
     coefficient = ("first_wave", "m")

@@ -30,7 +30,7 @@ class Linearity(Effect):
 
     id = "linearity"
     nature = "profile"
-    title = "smooth deviation along the track (EXX)"
+    title = "smooth drive error"
     clause = "{site} departs smoothly from where it should be along its track"
     of_chains = ChainWords(
         clause="{site} departs smoothly from its command",

@@ -59,7 +59,7 @@ class LinkCompliance(Effect):
     """
 
     id = "link_compliance"
-    title = "links stretch under load"
+    title = "link deflection under load"
     clause = "{site} stretches under load"
     plural_clause = "{site} stretch under load"
     of_chains = ChainWords(

@@ -53,7 +53,7 @@ class RackPeriodic(Effect):
     """
 
     id = "rack_periodic"
-    title = "periodic deviation along the track"
+    title = "periodic drive error"
     clause = "{site} departs periodically along its track"
     remedy = "Look for what has this period: tooth pitch, pinion run-out, mounting; or compensate by the curve below."
     coefficient = ("cosine", "m")

@@ -40,7 +40,7 @@ class RackStep(Effect):
     """
 
     id = "rack_step"
-    title = "step where two rack segments meet"
+    title = "step in the drive"
     clause = "{site} steps where two rack segments meet"
     of_chains = ChainWords(
         clause="the travel of {site} has a step", remedy="Check the scale or rack at the place below, and its joint."

@@ -32,7 +32,7 @@ class ServoLag(Effect):
     """
 
     id = "servo_lag"
-    title = "deviation that grows with speed"
+    title = "servo lag"
     clause = "{site} lags behind in proportion to its speed"
     remedy = "Measure at rest or slower; check position gain and velocity feed-forward."
     coefficient = ("lag", "s")

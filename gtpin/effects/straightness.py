@@ -32,7 +32,7 @@ class Straightness(Effect):
 
     id = "straightness"
     nature = "profile"
-    title = "smooth deviation across the track (EYX, EZX)"
+    title = "track that is not straight"
     clause = "the track of {site} is not straight"
     remedy = "Realign the guideway by the curve below, or use the corrected model."
     coefficient = ("first_wave", "m")

@@ -25,9 +25,8 @@ class TargetOffset(Effect):
     """
 
     id = "target_offset"
-    title = "the target is not where the TCP is assumed to be"
+    title = "target offset"
     clause = "the target is not where the TCP is assumed to be"
-    changed = "the target sits elsewhere"
     remedy = "Measure the target's place on the platform."
     coefficient = ("offset_x", "m")
 

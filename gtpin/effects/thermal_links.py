@@ -33,7 +33,7 @@ class ThermalLinks(Effect):
     """
 
     id = "thermal_links"
-    title = "links grow with their temperature"
+    title = "thermal growth of links"
     clause = "{site} grows with its temperature"
     plural_clause = "{site} grow with their temperature"
     remedy = "Let the machine warm up, or use the corrected model with the links' temperature measured."

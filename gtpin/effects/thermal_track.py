@@ -31,7 +31,7 @@ class ThermalTrack(Effect):
     """
 
     id = "thermal_track"
-    title = "the guideway grows with the frame's temperature"
+    title = "thermal growth of the track"
     clause = "the guideway of {site} grows with the frame's temperature"
     of_chains = ChainWords(clause="the travel of {site} grows with the frame's temperature")
     remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."

@@ -32,7 +32,7 @@ class TrackerDrift(Effect):
     """
 
     id = "tracker_drift"
-    title = "the measurement frame moves over time"
+    title = "drift over time"
     clause = "{site} drifts over time"
     remedy = "A fault of the measurement: check the tracker's stand and warm-up; measure reference nests in between."
     coefficient = ("shift_x", "m")

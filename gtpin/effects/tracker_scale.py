@@ -28,7 +28,7 @@ class TrackerScale(Effect):
     """
 
     id = "tracker_scale"
-    title = "the instrument's length scale is off"
+    title = "wrong length scale"
     clause = "the instrument's length scale is off"
     remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")

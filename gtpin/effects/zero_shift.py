@@ -29,9 +29,8 @@ class ZeroShift(Effect):
     """
 
     id = "zero_shift"
-    title = "zero of the drive moved between sessions"
+    title = "zero shift"
     clause = "the zero of {site} moved between sessions"
-    changed = "the zero of {site} has moved"
     first_checked = True
     remedy = "Check homing and reference switch; home again before each session."
     coefficient = ("shift", "m")

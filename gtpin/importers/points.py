@@ -216,6 +216,6 @@ def _scale(robot: str, tcp: str | None, count: int, unit: Length, angle: Angle |
         what = f"{count} columns of commands for the {len(revolute)} actuators of {robot}"
         raise DatasetError(what, column="columns", hint="name one for each, q1 .. qn")
     if revolute.any() and angle not in ANGLES:
-        what = "the unit of the angles is not given"
-        raise DatasetError(what, column="angle", hint=f"give --angle {'|'.join(ANGLES)}")
+        what = f"joints of {robot} turn, and the unit of their commands is not given"
+        raise DatasetError(what, hint=f"add {' or '.join(f'--angle {name}' for name in ANGLES)}")
     return np.where(revolute, ANGLES[angle] if angle is not None else np.nan, LENGTHS[unit])

@@ -41,8 +41,8 @@ def _fit(c: Calibration) -> str:
         noise = noise if c.noise_known else "not known: declare it, or repeat visits"
         lines.append(f"    {'noise alone':<31} {noise}")
     spread = np.sqrt(2.0 / c.dof)
-    meaning = cannot_judge(c) or f"1 +- {spread:.3f} for a model that fits"
-    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.3f}  ({meaning})")
+    meaning = cannot_judge(c) or f"1 +- {spread:.2f} if it fits"
+    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})")
     lines.append(f"  degrees of freedom                {c.dof:.1f}")
     lines.append(f"  iterations                        {c.iterations}")
     if c.rejected:

@@ -23,7 +23,7 @@ from gtpin.report.figure import alone
 from gtpin.report.maps import workspace_figure
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Table
-from gtpin.report.phrases import cause_rows, value
+from gtpin.report.phrases import cause_rows, interval, named, overlap, parameter, value
 from gtpin.report.residual_columns import leading
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
@@ -38,7 +38,7 @@ from gtpin.report.verdict import (
     questions,
     verdict,
 )
-from gtpin.report.words import chance, percent, quantity
+from gtpin.report.words import chance, percent, site_words
 from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ class DiagnosisPresentation(Presentation):
         d, words = self.diagnosis, gap_words(self.diagnosis.gap)
         lines = [f"Diagnosis of {d.model.robot.name}: {d.verdict}"]
         for cause in d.causes:
-            first = value(*next(iter(cause.parameters.items())))
-            lines.append(f"  {cause.effect} at {cause.site}, probability {chance(cause.probability)}, {first}")
+            first, name = value(*next(iter(cause.parameters.items()))), named(d.effect(cause.effect), cause.site)
+            lines.append(f"  {name}, probability {chance(cause.probability)}, {first}")
         after = f", {words.after} with the causes" if d.causes else ""
         lines.append(
             f"{words.what} on left-out poses, RMS: {words.before} by geometry alone{after}; noise {words.floor}"
@@ -84,9 +84,7 @@ class DiagnosisPresentation(Presentation):
         d = self.diagnosis
         parts: list[RenderableType] = [verdict(d).headline]
         if d.causes:
-            explains = {f"{c.effect} at {c.site}": percent(c.shrinkage) for c in d.causes}
-            rows = [[*row, explains.get(row[0], "")] for row in cause_rows(d.causes)]
-            parts.append(Table(("cause", "probability", "parameters", "explains of the gap"), rows, (1, 3)).printed())
+            parts.append(Table(("cause", "probability", "parameters", "of the gap"), cause_rows(d), (1, 3)).printed())
         parts += [*not_recorded(d), *could_be(d), *may_hide(d), *also(d), *questions(d), *self._gap(), *assumed(d)]
         count = sum(not candidate.testable for candidate in d.candidates)
         if count:
@@ -100,14 +98,13 @@ class DiagnosisPresentation(Presentation):
         what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
         if not self.diagnosis.causes:
             return [f"{what}: {size.before}, of which noise is {size.floor}."]
-        lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise floor {size.floor}."]
+        lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise alone {size.floor}."]
         if gap.shrinkage is not None and gap.interval is not None:
             low, high = map(percent, gap.interval)
             lines.append(
                 f"Explained fraction of the gap's power beyond noise: {percent(gap.shrinkage)} (95 %: {low} to {high})."
             )
-        small = beyond_noise(gap)
-        return [*lines, small] if small else lines
+        return [*lines, *filter(None, (beyond_noise(gap), overlap(self.diagnosis)))]
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
@@ -151,18 +148,23 @@ class DiagnosisPresentation(Presentation):
             raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
         made = curve_drawing(chosen[0]).figure()
         made.update_layout(yaxis_title=made.layout.title.text)
-        return alone(made, f"{cause.effect} at {cause.site}, 95 % interval")
+        return alone(made, f"{named(self.diagnosis.effect(cause.effect), cause.site)}, 95 % interval")
 
     def parameters(self) -> Figure:
         """The causes' parameters."""
         rows = [
-            [c.effect, c.site, chance(c.probability), name.replace("_", " "), quantity(e.value, e.unit, e.sigma)]
-            + [quantity(end, e.unit) for end in e.interval]
-            + [percent(c.shrinkage)]
+            [
+                self.diagnosis.effect(c.effect).title,
+                site_words(c.site),
+                chance(c.probability),
+                *parameter(name, e.value, e.unit, e.sigma),
+                *interval(name, e),
+                percent(c.shrinkage),
+            ]
             for c in self.diagnosis.causes
             for name, e in c.parameters.items()
         ]
-        head = ("effect", "site", "probability", "parameter", "value", "95 % from", "to", "takes away")
+        head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "takes away")
         return Table(head, rows).figure("Parameters of the causes")
 
     @in_one_thread

@@ -23,7 +23,7 @@ from gtpin.report.geometry_table import geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Note, Plots, Section, Small, Table, report
-from gtpin.report.phrases import SURE, clause, others, reason_words, sentence
+from gtpin.report.phrases import SURE, clause, named, of_robot, others, parameter, reason_words, sentence, size_words
 from gtpin.report.provenance import provenance
 from gtpin.report.quality import nominal_words, quality
 from gtpin.report.residual_columns import View, commanded, leading
@@ -38,10 +38,24 @@ from gtpin.report.residual_sections import (
 from gtpin.report.residuals import Residuals
 from gtpin.report.sketch import drawing
 from gtpin.report.verdict import gap_words, verdict
-from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, short, site_words, typeset, whole
+from gtpin.report.words import (
+    chance,
+    coordinate_words,
+    joined,
+    length,
+    percent,
+    quantity,
+    short,
+    site_words,
+    typeset,
+    whole,
+)
+from gtpin.robot.robot import Robot
 
 CHANCE = 0.01
 """Smallest p-value at which noise alone explains what is left."""
+ALIKE = 0.02
+"""Relative difference of two noise floors that is not told."""
 SHOWN = 12
 """Number of candidates with a bar; the others are in a table."""
 PROGRAM = Markup("<code>gtpin export DIR/model --commands program.csv -o corrected.csv</code>")
@@ -81,10 +95,21 @@ def diagnosis_page(d: Diagnosis, dataset: Dataset, *, seed: int = 0) -> str:
         _parameters(d),
         data_section(
             quality(dataset, d.baseline, d.set_aside_rows),
-            Small(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}."),
+            Small(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}".rstrip()),
         ),
     ]
     return report(f"{robot.name}: {d.verdict}", _lead(d, dataset, reaches), sections, provenance(dataset, robot, seed))
+
+
+def _two_floors(d: Diagnosis) -> str:
+    """A sentence where the noise floor is not that of the calibration: repeated visits differ by less without the causes."""
+    calibrated = None if d.gap.by_instrument else d.baseline.to_json()["position_noise_floor"]
+    if calibrated is None or abs(calibrated / d.gap.floor - 1.0) < ALIKE:
+        return ""
+    return (
+        f"Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
+        f"{length(calibrated)} as noise."
+    )
 
 
 def _lead(d: Diagnosis, dataset: Dataset, reaches: Sequence[str]) -> Lead:
@@ -101,8 +126,8 @@ def _lead(d: Diagnosis, dataset: Dataset, reaches: Sequence[str]) -> Lead:
         )
     rows = []
     for k, (cause, size) in enumerate(zip(d.causes, reaches, strict=True)):
-        link = Markup('<a href="#cause-{}">{}</a>').format(k + 1, cause.effect)
-        also = ", ".join(f"{_name(m)} ({chance(m.probability)})" for m in others(cause)) or "nothing else"
+        link = Markup('<a href="#cause-{}">{}</a>').format(k + 1, d.effect(cause.effect).title)
+        also = "; ".join(_other(d, m) for m in others(cause)) or "nothing else"
         rows.append([link, site_words(cause.site), chance(cause.probability), _explains(d, cause), size, also])
     head = ("cause", "at", "probability", "explains of the gap", "size", "could also be")
     return Lead(
@@ -162,7 +187,7 @@ def _where(d: Diagnosis) -> Section:
         Bars(beside=beside),
     ]
     if regions := _bars(_regions(where), 0.0)[:4]:
-        content += [Heading("By region of the workspace"), Bars(regions)]
+        content.append(Fold("By region of the workspace", [Bars(regions)]))
     return Section("where", "Where it lies", content)
 
 
@@ -187,18 +212,18 @@ def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[EffectCurv
     given = ", given the other causes" if len(d.causes) > 1 else ""
     for k, c in enumerate(d.causes):
         effect, found = d.effect(c.effect), by_cause.get((c.effect, c.site), ())
-        rows = [[name.replace("_", " "), quantity(e.value, e.unit, e.sigma)] for name, e in c.parameters.items()]
+        rows = [parameter(name, e.value, e.unit, e.sigma) for name, e in c.parameters.items()]
         explains = (
             f" It explains {percent(c.shrinkage)} of the gap's power beyond noise{given}." if _estimable(d) else ""
         )
         told = sentence(clause(effect, c.site, d.model.robot))
         content += [
-            Heading(f"{c.effect} at {site_words(c.site)}", f"cause-{k + 1}"),
-            f"{told} Probability {chance(c.probability)}.{explains}",
+            Heading(named(effect, c.site), f"cause-{k + 1}"),
+            f"{told} Its name in files and for --exclude: {c.effect}@{c.site}. Probability {chance(c.probability)}.{explains}",
             Table(("parameter", "value"), rows),
         ]
-        if paragraphs := meaning(effect):
-            content.append(Fold("What they mean", [Small(words) for words in paragraphs], opened=True))
+        if paragraphs := meaning(effect, d.model.robot):
+            content.append(Fold("What they mean", [Small(words) for words in paragraphs]))
         if found:
             content += [Plots(curve_plots(f"cause-{k + 1}", found)), *map(Small, curve_notes(found))]
     if kept := sure_corrections(d):
@@ -213,7 +238,7 @@ def sure_corrections(d: Diagnosis) -> list[str]:
     ``gtpin export`` writes."""
     sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
     kept = [active for active in correctable(d.model) if (active.effect.id, active.site) in sure]
-    return [f"{active.effect.id} at {site_words(active.site)}" for active in kept]
+    return [named(active.effect, active.site) for active in kept]
 
 
 def _estimable(d: Diagnosis) -> bool:
@@ -229,19 +254,18 @@ def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[E
     """The nonlinear parameter of a cause, such as a period, and its largest displacement, as text."""
     words = [reach(by_cause.get((c.effect, c.site), ()))]
     if d.effect(c.effect).has_nonlinear:  # it is the first of the parameters
-        name, setting = next(iter(c.parameters.items()))
-        words.insert(0, f"{name.replace('_', ' ')} {quantity(setting.value, setting.unit)}")
+        words.insert(0, size_words(c.parameters, 2))
     return "; ".join(filter(None, words))
 
 
-def meaning(effect: Effect) -> tuple[Markup, ...]:
-    """Equation, signs and parameters of an effect, a paragraph each; empty without a docstring.
+def meaning(effect: Effect, robot: Robot) -> tuple[Markup, ...]:
+    """Equation, signs and parameters of an effect at a robot, a paragraph each; empty without a docstring.
 
     Paragraphs on typical sizes are omitted, because the data have determined the size.
     """
     text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
     paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
-    return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))
+    return tuple(_marked(part) for part in of_robot(paragraphs, robot) if part and not part.startswith("Typical size"))
 
 
 def _marked(text: str) -> Markup:
@@ -286,7 +310,7 @@ def _evidence(d: Diagnosis) -> Section:
     top = max([c.log_evidence for c in tested], default=0.0)
     gains = [whole(f"{c.log_evidence:.1f}") for c in tested]
     bars = [
-        Bar(_name(c), max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in named)
+        Bar(_name(d, c), max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in named)
         for c, gain in zip(tested[:SHOWN], gains, strict=False)
     ]
     count = f"{len(tested)} candidate{'s' if len(tested) != 1 else ''}"
@@ -300,14 +324,20 @@ def _evidence(d: Diagnosis) -> Section:
             "may only resemble the true cause."
         )
     content.append(Bars(bars))
-    if rest := [[_name(c), gain] for c, gain in list(zip(tested, gains, strict=True))[SHOWN:]]:
+    if rest := [[_name(d, c), gain] for c, gain in list(zip(tested, gains, strict=True))[SHOWN:]]:
         table = Table(("candidate", "gain in log evidence"), rest, (1,))
         content.append(Fold("The other candidates", [table]))
     return Section("evidence", "Evidence", content)
 
 
-def _name(c: Considered | Member) -> str:
-    return f"{c.effect} at {site_words(c.site)}"
+def _name(d: Diagnosis, c: Considered | Member) -> str:
+    return named(d.effect(c.effect), c.site)
+
+
+def _other(d: Diagnosis, m: Member) -> str:
+    """Another member of a class, with its size and probability."""
+    size = size_words(m.parameters, 1 + d.effect(m.effect).has_nonlinear)
+    return f"{', '.join(filter(None, (_name(d, m), size)))} ({chance(m.probability)})"
 
 
 def _apart(d: Diagnosis) -> Section:
@@ -319,7 +349,10 @@ def _apart(d: Diagnosis) -> Section:
             lead = (c.effect, c.site)
             content.append(
                 Bars(
-                    [Bar(_name(m), m.probability, chance(m.probability), (m.effect, m.site) == lead) for m in c.members]
+                    [
+                        Bar(_name(d, m), m.probability, chance(m.probability), (m.effect, m.site) == lead)
+                        for m in c.members
+                    ]
                 )
             )
     if not d.causes:
@@ -345,7 +378,7 @@ def _untestable(d: Diagnosis) -> Section:
     for c in d.candidates:
         if not c.testable:
             reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
-    rows = [[effect, joined(sites), reason] for (effect, reason), sites in reasons.items()]
+    rows = [[d.effect(effect).title, joined(sites), reason] for (effect, reason), sites in reasons.items()]
     content: list[Block] = ["Every effect of the catalogue could be tested."]
     if rows:
         content = [

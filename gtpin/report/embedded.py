@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -81,9 +82,10 @@ class Embedded:
 
 @dataclass
 class Shared:
-    """Parts that the plots of a page share, each once: arrays, and settings of traces and layouts."""
+    """Parts that the plots of a page share, each once: arrays, and settings of traces and layouts; and the traces' kinds."""
 
     parts: list[Any] = field(default_factory=list)
+    kinds: set[str] = field(default_factory=set)
     _known: dict[object, int] = field(default_factory=dict)
 
     def embed(self, plot: Plot) -> Embedded:
@@ -92,6 +94,7 @@ class Shared:
         figures: list[dict[str, Any]] = []
         marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
         for chosen, made in drawn.items():
+            self.kinds |= {trace.get("type", "scatter") for trace in made.traces}
             figures.append(self._written({"data": made.traces, "layout": made.layout}))
             for look in filter(None, map(_look, made.traces)):
                 marks[look] = marks.get(look, frozenset()) | {chosen}
@@ -108,6 +111,9 @@ class Shared:
             settings = {name: self._written(one) for name, one in value.items()}
             text = json.dumps(settings)
             return self._reference(text, settings) if len(text) > SHORT else settings
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.ndim == 1 and value.size > FEW:
+            small = np.where(np.isfinite(value), value, np.nan).astype("<f4").tobytes()
+            return self._reference(small, {"dtype": "f4", "bdata": b64encode(small).decode()})
         if isinstance(value, np.ndarray):
             key = (value.dtype.str, value.shape, tuple(value) if value.dtype == object else value.tobytes())
             return self._reference(key, value) if value.size > FEW else plain(value)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.diagnosis.inference.findings import Smallest
+from gtpin.diagnosis.inference.findings import Cause, Considered, Member, Smallest
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.model.model_folder import write_model
 from gtpin.output.json_text import json_text
@@ -22,24 +22,24 @@ from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.next_experiment import FOLDER
 from gtpin.report.page import Items, Lead, Section, Table, report
 from gtpin.report.phrases import (
+    badge,
+    cause_lines,
     cause_rows,
-    clause,
     doubt_words,
-    either,
+    interval,
+    named,
     others,
+    overlap,
+    parameter,
     reason_words,
     remedy,
-    sentence,
-    sure_and_doubtful,
 )
 from gtpin.report.provenance import provenance
 from gtpin.report.sketch import drawing
-from gtpin.report.verdict import BADGES, gap_words
-from gtpin.report.words import chance, counted, joined, number_word, percent, quantity, site_words, whole
+from gtpin.report.verdict import TONES, gap_words
+from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread
 
-CHANGED = {"none": ("no change", "good"), "explained": ("changed", "accent")}
-"""Badges of verdicts for which a check uses other words than a diagnosis."""
 SHOWN = 12
 """Largest number of candidates in the table of evidence."""
 
@@ -65,7 +65,7 @@ class HealthPresentation(Presentation):
     def terminal(self) -> RenderableType:
         """The changes, with class and probability, and the smallest changes that such poses show."""
         c = self.check
-        changes = Table(("change", "probability", "by how much"), cause_rows(c.causes), (1,))
+        changes = Table(("change", "probability", "by how much", "of the error"), cause_rows(c), (1, 3))
         untested = sum(not one.testable for one in c.candidates)
         return Group(
             headline(c),
@@ -130,7 +130,7 @@ present = HealthPresentation
 def health_page(check: HealthCheck) -> str:
     """The whole report of a check as one self-contained HTML file."""
     robot, size = check.model.robot, gap_words(check.gap)
-    badge, tone = CHANGED.get(check.verdict, BADGES[check.verdict])
+    counts = badge(check) or "no change"
     numbers = [(str(check.poses), "poses"), (size.before, f"{_error(check).lower()} of the earlier model, RMS")]
     numbers += [(size.after, "with the changes")] if check.causes else []
     lead = Lead(
@@ -138,32 +138,47 @@ def health_page(check: HealthCheck) -> str:
         headline(check),
         advice(check),
         [*numbers, (size.floor, _floor(check))],
-        badge,
-        tone,
+        counts,
+        TONES[check.verdict],
         drawing(check.baseline, np.median(check.dataset.q, axis=0), causes=[c.site for c in check.causes]),
     )
     sections = [*([_changes(check)] if check.causes else []), *_evidence(check)]
-    return report(f"{robot.name}: {badge}", lead, sections, provenance(check.dataset, robot, check.seed))
+    return report(f"{robot.name}: {counts}", lead, sections, provenance(check.dataset, robot, check.seed))
 
 
 def _changes(check: HealthCheck) -> Section:
     rows = []
     for cause in check.causes:
         for name, e in cause.parameters.items():
-            low, high = (quantity(end, e.unit) for end in e.interval)
-            row = [cause.effect, cause.site, chance(cause.probability), name.replace("_", " ")]
-            rows.append([*row, quantity(e.value, e.unit, e.sigma), whole(f"{low} to {high}")])
-        rows += [[f"or {m.effect}", m.site, chance(m.probability), "", "", ""] for m in others(cause)]
+            row = [_title(check, cause), site_words(cause.site), chance(cause.probability)]
+            row += parameter(name, e.value, e.unit, e.sigma)
+            rows.append([*row, whole(" to ".join(interval(name, e)))])
+        for m in others(cause):
+            sizes = [parameter(name, e.value, e.unit, e.sigma) for name, e in m.parameters.items()][:1]
+            rows.append(
+                [f"or {_title(check, m)}", site_words(m.site), chance(m.probability), *(sizes or [("", "")])[0], ""]
+            )
     table = Table(("change", "site", "probability", "parameter", "by how much", "95 %"), rows, (2, 4, 5))
     return Section("changes", "The changes", ["By how much each parameter differs from the earlier model.", table])
 
 
 def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
     """The evidence of each change, the smallest changes that such poses show, and what they don't show."""
-    tested = [[c.effect, c.site, f"{c.log_evidence:.1f}"] for c in check.candidates if c.testable][:SHOWN]
-    untested = [[c.effect, c.site, reason_words(c.reason, c.site)] for c in check.candidates if not c.testable]
+    tested = [[_title(check, c), site_words(c.site), f"{c.log_evidence:.1f}"] for c in check.candidates if c.testable][
+        :SHOWN
+    ]
+    untested = [
+        [_title(check, c), site_words(c.site), reason_words(c.reason, c.site)]
+        for c in check.candidates
+        if not c.testable
+    ]
     smallest = [
-        [s.effect, s.site, s.parameter.replace("_", " "), "none" if s.value is None else quantity(s.value, s.unit)]
+        [
+            _title(check, s),
+            site_words(s.site),
+            s.parameter.replace("_", " "),
+            "none" if s.value is None else quantity(s.value, s.unit),
+        ]
         for s in check.smallest
     ]
     limit = (
@@ -189,30 +204,18 @@ def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
     )
 
 
-def change(check: HealthCheck, effect: str, site: str) -> str:
-    """A change as a clause."""
-    if changed := check.effect(effect).changed:
-        return changed.replace("{site}", site_words(site))
-    return clause(check.effect(effect), site, check.model.robot)
-
-
 def headline(check: HealthCheck) -> str:
-    """The changes, in one or two sentences."""
+    """The changes, a line for each."""
     if check.verdict == "none":
         return "Nothing has changed since the model was identified, as far as these poses show."
-    sure, doubtful = sure_and_doubtful(check.causes)
-    known = sentence(joined([change(check, c.effect, c.site) for c in sure])) if sure else ""
+    lines = cause_lines(check, "error beyond noise")
     if check.verdict == "unknown":
-        also = f" Also certain: {known}" if sure else ""
-        return f"Something has changed that no known effect explains.{also}"
-    if doubtful:
-        classes = [
-            [f"{change(check, m.effect, m.site)} ({chance(m.probability)})" for m in c.members] for c in doubtful
-        ]
-        said = " ".join(sentence(either(named, "these poses")) for named in classes)
-        return f"Changed since the model was identified: {said}{f' Certain: {known}' if sure else ''}"
-    several = f"{number_word(len(sure))} changes since the model was identified: " if len(sure) > 1 else ""
-    return sentence(several + joined([change(check, c.effect, c.site) for c in sure]))
+        lines.append(f"{'Also s' if lines else 'S'}omething has changed that no known effect explains.")
+    return "\n".join(["Changed since the model was identified:", *lines] if check.causes else lines)
+
+
+def _title(check: HealthCheck, one: Cause | Member | Considered | Smallest) -> str:
+    return check.effect(one.effect).title
 
 
 def _error(check: HealthCheck) -> str:
@@ -237,8 +240,9 @@ def advice(check: HealthCheck) -> list[str]:
         )
     for cause in check.causes:
         found.append(
-            f"{cause.effect} at {site_words(cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
+            f"{named(check.effect(cause.effect), cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
         )
+    found += filter(None, [overlap(check)])
     if check.verdict == "unknown":
         found += [*doubt_words(check.doubts), "Calibrate again with enough poses, and diagnose these."]
     if check.set_aside:
@@ -276,7 +280,8 @@ def power_words(check: HealthCheck) -> str:
     """The smallest of the most common changes that such poses show with the check's power."""
     first = dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked)
     parts = [
-        f"{effect.replace('_', ' ')} {_largest([s for s in check.smallest if s.effect == effect])}" for effect in first
+        f"{check.effect(effect).title} {_largest([s for s in check.smallest if s.effect == effect])}"
+        for effect in first
     ]
     if not parts:
         return "These poses show none of the changes that crashes and wear cause first."
@@ -298,5 +303,5 @@ def unseen(check: HealthCheck) -> list[str]:
         if not c.testable:
             # Reasons name the column of each site: without its number, one sentence serves all sites of an effect.
             reason = reason_words(c.reason, "the site").rstrip("0123456789")
-            by_reason.setdefault(reason, []).append(c.effect)
+            by_reason.setdefault(reason, []).append(_title(check, c))
     return [f"{joined(list(dict.fromkeys(effects)))}: {reason}." for reason, effects in by_reason.items()]

@@ -17,7 +17,8 @@ from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing, scatter
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
-from gtpin.report.words import counted, length, quantity
+from gtpin.report.phrases import known_as, parameter
+from gtpin.report.words import counted, length
 
 Add = Callable[[HealthCheck], None]
 COLORS = {"none": GOOD, "explained": ACCENT, "ambiguous": WARN, "unknown": MYSTERY}
@@ -72,7 +73,7 @@ def history_page(entries: Sequence[Entry]) -> str:
         ]
         for entry in reversed(entries)
     ]
-    head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise", "poses", "dataset")
+    head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise alone", "poses", "dataset")
     plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
     return report(
         f"{last.robot}: checks",
@@ -113,6 +114,6 @@ def history_drawing(entries: Sequence[Entry]) -> Drawing:
 
 def _changes(entry: Entry) -> str:
     return "; ".join(
-        f"{one.effect} at {one.site}, {one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
+        f"{known_as(one.effect, one.site)}, {' '.join(parameter(one.parameter, one.value, one.unit))}"
         for one in entry.changes
     )

@@ -16,8 +16,8 @@ from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.situation import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
-from gtpin.report.phrases import reason_words
-from gtpin.report.words import covariate_unit, joined, typeset, whole, with_unit
+from gtpin.report.phrases import known_as, reason_words
+from gtpin.report.words import coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
 from gtpin.robot.robot import Robot
 
 FOLDER = "next_experiment"
@@ -97,7 +97,8 @@ def measure_words(e: Experiment) -> str:
     """What to measure, and for what purpose."""
     robot = e.robot
     if e.visits is not None:
-        where = f"the unknown effect at {e.visits.site} depends on {e.visits.coordinates}"
+        over = coordinate_words(e.visits.coordinates)
+        where = f"the unknown effect at {site_words(e.visits.site)} depends on {over}"
         return f"{_visits(e, e.visits, robot)}: {where}."
     if e.lacking is not None:
         return _testable(e, e.lacking, robot)
@@ -106,7 +107,7 @@ def measure_words(e: Experiment) -> str:
 
 def _apart(e: Experiment, robot: Robot) -> str:
     """How to distinguish effects."""
-    first, *others = e.separates
+    first, *others = (known_as(*name.split("@")) if "@" in name else name for name in e.separates)
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
         return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
@@ -132,8 +133,9 @@ def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
     """How effects can be tested."""
     sites: dict[str, list[str]] = {}
     for effect, site in e.effects:
-        sites.setdefault(effect, []).append(site)
-    effects = joined([f"{effect} ({', '.join(names)})" for effect, names in sites.items()])
+        name, where = known_as(effect, site).rsplit(" at ", 1)
+        sites.setdefault(name, []).append(where)
+    effects = joined([f"{name} at {joined(places)}" for name, places in sites.items()], "and also")
     if not len(e.poses):
         reason = reason_words(lacking.reason, e.effects[0][1])
         return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, robot)}."
@@ -237,7 +239,7 @@ def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, referenc
         return f"{cold} with the machine cold, {len(values) - cold} with it warm"
     levels, counts = np.unique(values, return_counts=True)
     if what == "payload":
-        return f"with {joined([f'{v:g} kg at {n}' for v, n in zip(levels, counts, strict=True)])} of them"
+        return f"with {joined([f'{v:.3g} kg at {n}' for v, n in zip(levels, counts, strict=True)])} of them"
     return f"{what} from {levels[0]:g} to {levels[-1]:g}"
 
 

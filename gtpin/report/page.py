@@ -1,4 +1,4 @@
-"""Pages: one self-contained HTML file each, made of sections, with interactive plots if plotly is installed.
+"""Pages: one self-contained HTML file each, made of sections, with interactive plots.
 
 A :class:`Section` is one topic: paragraphs, tables, bars and plots in their order. A page is a list of them; the same tables
 are printed in a terminal and drawn in a notebook.
@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
     from rich.table import Table as Printed
 
+BASIC = frozenset({"scatter", "bar", "pie"})
+"""Kinds of traces that the small script of plotly draws."""
 ROW, LOWEST, HIGHEST = 26, 8, 600
 """Of a table as a figure: height of a row, pixels; width of the narrowest column, characters; largest height, pixels: a higher
 table scrolls."""
@@ -129,7 +132,6 @@ class Fold:
 
     title: str
     content: Sequence[Block]
-    opened: bool = False
     kind: ClassVar[str] = "fold"
 
 
@@ -180,7 +182,7 @@ class Lead:
     """The first screen of a page.
 
     - ``eyebrow``: what the page is of.
-    - ``headline``, ``advice``: the result in a sentence, and paragraphs below it.
+    - ``headline``, ``advice``: the result, a sentence a line, and paragraphs below it.
     - ``numbers``: key figures: value, and what it is.
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
     - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
@@ -235,14 +237,15 @@ def render(
     """Make a page from a template that extends ``base.html``.
 
     ``template``: a file in ``gtpin/report/templates``. ``title``: title in the browser's tab. ``contents``: (id, title) of
-    the sections that the page links to at its top. ``plots``: plots by their names in the template; none is drawn if plotly
-    is not installed. ``provenance``: versions, and digests of the data of the page. ``content``: other values for the
-    template. Text is escaped.
+    the sections that the page links to at its top. ``plots``: plots by their names in the template; none is drawn if a kind
+    of them needs plotly and it is not installed. ``provenance``: versions, and digests of the data of the page.
+    ``content``: other values for the template. Text is escaped.
     """
-    library = plotly_js() if plots else None
-    scripts = (library, _own_script()) if library else ()
     shared = Shared()
-    drawn = {name: _embedded(shared, some) for name, some in (plots or {}).items() if some} if library else {}
+    drawn = {name: _embedded(shared, some) for name, some in (plots or {}).items() if some}
+    library = plotly_js(frozenset(shared.kinds)) if plots else None
+    scripts = (library, _own_script()) if library else ()
+    drawn = drawn if library else {}
     by_plot = {id(one.plot): one for some in drawn.values() for one in (some if isinstance(some, list) else [some])}
     return (
         _environment()
@@ -280,8 +283,13 @@ def _own_script() -> Markup:
 
 
 @cache
-def plotly_js() -> Markup | None:
-    """The script of plotly, which draws the plots; None where plotly (the extra ``plots``) is not installed."""
+def plotly_js(kinds: frozenset[str]) -> Markup | None:
+    """The script of plotly that draws some kinds of traces: the small one, which gtpin has, or that of the package plotly.
+
+    None where the package (the extra ``plots``) is needed and not installed.
+    """
+    if kinds <= BASIC:
+        return Markup(files("gtpin.report").joinpath("plotly_basic", "plotly-basic.min.js").read_text("utf-8"))
     if not has_plotly():
         return None
     from plotly.offline import get_plotlyjs

@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from gtpin.health.plan import PosePlan, checked_first
 from gtpin.output.shown import Presentation
 from gtpin.report.page import Table
+from gtpin.report.phrases import known_as
 from gtpin.report.words import length, percent, quantity
 
 SHOWN = 12
@@ -41,7 +42,7 @@ class PlanPresentation(Presentation):
             return Group(*self.words(), Table(("change", "smallest"), self._smallest(), whole=True).printed())
         order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
         rows = [
-            [f"{one.effect} at {one.site}, {one.parameter.replace('_', ' ')}"]
+            [f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"]
             + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
             for one in order[:SHOWN]
         ]
@@ -100,7 +101,7 @@ class PlanPresentation(Presentation):
         """The changes for which the plan chose its poses, each with the smallest size that is found."""
         return [
             [
-                f"{one.effect} at {one.site}",
+                known_as(one.effect, one.site),
                 "none is found"
                 if one.value is None
                 else f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}",

@@ -154,13 +154,8 @@ def cannot_judge(c: Calibration) -> str:
 
 
 def _fit(c: Calibration) -> str:
-    if why := cannot_judge(c):
-        return f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom ({why})."
-    spread = np.sqrt(2.0 / c.dof)
-    return (
-        f"Chi-square of geometry alone is {c.chi2_per_dof:.2f} per degree of freedom; {1.0 - 2.0 * spread:.2f} to "
-        f"{1.0 + 2.0 * spread:.2f} is usual for a complete model."
-    )
+    meaning = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    return f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({meaning})."
 
 
 def _ranges(dataset: Dataset) -> Table:

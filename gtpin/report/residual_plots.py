@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MOST = 1500
 """Largest number of poses in a plot; of more, an even selection is shown."""
+QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
 POINTS = {"size": 4.5, "opacity": 0.6}
 LAYERS = PlotChoice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = PlotChoice("layer", "Left by", LAYERS.options[:1])
@@ -128,8 +129,10 @@ def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool,
             traces.append(_means(against, seen.rows, left))
         axis = {"hoverformat": ".4g"}
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
-    layout = titled(against.title, seen.title, showlegend=False, boxmode="group", margin={"t": 10})
+    layout = titled(against.title, seen.title, showlegend=False, margin={"t": 10})
     layout["xaxis"] |= axis
+    if against.order is not None:
+        layout["scattermode"] = "group"
     layout["yaxis"]["hoverformat"] = ".3g"
     return Drawing(traces, layout)
 
@@ -154,12 +157,33 @@ def _dots(
 def _boxes(
     against: ColumnFit, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None
 ) -> list[Any]:
-    trace: dict[str, Any] = {"x": against.values[rows], "type": "box", "boxpoints": False, "hoverinfo": "y"}
+    """For each value a mark at the median, a thick line between the quartiles, and a thin one to the ends."""
+    names, of = np.unique(against.values[rows].astype(str), return_inverse=True)
     layers = [
         (left, "residuals of one value: median, quartiles, ends", DATA),
         (made, "predicted from the causes", FIT),
     ]
-    return [trace | {"y": y, "name": name, "marker": {"color": color}} for y, name, color in layers if y is not None]
+    traces = []
+    for y, name, color in layers:
+        if y is None:
+            continue
+        groups = [np.asarray(y)[of == k] for k in range(len(names))]
+        low, first, middle, third, high = np.array([np.quantile(group, QUARTILES) for group in groups]).T
+        for below, above, look in (
+            (low, high, {"thickness": 1.2, "width": 5}),
+            (first, third, {"thickness": 14, "width": 0}),
+        ):
+            bars = {
+                "type": "data",
+                "symmetric": False,
+                "array": above - middle,
+                "arrayminus": middle - below,
+                "color": color,
+            }
+            traces.append(scatter("markers", names, middle, error_y=bars | look, offsetgroup=name))
+            traces[-1] |= {"marker": {"color": color, "symbol": "line-ew-open", "size": 14}, "hoverinfo": "y"}
+        traces[-1] |= {"name": name}
+    return traces
 
 
 def _cause_line(against: ColumnFit, seen: View) -> dict[str, Any]:

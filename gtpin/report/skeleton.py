@@ -131,8 +131,10 @@ def _of_chain(robot: Robot, q: Floats, up: Floats) -> Skeleton | None:
 
 
 def _bones(robot: Robot, T: Floats) -> Iterator[Floats]:
-    """(2, 3) lines from each joint's parent to the joint, and from the last joint to the TCP."""
+    """(2, 3) lines from each joint's parent to the joint, from the last joint to the TCP, and from joints to loops."""
     parents = [int(robot.model.parents[j]) for j in range(1, robot.model.njoints)]
     ends = [(parent, T[j]) for j, parent in enumerate(parents)]
-    for parent, end in [*ends, (int(robot.tcp_joint), T[-1])]:
+    # The links that a loop joins: Pinocchio's data hold the posture of the only command.
+    anchors = [(joint, np.array((robot.data.oMi[joint] * place).translation)) for joint, place in robot.anchors]
+    for parent, end in [*ends, (int(robot.tcp_joint), T[-1]), *anchors]:
         yield np.stack([T[index_of(parent)] if parent else np.zeros(3), end])

@@ -11,6 +11,7 @@ from gtpin.model.model import Model
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
 from gtpin.report.instrument_marks import InstrumentMarks
 from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.labels import Labels
 from gtpin.report.skeleton import Kind, Skeleton, skeleton
 from gtpin.report.words import percent, short, site_words
 from gtpin.typing import Floats
@@ -31,8 +32,6 @@ EDGES = {"rod": 10.0, "link": 15.0}
 """Width of the edge, pixels, that marks the site of a cause."""
 AXIS = 15.0
 """Half the length of a joint's axis as drawn, pixels."""
-APART = 14.0
-"""Smallest vertical distance of two labels beside joints, pixels."""
 
 
 def drawing(
@@ -183,48 +182,36 @@ def _scale(top: float) -> str:
 def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: Collection[str]) -> Iterator[str]:
     """Names of all actuators, of the platform, of rods and corners, and of links that have a large enough share or a cause."""
 
-    def text(site: str, x: float, y: float, look: str) -> str:
+    def words(site: str) -> str:
         part = share.get(site, 0.0)
-        words = f"{_named(site)} {percent(part)}" if part >= SHOWN else _named(site)
-        return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(words)}</text>'
+        return f"{_named(site)} {percent(part)}" if part >= SHOWN else _named(site)
 
-    beside = {spot.site: at(spot.at)[0] for spot in machine.spots if spot.axis is not None}
-    beside |= {
+    spots = {spot.site: at(spot.at)[0] for spot in machine.spots} | {"platform": at(machine.tcp)[0]}
+    beside = spots | {
         one.site: at(one.ends.mean(axis=0))[0]
         for one in machine.of("link")
         if one.site in causes or share.get(one.site, 0.0) >= SHOWN
     }
-    above = {spot.site: at(spot.at)[0] for spot in machine.spots if spot.axis is None}
-    placed = [(site, x, y - (24.0 if site in causes else 13.0)) for site, (x, y) in above.items()]
-    if len(machine.platform) > 2:
-        placed.append(("platform", at(machine.tcp)[0, 0], at(machine.platform).max(axis=0)[1] + 20.0))
-    else:
-        beside["platform"] = at(machine.tcp)[0]
-    placed += [(site, WIDTH if site == "frame" else 0.0, HEIGHT - 3.0) for site in CORNERS if site in share]
-    for site, x, y in placed:
-        anchor = "end" if x > WIDTH - 60.0 else "start" if x < 60.0 else "middle"
-        yield text(site, x, y, f'text-anchor="{anchor}"')
-    for site, x, y, anchor in _apart(beside):
-        yield text(site, x, y, f'text-anchor="{anchor}"')
-    taken: list[Floats] = []
+    along = np.linspace(0.0, 1.0, 20)[:, None]
+    lines = [a + along * (b - a) for a, b in (at(one.ends) for one in machine.lines)]
+    places = Labels(np.array(list(spots.values())), np.vstack([np.empty((0, 2)), *lines]))
+    for site in CORNERS:
+        if site in share:
+            x, y = (WIDTH if site == "frame" else 0.0), HEIGHT - 3.0
+            yield f'<text x="{x}" y="{y}" text-anchor="{"end" if x else "start"}">{escape(words(site))}</text>'
+            places.place(words(site), np.array([x, y - 6.0]), 0.0)
+    for site, spot in beside.items():
+        place, end = places.place(words(site), spot, 19.0 if site in causes else 13.0)
+        if end is not None:
+            yield _line(np.stack([spot, end]), "var(--line)", 1.0)
+        yield f"<text {place}>{escape(words(site))}</text>"
     for one in machine.of("rod"):
         a, b = at(one.ends)
-        spots = [a + s * (b - a) for s in (0.3, 0.4, 0.5, 0.6, 0.22)]
-        spot = max(spots, key=lambda p: min([np.hypot(*(p - t)) for t in taken], default=1e9) > 26.0)
-        taken.append(spot)
-        yield text(one.site, spot[0] + 5.0, spot[1] - 3.0, 'class="rod"')
-
-
-def _apart(spots: Mapping[str, Floats]) -> Iterator[tuple[str, float, float, str]]:
-    """Site, x, y and anchor of labels beside spots, each below those that would be too near."""
-    taken = list[tuple[float, float]]()
-    for site, spot in spots.items():
-        right = spot[0] < WIDTH / 2.0
-        x, y = spot[0] + (17.0 if right else -17.0), spot[1] + 4.0
-        while any(abs(y - v) < APART and abs(x - u) < WIDTH / 3.0 for u, v in taken):
-            y += APART
-        taken.append((x, y))
-        yield site, x, y, "start" if right else "end"
+        free = [a + s * (b - a) for s in (0.3, 0.4, 0.5, 0.6, 0.22)]
+        spot = max(
+            free, key=lambda p: min([np.hypot(*(p - np.array(t[:2]))) for t in places.taken], default=1e9) > 26.0
+        )
+        yield f'<text class="rod" {places.place(words(one.site), spot, 4.0, 0.8)[0]}>{escape(words(one.site))}</text>'
 
 
 def _named(site: str) -> str:

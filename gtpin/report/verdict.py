@@ -12,33 +12,38 @@ from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.phrases import clause, doubt_words, either, reason_words, remedy, sentence, sure_and_doubtful
+from gtpin.report.phrases import (
+    badge,
+    cause_lines,
+    doubt_words,
+    named,
+    overlap,
+    parameter,
+    reason_words,
+    remedy,
+    sentence,
+    sure_and_doubtful,
+)
 from gtpin.report.quality import scatters
 from gtpin.report.words import (
-    chance,
     coordinate_words,
     counted,
     joined,
     length,
-    number_word,
     percent,
     quantity,
     site_words,
 )
 
-BADGES = {
-    "none": ("no cause", "good"),
-    "explained": ("cause found", "accent"),
-    "ambiguous": ("can't be told apart", "warn"),
-    "unknown": ("unknown cause", "mystery"),
-}
+TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
+"""Colour of the badge, by verdict."""
 LISTED = 3
 """Number of listed effects that could be the unknown cause."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The top of the page: a badge with its colour, a headline, and advice."""
+    """The top of the page: a badge with its colour, a headline of a line for each cause, and advice."""
 
     badge: str
     tone: str
@@ -51,9 +56,9 @@ def verdict(diagnosis: Diagnosis) -> Verdict:
     headline, advice = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}[
         diagnosis.verdict
     ](diagnosis)
-    badge, tone = BADGES[diagnosis.verdict]
+    tone = "warn" if may_hide(diagnosis) else TONES[diagnosis.verdict]
     more = (*also(diagnosis), *questions(diagnosis))
-    return Verdict(badge, "warn" if may_hide(diagnosis) else tone, headline, (*advice, *more))
+    return Verdict(badge(diagnosis) or "no cause", tone, "\n".join(headline), tuple(filter(None, (*advice, *more))))
 
 
 def also(d: Diagnosis) -> list[str]:
@@ -62,7 +67,7 @@ def also(d: Diagnosis) -> list[str]:
     return [f"Also something small and undecided at {small}: it does not change the verdict."] if small else []
 
 
-def _none(d: Diagnosis) -> tuple[str, list[str]]:
+def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     size = gap_words(d.gap)
     gap = (
         f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to; the noise of "
@@ -75,7 +80,7 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
         headline = (
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
-        return headline + "causes could not be tested.", [gap, scatter, *hidden]
+        return [headline + "causes could not be tested."], [gap, scatter, *hidden]
     if d.noise_source != "residuals" and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
     else:
@@ -86,7 +91,7 @@ def _none(d: Diagnosis) -> tuple[str, list[str]]:
         advice.append(
             f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them is not detected."
         )
-    return "Nothing but noise is left: the calibrated geometry explains these measurements.", advice
+    return ["Nothing but noise is left: the calibrated geometry explains these measurements."], advice
 
 
 def assumed(d: Diagnosis) -> list[str]:
@@ -101,41 +106,33 @@ def assumed(d: Diagnosis) -> list[str]:
     ]
 
 
-def _explained(d: Diagnosis) -> tuple[str, list[str]]:
-    clauses = _clauses(d, d.causes)
-    several = f"{number_word(len(clauses))} causes: " if len(clauses) > 1 else ""
-    return sentence(several + joined(clauses)), [*_remedies(d, d.causes), _explained_gap(d)]
+def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
+    return cause_lines(d), [*_remedies(d, d.causes), _explained_gap(d), overlap(d)]
 
 
-def _ambiguous(d: Diagnosis) -> tuple[str, list[str]]:
+def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
     sure, doubtful = sure_and_doubtful(d.causes)
-    headline = " ".join(sentence(either(_members(d, cause), "these data")) for cause in doubtful)
-    if sure:
-        headline += f" Also certain: {joined(_clauses(d, sure))}."
-    advice = [_explained_gap(d), *not_recorded(d)]
-    if len(advice) == 1:
-        advice.append("Near these poses, the model's predictions are the same for all of them.")
+    advice = [_explained_gap(d), overlap(d), *not_recorded(d)]
+    if len(advice) == 2:
+        advice.append("These data can't decide what is open: near these poses, the model predicts the same either way.")
     members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
-    return headline, [*_remedies(d, sure), *advice, *_next(d, members)]
+    return cause_lines(d), [*_remedies(d, sure), *advice, *_next(d, members)]
 
 
 def questions(d: Diagnosis) -> list[str]:
     """Warnings about parameters outside their expected ranges, and what to check."""
-    return [_question(q) for q in d.questions]
+    return [_question(d, q) for q in d.questions]
 
 
-def _question(q: Question) -> str:
-    value = f"{q.parameter.replace('_', ' ')} {quantity(q.value, q.unit, q.sigma)}"
+def _question(d: Diagnosis, q: Question) -> str:
+    value, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
     check = "Check unit and sign of the columns that it depends on"
     if q.believed:
-        return f"{q.effect} at {site_words(q.site)} has {value}, which is unusual: {q.why}. {check}."
-    return (
-        f"{q.effect} at {site_words(q.site)} would have {value}, which is not possible: {q.why}. It is not named as a cause. "
-        f"{check}."
-    )
+        return f"{who} has {value}, which is unusual: {q.why}. {check}."
+    return f"{who} would have {value}, which is not possible: {q.why}. It is not named as a cause. {check}."
 
 
-def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
+def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     what = (
         "something that these data can't identify"
         if d.unexplained.could_be
@@ -153,41 +150,21 @@ def _unknown(d: Diagnosis) -> tuple[str, list[str]]:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It correlates with no single recorded coordinate; the maps below show where it is."
     advice = [look, *doubt_words(d.doubts), *could_be(d)]
-    if d.causes:
-        sure = joined(_clauses(d, d.causes))
-        advice += [f"Also certain: {sure}.", *_remedies(d, d.causes), _explained_gap(d)]
+    lines = cause_lines(d)
+    if lines:
+        headline = f"Also {headline[:1].lower()}{headline[1:]}"
+        advice += [*_remedies(d, d.causes), _explained_gap(d), overlap(d)]
     else:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect has a high enough probability to be in it."
         )
-    return headline, [*advice, *_next(d, {"unknown"})]
+    return [*lines, headline], [*advice, *_next(d, {"unknown"})]
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
     """The first proposed measurement that distinguishes some hypotheses."""
     steps = (e for e in d.next_experiment if separates.intersection(e.separates))
     return [e.measure for e in steps][:1]
-
-
-def _members(d: Diagnosis, cause: Cause) -> list[str]:
-    """A clause for each member of a class; one for two members that only together could be in the place of the cause."""
-    found: list[str] = []
-    told: set[tuple[str, str]] = set()
-    for m in cause.members:
-        place = m.effect, m.site
-        pair = next((o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == place), None)
-        if place in told:
-            continue
-        words = clause(d.effect(m.effect), m.site, d.model.robot)
-        if pair is not None:
-            told.add((pair.effect, pair.site))
-            words = f"both {words} and {clause(d.effect(pair.effect), pair.site, d.model.robot)}"
-        found.append(f"{words} ({chance(m.probability + (pair.probability if pair else 0.0))})")
-    return found
-
-
-def _clauses(d: Diagnosis, causes: Iterable[Cause]) -> list[str]:
-    return [clause(d.effect(c.effect), c.site, d.model.robot) for c in causes]
 
 
 def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
@@ -279,7 +256,7 @@ def may_hide(d: Diagnosis) -> list[str]:
         for c in d.candidates
         if d.effect(c.effect).between_visits and c.reason is not None and c.reason.kind in ("missing", "unusable")
     ]
-    effects = list(dict.fromkeys(c.effect for c in lacking))
+    effects = list(dict.fromkeys(d.effect(c.effect).title for c in lacking))
     columns = list(
         dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
     )
@@ -296,7 +273,7 @@ def not_recorded(d: Diagnosis) -> list[str]:
         (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
     )
     return [
-        f"{joined(_names(rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+        f"{joined(_names(d, rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
         f"{_at_rest(rows)}, and diagnose again."
         for reason, rows in _by_reason(d, lacking).items()
     ]
@@ -305,7 +282,7 @@ def not_recorded(d: Diagnosis) -> list[str]:
 def could_be(d: Diagnosis) -> list[str]:
     """Effects that would explain the unknown cause but are untestable because a covariate is missing."""
     return [
-        f"It could be {joined(_names(rows), 'or')}, which these data can't test: {reason}."
+        f"It could be {joined(_names(d, rows), 'or')}, which these data can't test: {reason}."
         for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
     ]
 
@@ -320,8 +297,8 @@ def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, li
     return found
 
 
-def _names(rows: Iterable[Considered]) -> list[str]:
-    return [f"{c.effect} at {site_words(c.site)}" for c in rows]
+def _names(d: Diagnosis, rows: Iterable[Considered]) -> list[str]:
+    return [named(d.effect(c.effect), c.site) for c in rows]
 
 
 def _at_rest(rows: Iterable[Considered]) -> str:

@@ -67,17 +67,22 @@ def length(value: float) -> str:
     return quantity(value, "m")
 
 
-def quantity(value: float, unit: str, sigma: float | None = None) -> str:
+def quantity(value: float, unit: str, sigma: float | None = None, *, alone: bool = False) -> str:
     """A value with its standard deviation, without a line break: ``25.00 ± 0.90 µm``.
 
-    Both have the decimals with which the standard deviation has two significant digits; a value alone has three.
+    Both have the decimals with which the standard deviation has two significant digits; a value alone has three. ``alone``:
+    the standard deviation is not written: it only takes digits from the value that are not known.
     """
     size = max(abs(value), sigma or 0.0)
     if not math.isfinite(size):
         return "not known"
     exponent = _exponent(size, unit)
     value = value / 10.0**exponent
-    digits = _digits(sigma / 10.0**exponent, 2) if sigma else _digits(value, 3)
+    digits = _digits(value, 3)
+    if sigma:
+        own = _digits(sigma / 10.0**exponent, 1 if alone else 2)
+        digits = min(digits, own) if alone else own
+        sigma = None if alone else sigma
     text = f"{value:.{digits}f}"
     if sigma:
         text += f" ± {sigma / 10.0**exponent:.{digits}f}"
@@ -102,7 +107,7 @@ def _digits(value: float, significant: int) -> int:
 
 def whole(text: str) -> str:
     """Text without line breaks, with true minus signs."""
-    return text.replace(" ", "\u00a0").replace("-", "−")
+    return text.replace(" ", "\u00a0").replace("-", "−").replace("^2", "²")
 
 
 def typeset(text: str) -> str:

@@ -24,6 +24,11 @@ from gtpin.view.gap_panel import GapPanel
 from gtpin.view.instrument_display import InstrumentDisplay
 from gtpin.view.shapes import Shape, joint_places, parts, robot_as_modelled, shapes
 
+SIDES = ("center-left", "center-right", "bottom-center", "top-center")
+"""Which point of a label is at its part, for parts that are near each other."""
+NEAR = 0.15
+"""Distance of near parts over the largest distance of parts."""
+
 
 class Scene:
     """A server whose page shows a model. With a gap, the page shows the errors, and moves the machine from pose to pose.
@@ -127,12 +132,15 @@ class Scene:
         return visualizer
 
     def _name_parts(self) -> dict[Shape, Any]:
-        """A label at each part."""
-        data = self._visualizer.data
-        return {
-            part: self.server.scene.add_label(f"/names/{part.name}", part.name, position=part.place(data))
-            for part in parts(self.robot)
-        }
+        """A label at each part, at alternate sides of parts that are near each other."""
+        data, scene, named = self._visualizer.data, self.server.scene, dict[Shape, Any]()
+        places = {part: part.place(data) for part in parts(self.robot)}
+        near = NEAR * max(float(np.ptp(np.array(list(places.values())), axis=0).max()), 1e-9) if places else 0.0
+        for part, place in places.items():
+            count = sum(float(np.linalg.norm(place - places[other])) < near for other in named)
+            side = SIDES[count % len(SIDES)]
+            named[part] = scene.add_label(f"/names/{part.name}", part.name, position=place, anchor=side)
+        return named
 
     def _look(self, machine: Skeleton | None) -> None:
         """Set the camera: towards the middle of machine and poses, in the direction in which rods hide each other the least."""

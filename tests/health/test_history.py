@@ -6,7 +6,9 @@ import pytest
 from checked_machines import later, machine
 
 import gtpin
+from gtpin.report.health import advice
 from gtpin.report.history import history
+from gtpin.report.words import length
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 
@@ -33,7 +35,10 @@ def test_each_check_is_one_more_line_and_stands_on_the_page(tmp_path, checks):
     assert [one["verdict"] for one in told] == [check.verdict for check in checks]
     assert told[1]["changes"][0]["effect"] == "zero_shift"
     page = (tmp_path / "log" / "history.html").read_text()
-    assert "zero_shift at cart2" in page
+    assert "zero shift at cart2" in page
+    for check in checks:  # one number for the noise: in the check's words and in the history
+        assert f": {length(check.gap.floor)}." in advice(check)[0]
+        assert length(check.gap.floor) in page
     assert "2 checks, 1 of them with a change" in page
 
 

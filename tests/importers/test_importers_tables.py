@@ -100,7 +100,7 @@ def test_what_is_not_said_or_does_not_fit_is_refused(write: Write, changed: dict
 def test_the_unit_of_angles_is_asked_for(write: Write) -> None:
     names = ["x", "y", "z", *(f"q{i}" for i in range(1, 7))]
     file = write("points.txt", "1 2 3 1 1 1 1 1 1\n")
-    with pytest.raises(DatasetError, match=r"unit of the angles is not given; give --angle rad\|deg"):
+    with pytest.raises(DatasetError, match=r"unit of their commands is not given; add --angle rad or --angle deg"):
         read_points(file, "ur5", names, "space", "mm")
     with pytest.raises(DatasetError, match="5 columns of commands for the 6"):
         read_points(write("short.txt", "1 2 3 1 1 1 1 1\n"), "ur5", names[:-1], "space", "mm", angle="rad")

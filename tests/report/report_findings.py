@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Member, Unexplained
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.estimate import Estimate
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,9 @@ class Found:
 def ambiguous(found: Found) -> Found:
     """The same cause, but another explains the data as well."""
     cause = found.diagnosis.causes[0]
-    members = (Member(cause.effect, cause.site, 0.6), Member("linearity", "cart2", 0.4))
+    size = {"rms": Estimate(1.234e-5, 2e-7, "m")}
+    own = Member(cause.effect, cause.site, 0.6, parameters=cause.parameters)
+    members = (own, Member("linearity", "cart2", 0.4, parameters=size))
     doubtful = replace(cause, probability=0.6, members=members)
     return Found(replace(found.diagnosis, verdict="ambiguous", causes=(doubtful,)), found.dataset)
 

@@ -195,7 +195,7 @@ def test_hostile_names_are_shown_as_they_are(opened):
 
 
 def test_a_page_without_plots_loads_without_an_error(browser, findings, tmp_path, monkeypatch):
-    monkeypatch.setattr(pages, "plotly_js", lambda: None)
+    monkeypatch.setattr(pages, "plotly_js", lambda kinds: None)
     found = findings["explained"]
     (tmp_path / "plain.html").write_text(diagnosis_page(found.diagnosis, found.dataset), encoding="utf-8")
     page = Opened(browser, tmp_path / "plain.html")

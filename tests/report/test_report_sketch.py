@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring
 
+import gtpin.report.sketch as sketch_module
 from gtpin import Geometry, Model, load_robot, robot_names
 from gtpin.report.camera import HEIGHT, WIDTH, Camera
+from gtpin.report.labels import Labels
 from gtpin.report.skeleton import skeleton
 from gtpin.report.sketch import color, sketch
 
@@ -95,6 +99,30 @@ def test_sites_that_are_no_one_part_have_a_sign_of_their_own_which_is_ringed_whe
     assert "frame" not in told
     assert ringed.count("<circle") == plain.count("<circle") + 1
     assert name not in drawing({"cart1": 0.2})
+
+
+FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
+
+
+@pytest.mark.parametrize("name", [*ROBOTS, str(FIVE_BAR)])
+def test_no_label_hides_another_one_or_leaves_the_picture(name, monkeypatch):
+    made, machine = list[Labels](), skeleton(model(name))
+    monkeypatch.setattr(sketch_module, "Labels", lambda *given: made.append(Labels(*given)) or made[-1])
+    shares = {spot.site: 0.1 for spot in machine.spots} | {"arm": 0.2, "frame": 0.3, "platform": 0.1}
+    sketch(machine, shares, {}, [machine.spots[0].site] if machine.spots else [])
+    (labels,) = made
+    boxes = np.array(labels.taken)
+    assert (boxes[:, :2] >= 0.0).all()
+    assert (boxes[:, 2:] <= [WIDTH, HEIGHT]).all()
+    for a, b in combinations(boxes, 2):
+        assert not (a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3])
+
+
+def test_a_loop_s_picture_has_both_its_sides():
+    machine = skeleton(model(str(FIVE_BAR)))
+    pairs = combinations([line.ends for line in machine.lines], 2)
+    meet = [np.allclose(a[1], b[1], atol=1e-9) and not np.allclose(a[0], b[0], atol=1e-3) for a, b in pairs]
+    assert sum(meet) == 1  # the far links of the two sides
 
 
 def test_names_in_a_sketch_are_text():

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
+from report_findings import Found
 
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
+from gtpin.estimate import Estimate
+from gtpin.report.phrases import parameter, size_words
 from gtpin.report.verdict import verdict
+from gtpin.report.words import quantity
 
 
 def words(found) -> str:
@@ -35,15 +40,18 @@ def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     said = verdict(found.diagnosis)
     cause = found.diagnosis.causes[0]
     assert (cause.effect, cause.site) == ("rack_periodic", "cart2")
-    assert said.headline.startswith("cart2 departs periodically")
+    period = cause.parameters["period"].value
+    assert said.headline.startswith(f"cart2: periodic drive error, every {1e3 * period:.3g}\u00a0mm, ")
+    assert said.headline.endswith("of the gap).")
+    assert said.badge == "1 certain"
     assert "poses that it was not fitted to" in words(found)
 
 
 def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     said = verdict(findings["ambiguous"].diagnosis).headline.replace("\u00a0", " ")
-    assert "(60 %) or" in said
-    assert "(40 %)" in said
-    assert "can't tell" in said
+    assert said.startswith("Drive error at cart2 (open; ")
+    assert "periodic, every " in said
+    assert "(60 %), or smooth, rms 12.3 µm (40 %)." in said
 
 
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
@@ -60,15 +68,30 @@ def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
 
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     found = replace(findings["unknown"].diagnosis, causes=findings["explained"].diagnosis.causes)
-    assert any("Also certain: cart2 departs periodically" in line for line in verdict(found).advice)
+    first, second = verdict(found).headline.splitlines()
+    assert first.startswith("cart2: periodic drive error")
+    assert second.startswith("Also something")
+    assert verdict(found).badge == "1 certain, 1 unknown"
 
 
 def test_two_causes_are_both_named(findings):
     found = findings["explained"].diagnosis
-    two = replace(found, causes=(*found.causes, replace(found.causes[0], effect="backlash", site="cart1")))
-    headline = verdict(two).headline
-    assert headline.startswith("Two causes: cart2 departs periodically")
-    assert "cart1 has backlash" in headline
+    half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
+    play = replace(found.causes[0], effect="backlash", site="cart1", shrinkage=0.99, parameters=half)
+    two = replace(found, causes=(*found.causes, play))
+    first, second = verdict(two).headline.replace("\u00a0", " ").splitlines()
+    assert first == "cart1: backlash, half width 27.2 µm (certain; 99 % of the gap)."
+    assert second.startswith("cart2: periodic drive error")
+    assert "The shares overlap" in words(Found(two, findings["explained"].dataset))
+
+
+def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
+    half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
+    assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
+    assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
+    assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
+    assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
+    assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"
 
 
 def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
@@ -101,7 +124,7 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
         candidates=(*others, lacking),
     )
     advice = " ".join(verdict(doubtful).advice)
-    assert "servo_lag at cart2 can't be ruled out, because the covariate speed2 is missing" in advice
+    assert "servo lag at cart2 can't be ruled out, because the covariate speed2 is missing" in advice
     assert "makes no difference" not in advice
 
 
@@ -113,7 +136,7 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     members = (Member(cause.effect, cause.site, 0.6), *pair)
     doubtful = replace(found, verdict="ambiguous", causes=(replace(cause, probability=0.6, members=members),))
     said = verdict(doubtful).headline.replace("\u00a0", " ")
-    assert "or both the instrument drifts over time and all links grow with their temperature (40 %)" in said
+    assert "or drift over time at the instrument with thermal growth of links at all links (40 %)." in said
     assert "20 %" not in said
 
 
@@ -123,7 +146,7 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
     left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
     advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
-    assert "could be zero_shift at cart1, which these data can't test: the covariate session is missing." in advice
+    assert "could be zero shift at cart1, which these data can't test: the covariate session is missing." in advice
     assert "could be" not in " ".join(verdict(found).advice)
 
 

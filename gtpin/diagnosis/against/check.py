@@ -144,7 +144,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     causes = []
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
-        one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis)
+        one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
         causes.append(replace(one, shrinkage=takes[hypothesis.place]))
     assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))

@@ -3,7 +3,8 @@ unexplained."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from gtpin.effects.effect import Nature
@@ -19,7 +20,7 @@ class Member:
 
     ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect. ``beside`` is the effect
     and site of another member, where only both together could be in the place of the cause; each then has half of the
-    probability of both.
+    probability of both. ``parameters``: its parameters in the place of the cause; empty where a proxy or a pair is meant.
     """
 
     effect: str
@@ -27,6 +28,7 @@ class Member:
     probability: float
     recorded: bool = True
     beside: tuple[str, str] | None = None
+    parameters: Mapping[str, Estimate] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tupl
     ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
-    return model, [cause(model, own, found, c) for c, own in zip(named, ordered, strict=True)]
+    return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]
 
 
 def _floor(settled: SearchState) -> Floats:
