@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gtpin.commands.help import Command
 from gtpin.commands.terminal import ZERO, AsJson, Force, Origin, Tcp, Vector, output_path, tell
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
@@ -321,4 +322,4 @@ for command, example in (
         "gtpin import ros-poses tag.csv --commands commands.csv --match time --within 0.02 --robot ur5 -o measured",
     ),
 ):
-    import_app.command(epilog=f"Example:\n\n{example}")(command)
+    import_app.command(cls=Command, epilog=f"Example:\n\n{example}")(command)
