@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.errors import ClosureError, ModelError, UnreachableError
+from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.kinematics import kinematics as kinematics_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
+from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 MAX_STEPS = 40
@@ -58,29 +60,13 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     >>> print(f"{posture.T[1] - start.T[1]:.6f} m")
     0.100000 m
     """
-    T = np.asarray(T, dtype=float)
-    R = None if R is None else np.asarray(R, dtype=float)
-    _check(T[None], None if R is None else R[None])
-    if not np.isfinite(T).all() or (R is not None and not np.isfinite(R).all()):
-        raise out_of_reach(posture.robot.name, T, R is not None)
-    error, stride = _error(posture, T, R), 1.0
-    for _ in range(MAX_STEPS):
-        if np.abs(error).max() <= TOLERANCE * max(1.0, posture.robot.size):
-            return posture
-        step = np.linalg.lstsq(posture.jacobian[: error.size], error, rcond=None)[0]
-        try:
-            trial = posture.moved_to(posture.q + stride * step)
-        except ClosureError:
-            stride /= 2.0
-            continue
-        new = _error(trial, T, R)
-        if np.linalg.norm(new) < np.linalg.norm(error):
-            posture, error, stride = trial, new, min(1.0, 2.0 * stride)
-        elif np.abs(error).max() <= 100.0 * TOLERANCE * posture.robot.size:
-            return posture  # rounding errors prevent a smaller error
-        else:
-            stride /= 2.0
-    raise out_of_reach(posture.robot.name, T, R is not None)
+    T = np.asarray(T, dtype=float)[None]
+    R = None if R is None else np.asarray(R, dtype=float)[None]
+    nominal = kinematics_of(Geometry.nominal(posture.robot))
+    q = commands_for(nominal, T, R, posture.q[None])[0][0]
+    if np.isnan(q).any():
+        raise out_of_reach(posture.robot.name, T[0], R is not None)
+    return posture.moved_to(q)
 
 
 def commands_for(
@@ -209,11 +195,6 @@ def _check(T: Floats, R: Floats | None) -> None:
         raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
     if R is not None and R.shape != (len(T), 3, 3):
         raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
-
-
-def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
-    error: Floats = _errors(Poses(posture.T[None], posture.R[None]), T[None], None if R is None else R[None])[0]
-    return error
 
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
