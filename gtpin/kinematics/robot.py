@@ -45,10 +45,10 @@ class Robot(Description):
     >>> robot = gtpin.load_robot("gantry_tau")
     >>> robot.n_actuators, robot.sites, robot.rod_sites
     (3, ('cart1', 'cart2', 'cart3'), ('link1', 'link2a', 'link2b', 'link3a', 'link3b', 'link3c'))
-    >>> pose = robot.forward([0.1, 0.0, 0.2])
+    >>> pose = robot.forward([0.1, 0.1, 0.2])
     >>> robot.inverse(pose.T).round(9).tolist()
-    [0.1, 0.0, 0.2]
-    >>> robot.jacobian([0.1, 0.0, 0.2]).shape
+    [0.1, 0.1, 0.2]
+    >>> robot.jacobian([0.1, 0.1, 0.2]).shape
     (6, 3)
     """
 
