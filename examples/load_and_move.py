@@ -9,18 +9,18 @@ robot = gtpin.load_robot("gantry_tau")  # or the path of a URDF with <loop_joint
 print(f"{robot.name}: actuators {robot.sites}, rods {robot.rod_sites}")
 print(f"range of its commands: {robot.lower} to {robot.upper} m")
 
-home = gtpin.home(robot)  # a posture: all loops closed, in the machine's own assembly mode
-posture = home.moved_to([0.10, -0.05, 0.20])  # commands of the carts, m
+posture = robot.forward([0.10, -0.05, 0.20])  # commands of the carts, m; all loops are closed
 print("TCP", posture.T, "m")
 print("orientation", *np.round(posture.R, 6), sep="\n  ")
 
-back = gtpin.reach(home, posture.T)  # inverse kinematics; the orientation follows
-print("commands that bring the TCP there:", back.q)
-assert np.abs(back.q - posture.q).max() < 1e-9
+back = robot.inverse(posture.T)  # inverse kinematics; the orientation follows
+print("commands that bring the TCP there:", back)
+assert np.abs(back - posture.q).max() < 1e-9
+print("the TCP's motion per metre of each cart", robot.jacobian(back).round(3), sep="\n")
 
 rng = np.random.default_rng(0)  # many at once, in arrays
 q = rng.uniform(robot.lower, robot.upper, (20_000, 3))
-poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
+poses = robot.forward(q)
 print(f"{len(q)} poses; the TCP fills {np.ptp(poses.T, axis=0).round(2)} m")
 
 forces = gtpin.static_forces(posture, payload=10.0)  # 10 kg at the TCP
@@ -28,6 +28,6 @@ for rod, force in zip(robot.rod_sites, forces.rods, strict=True):
     print(f"{rod:8} {force:8.1f} N")  # tension positive
 
 try:
-    home.moved_to([-2.0, 0.0, 2.0])
+    robot.forward([-2.0, 0.0, 2.0])
 except gtpin.GtpinError as error:
     print("not reachable:", error)

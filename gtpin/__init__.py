@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
     from gtpin.kinematics.posture import ClosedPosture, home
+    from gtpin.kinematics.robot import Robot, load_robot
     from gtpin.kinematics.statics import rod_forces, static_forces
     from gtpin.model.model import Frame, Model
     from gtpin.model.model_folder import read_model, write_model
     from gtpin.robot.geometry import Geometry
-    from gtpin.robot.library import load_robot, robot_names
-    from gtpin.robot.robot import Robot
+    from gtpin.robot.library import robot_names
 
     __version__: str
 
@@ -70,9 +70,9 @@ _HOME = {
     "read_model": "gtpin.model.model_folder",
     "write_model": "gtpin.model.model_folder",
     "Geometry": "gtpin.robot.geometry",
-    "load_robot": "gtpin.robot.library",
+    "load_robot": "gtpin.kinematics.robot",
     "robot_names": "gtpin.robot.library",
-    "Robot": "gtpin.robot.robot",
+    "Robot": "gtpin.kinematics.robot",
 }
 """The module of each name."""
 

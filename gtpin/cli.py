@@ -27,9 +27,9 @@ NOT_READ = 141
 
 def __getattr__(name: str) -> Any:
     if name == "app":
-        from gtpin.commands.app import app
+        from gtpin.commands.registry import app_for
 
-        return app
+        return app_for(())
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

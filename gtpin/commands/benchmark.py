@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gtpin.commands.help import Command
 from gtpin.commands.terminal import AsJson, Force, Output, tell, write_json
 from gtpin.errors import GtpinError, warn
 from gtpin.output.results import results_folder
@@ -19,11 +20,11 @@ benchmark_app = typer.Typer(
     name="benchmark",
     help="Make the public set of cases, and score the answers of any solver.",
     no_args_is_help=True,
-    epilog="Example: gtpin benchmark make -o set",
+    epilog="Example: gtpin lab benchmark make -o set",
 )
 
 
-@benchmark_app.command(epilog="Example: gtpin benchmark make -o set")
+@benchmark_app.command(cls=Command, epilog="Example: gtpin lab benchmark make -o set")
 def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJson = False) -> None:
     """Make the 100 cases of the public set: OUTPUT/cases for solvers, OUTPUT/truths for the scorer."""
     from gtpin.bench.benchmark.make import CASES, TRUTHS, changed
@@ -42,7 +43,7 @@ def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJs
     tell(told, f"{len(names)} cases, {len(other)} with other digests\nWritten: {output}", as_json)
 
 
-@benchmark_app.command(epilog="Example: gtpin benchmark score set answers -o score")
+@benchmark_app.command(cls=Command, epilog="Example: gtpin lab benchmark score set answers -o score")
 def score(
     made: Annotated[Path, typer.Argument(help="Folder in which the set was made.", show_default=False)],
     answers: Annotated[Path, typer.Argument(help="Folder with NAME.json for each case.", show_default=False)],

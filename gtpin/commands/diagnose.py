@@ -47,12 +47,6 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
-    false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
-    ] = FALSE_ALARM,
-    hold_out: Annotated[
-        HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
-    ] = "region",
     against: Annotated[
         str | None,
         typer.Option(
@@ -71,7 +65,13 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    hold_out: Annotated[
+        HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
+    ] = "region",
     tcp: Tcp = None,
+    false_alarm: Annotated[
+        float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
+    ] = FALSE_ALARM,
     seed: Seed = 0,
     trust_data: TrustData = False,
     force: Force = False,

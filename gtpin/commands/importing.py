@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gtpin.commands.help import Command
 from gtpin.commands.terminal import ZERO, AsJson, Force, Origin, Tcp, Vector, output_path, tell
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
@@ -344,4 +345,4 @@ for command, example in (
     ),
 ):
     needed = TOUCHES_NEEDED if command in (klipper_delta, klipper_probe, klipper_mesh, rrf_heightmap, rrf_g32) else ""
-    import_app.command(epilog=f"{needed}Example:\n\n{example}")(command)
+    import_app.command(cls=Command, epilog=f"{needed}Example:\n\n{example}")(command)

@@ -46,10 +46,6 @@ def plan(
             help="Table of commands to choose from, such as a dataset's poses.csv; by default some that fill the workspace.",
         ),
     ] = None,
-    frame: Annotated[
-        Place | None,
-        typer.Option("--frame", help="free: the instrument may stand anywhere. By default, as it was for the model."),
-    ] = None,
     position_sigma: Annotated[
         float | None, typer.Option("--position-sigma", help="1 sigma per axis, m; by default that of the model's fit.")
     ] = None,
@@ -66,10 +62,14 @@ def plan(
             show_default=False,
         ),
     ] = None,
+    tcp: Tcp = None,
+    frame: Annotated[
+        Place | None,
+        typer.Option("--frame", help="free: the instrument may stand anywhere. By default, as it was for the model."),
+    ] = None,
     false_alarm: Annotated[
         float, typer.Option("--false-alarm", help="For health: chance of an alarm without a change.", min=1e-4, max=0.5)
     ] = FALSE_ALARM,
-    tcp: Tcp = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,

@@ -1,14 +1,19 @@
-"""Registers the commands, and imports their modules: of all commands, or of the one that is called."""
+"""Registers the commands, and imports their modules: of all commands, or of the one that is called.
+
+Commands of ``gtpin lab`` make and judge virtual machines, or study a robot before it is built. They can be called
+without ``lab`` too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from gtpin import __version__
+from gtpin.commands.help import Command
 
 COMMANDS = {
     "demo": ["gtpin demo -o first-try"],
@@ -31,15 +36,15 @@ COMMANDS = {
         "gtpin plan calibrated --for health --poses 10 -o ten",
         "gtpin plan gantry_tau --for calibration --poses 40 --position-sigma 15e-6 --orientation-sigma 5e-5 -o forty",
     ],
-    "sensitivity": ["gtpin sensitivity calibrated --poses commands.csv -o accuracy"],
+    "sensitivity": ["gtpin lab sensitivity calibrated --poses commands.csv -o accuracy"],
     "export": ["gtpin export calibrated -o robot.xml", "gtpin export diagnosis -o corrections.csv"],
     "simulate": [
-        "gtpin simulate -o virtual --poses 150 --seed 3",
-        "gtpin simulate -o virtual --scenario examples/scenarios/backlash.toml",
+        "gtpin lab simulate -o virtual --poses 150 --seed 3",
+        "gtpin lab simulate -o virtual --scenario examples/scenarios/backlash.toml",
     ],
     "view": ["gtpin view gantry_tau", "gtpin view calibrated measurements -o gap.png"],
-    "robots": ["gtpin robots", "gtpin robots --json"],
-    "blind": ["gtpin blind -o check --cases 100", "gtpin blind -o check --from cases"],
+    "robots": ["gtpin robots", "gtpin robots --all"],
+    "blind": ["gtpin lab blind -o check --cases 100", "gtpin lab blind -o check --from cases"],
 }
 """Examples of each command. A command is the function of its name in the module of its name."""
 
@@ -48,31 +53,47 @@ GROUPS = {
     "benchmark": ("gtpin.commands.benchmark", "benchmark_app"),
 }
 """Module and name of each group of commands."""
+LAB = ("simulate", "sensitivity", "blind", "benchmark")
+HIDDEN = {*LAB, "compare"}
+"""Commands that the first help does not list."""
 
 
 def app_for(words: Sequence[str]) -> typer.Typer:
-    """The command line for a call with these words. It has only the command that the first word names, because importing the
-    modules of all commands takes longer; it has all commands where the first word names none, for help and error messages.
+    """The command line for a call with these words. It has only the command that the first words name, because importing the
+    modules of all commands takes longer; it has all commands where they name none, for help and error messages.
     """
-    known = {*COMMANDS, *GROUPS}
-    called = known.intersection(words[:1]) or known
-    made = typer.Typer(
-        name="gtpin",
-        help="Calibration of parallel robots and arms, and diagnosis of the causes of their errors.",
-        no_args_is_help=True,
-        epilog="Example: gtpin demo -o first-try",
+    known = (*COMMANDS, *GROUPS)
+    made = _app(
+        "gtpin",
+        "Calibration of parallel robots and arms, and diagnosis of the causes of their errors.",
+        "Example: gtpin demo -o first-try",
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    for name, examples in COMMANDS.items():
-        if name in called:
-            epilog = "\n\n".join(["Examples:" if examples[1:] else "Example:", *examples])
-            made.command(epilog=epilog)(getattr(import_module(f"gtpin.commands.{name}"), name))
-    for name, (module, group) in GROUPS.items():
-        if name in called:
-            made.add_typer(getattr(import_module(module), group))
+    if words[:1] != ["lab"]:
+        _add(made, [name for name in known if name in words[:1]] or known, HIDDEN)
+    if not set(known).intersection(words[:1]):
+        help_ = "Virtual machines, tests of the diagnosis on them, and the accuracy of a robot before it is built."
+        lab = _app("lab", help_, "Example: gtpin lab simulate -o virtual --poses 150")
+        _add(lab, [name for name in LAB if name in words[1:2]] or LAB)
+        made.add_typer(lab)
     made.callback()(_options)
     return made
+
+
+def _app(name: str, text: str, epilog: str, **more: Any) -> typer.Typer:
+    return typer.Typer(name=name, help=text, epilog=epilog, no_args_is_help=True, **more)
+
+
+def _add(app: typer.Typer, names: Iterable[str], hidden: Collection[str] = ()) -> None:
+    for name in names:
+        if name in GROUPS:
+            module, group = GROUPS[name]
+            app.add_typer(getattr(import_module(module), group), hidden=name in hidden)
+        else:
+            epilog = "\n\n".join(["Examples:" if COMMANDS[name][1:] else "Example:", *COMMANDS[name]])
+            function = getattr(import_module(f"gtpin.commands.{name}"), name)
+            app.command(cls=Command, epilog=epilog, hidden=name in hidden)(function)
 
 
 def _version(wanted: bool) -> None:

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from rich.table import Table
 
 from gtpin.commands.terminal import AsJson, rendered, tell
 from gtpin.errors import GtpinWarning, RobotError
-from gtpin.robot.examples import PACKAGE, example_names
+from gtpin.robot.examples import ARMS, PACKAGE, example_names
 from gtpin.robot.library import load_robot, robot_names
 
 
-def robots(as_json: AsJson = False) -> None:
-    """List the robots that can be given by name: those that gtpin ships, and those of example-robot-data."""
+def robots(
+    every: Annotated[bool, typer.Option("--all", help="All of example-robot-data, not only its arms.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """List the robots that can be given by name: those that gtpin ships, and the arms of example-robot-data."""
     shipped = robot_names()
-    found = [_described(name, "gtpin") for name in shipped]
-    found += [_described(name, PACKAGE) for name in example_names() if name not in shipped]
+    others = [name for name in example_names() if name not in shipped]
+    listed = [name for name in others if every or as_json or name in ARMS]
+    found = [_described(name, "gtpin" if name in shipped else PACKAGE) for name in (*shipped, *listed)]
     table = Table("name", "joints", "TCP", "source", box=None, pad_edge=False)
     for robot in found:
         if robot["loads"]:
             table.add_row(robot["name"], str(len(robot["joints"])), robot["tcp"], robot["source"])
-    lost = [f"{robot['name']} can't be loaded: {robot['reason']}" for robot in found if not robot["loads"]]
-    tell(found, rendered(table, *lost), as_json)
+    notes = [f"{robot['name']} can't be loaded: {robot['reason']}" for robot in found if not robot["loads"]]
+    if rest := [name for name in others if name not in listed]:
+        notes.append(f"\nAlso by name (gtpin robots --all shows them): {', '.join(rest)}")
+    tell(found, rendered(table, *notes), as_json)
 
 
 def _described(name: str, source: str) -> dict[str, Any]:

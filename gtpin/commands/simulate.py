@@ -50,9 +50,6 @@ def simulate(
         int | None,
         typer.Option("--seed", help="Makes every random step repeatable.", min=0, show_default="the scenario's, or 0"),
     ] = None,
-    truth: Annotated[
-        bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
-    ] = False,
     tcp: Tcp = None,
     instrument: Annotated[
         list[str] | None,
@@ -62,6 +59,9 @@ def simulate(
             show_default="a tracker, schema 1",
         ),
     ] = None,
+    truth: Annotated[
+        bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
+    ] = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

@@ -5,16 +5,24 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.errors import ClosureError, ModelError, UnreachableError
+from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.kinematics import kinematics as kinematics_of
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
+from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 MAX_STEPS = 40
 LARGEST = 1.0
 """Largest step of a turning actuator, rad: near a singularity a Newton step can be many turns."""
+STARTS = 20
+"""Number of commands from which the search begins for an open chain, before a pose counts as out of reach."""
+SMALLEST = 1e-3
+"""Fraction of a Newton step below which another start is tried."""
+INSIDE = 1e-9
+"""Distance, m or rad, from the range of a command, within which it counts as inside."""
 TOLERANCE = 1e-12
 """Error of the TCP, m and rad, below which the method has converged."""
 
@@ -52,35 +60,13 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     >>> print(f"{posture.T[1] - start.T[1]:.6f} m")
     0.100000 m
     """
-    T = np.asarray(T, dtype=float)
-    R = None if R is None else np.asarray(R, dtype=float)
-    _check(T[None], None if R is None else R[None])
-    if not np.isfinite(T).all() or (R is not None and not np.isfinite(R).all()):
-        raise UnreachableError(
-            f"{posture.robot.name} is wanted where a number is not finite", hint="give finite numbers"
-        )
-    error, stride = _error(posture, T, R), 1.0
-    for _ in range(MAX_STEPS):
-        if np.abs(error).max() <= TOLERANCE * max(1.0, posture.robot.size):
-            return posture
-        step = np.linalg.lstsq(posture.jacobian[: error.size], error, rcond=None)[0]
-        try:
-            trial = posture.moved_to(posture.q + stride * step)
-        except ClosureError:
-            stride /= 2.0
-            continue
-        new = _error(trial, T, R)
-        if np.linalg.norm(new) < np.linalg.norm(error):
-            posture, error, stride = trial, new, min(1.0, 2.0 * stride)
-        elif np.abs(error).max() <= 100.0 * TOLERANCE * posture.robot.size:
-            return posture  # rounding errors prevent a smaller error
-        else:
-            stride /= 2.0
-    where = ", ".join(f"{value:.6g}" for value in T)
-    raise UnreachableError(
-        f"{posture.robot.name} can't bring its TCP to ({where}){' with that rotation' if R is not None else ''}",
-        hint="stay inside the workspace, and leave the orientation free unless there are six actuators",
-    )
+    T = np.asarray(T, dtype=float)[None]
+    R = None if R is None else np.asarray(R, dtype=float)[None]
+    nominal = kinematics_of(Geometry.nominal(posture.robot))
+    q = commands_for(nominal, T, R, posture.q[None])[0][0]
+    if np.isnan(q).any():
+        raise out_of_reach(posture.robot.name, T[0], R is not None)
+    return posture.moved_to(q)
 
 
 def commands_for(
@@ -120,7 +106,13 @@ def commands_for(
     """
     _check(T, R)
     home_q = kinematics.geometry.robot.home_q
-    q = np.tile(home_q, (len(T), 1)) if start is None else start.copy()
+    return _newton(kinematics, T, R, np.tile(home_q, (len(T), 1)) if start is None else start.copy())
+
+
+def _newton(
+    kinematics: Kinematics, T: Floats, R: Floats | None, q: Floats, ends: tuple[Floats, Floats] | None = None
+) -> tuple[Floats, Poses]:
+    """As :func:`commands_for`, from the commands q (N, n), which are changed; each step ends within ``ends``, (n,) each."""
     poses = kinematics.forward(q)
     finite = np.isfinite(T).all(axis=1) & (True if R is None else np.isfinite(R).all(axis=(1, 2)))
     rows = np.flatnonzero(poses.reached & finite)
@@ -129,14 +121,21 @@ def commands_for(
     for _ in range(MAX_STEPS):
         error = _errors(poses[rows], T[rows], None if R is None else R[rows])
         far = np.abs(error).max(axis=1) > TOLERANCE * scale
+        if ends is not None:
+            far &= stride[rows] > SMALLEST
         rows, error = rows[far], error[far]
         if not rows.size:
             break
         jacobian = kinematics.command_jacobian(q[rows], poses[rows])[:, : error.shape[1]]
         step = np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
+        if ends is not None:  # joints at an end of their range, which would leave it, stand still
+            still = ((q[rows] <= ends[0]) & (step < 0.0)) | ((q[rows] >= ends[1]) & (step > 0.0))
+            step = np.einsum("nij,nj->ni", np.linalg.pinv(jacobian * ~still[:, None]), error)
         turned = np.abs(step * kinematics.geometry.robot.revolute).max(axis=1, keepdims=True)
         step /= np.maximum(1.0, turned / LARGEST)
         trial = q[rows] + stride[rows, None] * step
+        if ends is not None:
+            trial = np.clip(trial, *ends)
         moved = kinematics.forward(trial)
         better = np.zeros(len(rows), dtype=bool)
         reached = moved.reached
@@ -153,16 +152,49 @@ def commands_for(
     return q, poses
 
 
+def solved(kinematics: Kinematics, T: Floats, R: Floats | None, start: Floats) -> Floats:
+    """(N, n) commands within their ranges for wanted poses, as :func:`commands_for`; NaN where none were found.
+
+    The search of an open chain begins at ``start``, then at random commands, and its steps end within the ranges. Other starts
+    of a robot with loops could be of another assembly mode.
+    """
+    robot = kinematics.robot
+    if robot.constraints or robot.rods:
+        found, _ = commands_for(kinematics, T, R, start)
+        found[((found < robot.lower - INSIDE) | (found > robot.upper + INSIDE)).any(axis=1)] = np.nan
+        return found
+    ends = robot.lower, robot.upper
+    begin, endless = np.clip(start, *ends), robot.revolute & ~np.isfinite(robot.upper - robot.lower)
+    low, high = np.maximum(ends[0], start - np.pi), np.minimum(ends[1], start + np.pi)
+    rng, found, rows = np.random.default_rng(0), np.full(start.shape, np.nan), np.arange(len(T))
+    for _ in range(STARTS):
+        q, _ = _newton(kinematics, T[rows], None if R is None else R[rows], begin, ends)
+        found[rows] = q - 2.0 * np.pi * endless * np.round((q - start[rows]) / (2.0 * np.pi))
+        rows = rows[np.isnan(q).any(axis=1)]
+        if not rows.size:
+            break
+        begin = rng.uniform(low[rows], high[rows])
+    return found
+
+
+def out_of_reach(robot: str, T: Floats, turned: bool, row: int | None = None) -> UnreachableError:
+    """The error of a wanted position (3,) of a robot, with a wanted rotation where ``turned``."""
+    place = "" if row is None else f"row {row}: "
+    if not np.isfinite(T).all():
+        return UnreachableError(f"{place}{robot} is wanted where a number is not finite", hint="give finite numbers")
+    where = ", ".join(f"{value:.6g}" for value in T)
+    hint = "stay inside the workspace and the ranges of the commands"
+    if turned:
+        hint += ", and leave the orientation free unless there are six actuators"
+    what = f"{place}{robot} can't bring its TCP to ({where}){' with that rotation' if turned else ''}"
+    return UnreachableError(what, hint=f"{hint}, or start nearer (start)" if row is not None else hint)
+
+
 def _check(T: Floats, R: Floats | None) -> None:
     if T.ndim != 2 or T.shape[1] != 3:
         raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
     if R is not None and R.shape != (len(T), 3, 3):
         raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
-
-
-def _error(posture: ClosedPosture, T: Floats, R: Floats | None) -> Floats:
-    error: Floats = _errors(Poses(posture.T[None], posture.R[None]), T[None], None if R is None else R[None])[0]
-    return error
 
 
 def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:

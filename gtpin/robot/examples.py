@@ -84,6 +84,9 @@ FILES: Mapping[str, str] = {
 }
 """File of each loader, below the package's folder ``robots``. PyPI's package holds the files without the loaders' table."""
 
+ARMS = ("kinova", "panda", "so100", "so101", "talos_left_arm", "ur10", "ur3", "ur5", "xarm7", "z1")
+"""Loaders of single arms; variants of one arm, hands, legs and whole bodies are left out."""
+
 
 @cache
 def _folder() -> Path | None:

@@ -6,6 +6,7 @@ import difflib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from gtpin.errors import RobotError, warn
 from gtpin.references import is_path
@@ -14,6 +15,7 @@ from gtpin.robot.description import RobotDescription
 from gtpin.robot.examples import example_names, example_path
 from gtpin.robot.robot import Robot
 
+AnyRobot = TypeVar("AnyRobot", bound=Robot)
 SHOWN = 12
 """Largest number of joints that a warning names."""
 
@@ -53,39 +55,13 @@ def urdf_path(name: str) -> Path:
 
 
 def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Robot:
-    """Load a robot by its name or by the path of its URDF or MJCF file.
+    """A robot without its kinematics: see :func:`gtpin.load_robot`."""
+    return loaded(Robot, robot, tcp, actuators)
 
-    Parameters
-    ----------
-    robot
-        The name of a shipped robot, or of one of the package example-robot-data; or a path. A string is a path if it ends in
-        ``.urdf``, ``.xml``, ``.mjcf`` or ``.yaml`` (the loops of the URDF of the same name beside it), if it contains a
-        separator, or if a file but no robot has this name.
-    tcp
-        The link whose pose is the robot's pose; None: the one that the file names.
-    actuators
-        The joints that are commanded, in the order of q; by default those that the file names, else all that move.
 
-    Raises
-    ------
-    RobotError
-        If there is no such robot, or its file is not a valid robot.
-
-    Warns
-    -----
-    GtpinWarning
-        Names the posture at home where the file does not choose among several, passive motions that the loops do not
-        determine, and actuators that do not move the TCP.
-
-    Examples
-    --------
-    >>> import gtpin
-    >>> gtpin.load_robot("gantry_tau").sites
-    ('cart1', 'cart2', 'cart3')
-    >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
-    7
-    """
-    found = Robot(with_actuators(RobotDescription.read(robot_path(robot)), actuators), tcp)
+def loaded(kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: Sequence[str]) -> AnyRobot:
+    """A robot of a class, by its name or path; notes on it are warnings."""
+    found = kind(with_actuators(RobotDescription.read(robot_path(robot)), actuators), tcp)
     for note in (*found.assembly.notes, *_without_effect(found)):
         warn(note)
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
@@ -42,13 +43,6 @@ class Robot(Chain):
     ------
     RobotError
         If the URDF does not describe a complete robot.
-
-    Examples
-    --------
-    >>> import gtpin
-    >>> robot = gtpin.load_robot("gantry_tau")
-    >>> robot.n_actuators, robot.sites, robot.rod_sites
-    (3, ('cart1', 'cart2', 'cart3'), ('link1', 'link2a', 'link2b', 'link3a', 'link3b', 'link3c'))
     """
 
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
@@ -58,13 +52,13 @@ class Robot(Chain):
         self._nominal: Robot | None = None
         self._assembly: Assembly | None = None
 
-    @staticmethod
-    def from_urdf(path: str | Path, tcp: str | None = None) -> Robot:
+    @classmethod
+    def from_urdf(cls, path: str | Path, tcp: str | None = None) -> Self:
         """Build the robot of a URDF file.
 
         ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.chain.Chain`.
         """
-        return Robot(with_actuators(RobotDescription.read(Path(path)), ()), tcp)
+        return cls(with_actuators(RobotDescription.read(Path(path)), ()), tcp)
 
     @property
     def nominal(self) -> Robot:
@@ -115,7 +109,7 @@ class Robot(Chain):
         """Number of components of a motion: six of the TCP, then one of each measured joint."""
         return 6 + len(self.measured_joints)
 
-    def measuring(self, joints: Iterable[str]) -> Robot:
+    def measuring(self, joints: Iterable[str]) -> Self:
         """A copy of the robot with some measured joints: passive joints whose coordinates are computed with each pose.
 
         Parameters
@@ -136,7 +130,7 @@ class Robot(Chain):
         other.measured_joints = tuple(measured_joint(self, name) for name in names)
         return other
 
-    def with_placements(self, twists: Floats, platform: Floats | None = None, anchors: Floats | None = None) -> Robot:
+    def with_placements(self, twists: Floats, platform: Floats | None = None, anchors: Floats | None = None) -> Self:
         """A copy of the robot with displaced joints, TCP and loops' anchors.
 
         Each joint's placement is multiplied from the right by the exponential of its twist: ``twists`` is (njoints, 6),
@@ -160,7 +154,7 @@ class Robot(Chain):
 
     def __reduce__(self) -> tuple[type[Robot], tuple[RobotDescription, str], State]:
         state = (self._placements(), tuple(j.name for j in self.measured_joints))
-        return Robot, (self.description, self.tcp_frame), state
+        return type(self), (self.description, self.tcp_frame), state
 
     def _placements(self) -> Placements:
         moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
@@ -172,7 +166,7 @@ class Robot(Chain):
         count = self.model.njoints
         pairs = zip(placements, self._placements(), strict=True)
         if not all(np.array_equal(a, b) for one, own in pairs for a, b in zip(one, own, strict=True)):
-            self._nominal = Robot(self.description, self.tcp_frame)
+            self._nominal = type(self)(self.description, self.tcp_frame)
         for joint_id, (R, T) in enumerate(placements[:count]):
             self.model.jointPlacements[joint_id] = pin.SE3(R, T)
         self.tcp_placement = pin.SE3(*placements[count])

@@ -157,7 +157,7 @@ def test_too_little_is_refused_with_what_is_needed_and_what_is_free(tmp_path, mo
 def test_a_limit_of_memory_ends_in_one_line_or_not_at_all(robot, tmp_path, command, room):
     simulate(robot, "gantry_tau", poses=300, seed=5).dataset.write(tmp_path / "data")
     program = (
-        "import resource, sys, gtpin.cli, gtpin.commands.app\n"
+        "import resource, sys, gtpin.cli; gtpin.cli.app\n"
         "import gtpin.diagnosis.diagnose, gtpin.report.diagnosis_page\n"
         "taken = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "limit = taken + int(sys.argv.pop(1)) * 1_000_000\n"

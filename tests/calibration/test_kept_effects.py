@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.commands.app import app
+from gtpin.cli import app
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import References
 from gtpin.model.model_folder import write_model

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ran import Ran, everything
+from ran import Ran, called, everything
 
 import gtpin
-import gtpin.cli
 from gtpin.bench.simulator.simulate import simulate
 
 Run = Callable[..., Ran]
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+@pytest.fixture(scope="session")
+def run() -> Run:
     """Run gtpin in this process."""
-
-    def run_(*arguments: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["gtpin", *map(str, arguments)])
-        capsys.readouterr()
-        with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
-            gtpin.cli.main()
-        out, err = capsys.readouterr()
-        return Ran(int(ended.value.code or 0), out, err)
-
-    return run_
+    return called
 
 
 @pytest.fixture(scope="session")
@@ -38,8 +29,6 @@ def program() -> Run:
     """Run gtpin as a program of its own."""
 
     def run_(*arguments: object, cwd: Path | None = None, **environment: str) -> Ran:
-        import os
-
         code = "import gtpin.cli; gtpin.cli.main()"
         done = subprocess.run(
             [sys.executable, "-c", code, *map(str, arguments)],
@@ -68,22 +57,14 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def calibrated(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What ``gtpin calibrate`` makes of the dataset; not to be changed."""
     folder = tmp_path_factory.mktemp("result") / "calibrated"
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        patch.setattr(sys, "argv", ["gtpin", "calibrate", str(source), "-o", str(folder)])
-        with pytest.raises(SystemExit) as ended:
-            gtpin.cli.main()
-    assert not ended.value.code
+    assert called("calibrate", source, "-o", folder).code == 0
     return folder
 
 
 @pytest.fixture
 def dataset(source: Path, tmp_path: Path) -> Path:
     """A copy of the dataset, to be spoilt."""
-    folder = tmp_path / "set"
-    folder.mkdir()
-    for file in source.iterdir():
-        (folder / file.name).write_bytes(file.read_bytes())
-    return folder
+    return Path(shutil.copytree(source, tmp_path / "set"))
 
 
 @pytest.fixture(scope="session")

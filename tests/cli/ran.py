@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
+
+import gtpin.cli
 
 
 @dataclass(frozen=True)
@@ -23,6 +31,29 @@ class Ran:
         assert "Traceback" not in self.err + self.out
         assert self.out == ""
         return errors[0]
+
+
+def called(*arguments: object) -> Ran:
+    """Run gtpin in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        patch.setattr(sys, "argv", ["gtpin", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            gtpin.cli.main()
+    return Ran(int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+
+def refused(folder: Path, *arguments: object) -> str:
+    """The error of a command that must fail, and leave the folder as it was."""
+    before = everything(folder)
+    error = called(*arguments).failed()
+    assert everything(folder) == before
+    return error
 
 
 def everything(folder: Path) -> dict[str, bytes | None]:

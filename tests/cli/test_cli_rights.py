@@ -35,7 +35,7 @@ def user() -> User:
     if os.geteuid() == 0:
         if shutil.which("setpriv") is None:
             pytest.skip("root's power can't be dropped: there is no setpriv")
-        probe = [sys.executable, "-c", "import gtpin.commands.app"]
+        probe = [sys.executable, "-c", "from gtpin.cli import app"]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         for power in ("-all", "-all,+dac_read_search"):
             start = _start(power)

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -10,8 +11,10 @@ import time
 from pathlib import Path
 
 import pytest
+import typer
 
 import gtpin
+import gtpin.cli
 
 COMMANDS = ("calibrate", "diagnose", "predict", "simulate", "demo")
 
@@ -22,6 +25,41 @@ def test_help_shows_an_example(run, command):
     assert (ran.code, ran.err) == (0, "")
     assert "Example" in ran.out
     assert all(f"gtpin {name}" in ran.out or (not command and name in ran.out) for name in command or COMMANDS)
+
+
+def leaves(group, *before):
+    """All commands of a group and of the groups in it, by their words."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from leaves(command, *before, name)
+        else:
+            yield (*before, name), command
+
+
+ALL = dict(leaves(typer.main.get_command(gtpin.cli.app)))
+BOUND = ("demo", "simulate", "calibrate", "compare", "sensitivity", "diagnose", "predict", "export", "blind", "view")
+"""Commands that scripts of users call."""
+
+
+def test_few_commands_are_listed_and_those_of_scripts_are_all_there(run):
+    table = run("--help").out.split("Commands")[1].split("Example")[0]
+    listed = {line.split()[1] for line in table.splitlines() if line[2:3].isalpha()}
+    assert len(listed) <= 11
+    assert listed >= {"demo", "diagnose", "calibrate", "export", "lab"}
+    assert {words[0] for words in ALL} >= {*BOUND, *listed}
+    for words, command in ALL.items():
+        if words[0] == "lab":
+            assert [p.opts for p in command.params] == [p.opts for p in ALL[words[1:]].params]
+
+
+@pytest.mark.parametrize("words", ALL, ids=" ".join)
+def test_a_first_help_has_at_most_ten_options_and_help_all_has_every_one(run, words):
+    named = re.compile(r"^. [ *]*(--[\w-]{1,15})", re.MULTILINE)  # long names are broken
+    first, whole = ({*named.findall(run(*words, option).out)} for option in ("--help", "--help-all"))
+    assert len(first) <= 10
+    own = {param.opts[-1][:17] for param in ALL[words].params if param.opts[-1].startswith("--")}
+    assert whole == own | {"--help"}
+    assert first <= whole
 
 
 def test_without_a_command_help_is_shown_and_without_its_arguments_what_is_missing(run):

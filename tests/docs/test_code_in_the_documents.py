@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -40,18 +41,24 @@ def blocks(page: Path, *languages: str) -> list[str]:
     return [re.sub(rf"^{indentation}", "", code, flags=re.MULTILINE) for indentation, code in found]
 
 
+def called(group: Any, words: list[str]) -> list[str]:
+    """The names of the command of a line, and of its groups; raises where an option or an argument is not known."""
+    name, *arguments = words
+    if hasattr(group.commands[name], "commands"):
+        return [name, *called(group.commands[name], arguments)]
+    group.commands[name].make_context(name, arguments)
+    return [name]
+
+
 def test_every_command_in_the_documents_is_one_that_gtpin_takes() -> None:
-    commands = typer.main.get_command(gtpin.cli.app).commands
-    seen = set()
+    seen: set[str] = set()
     for page in PAGES:
         for line in "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if "gtpin" not in {Path(word).name for word in words}:
                 continue
             start = next(i for i, word in enumerate(words) if Path(word).name == "gtpin")
-            name, *arguments = words[start + 1 :]
-            commands[name].make_context(name, arguments)  # raises where an option or an argument is not known
-            seen.add(name)
+            seen |= {*called(typer.main.get_command(gtpin.cli.app), words[start + 1 :])}
     assert seen >= {"demo", "diagnose", "calibrate", "predict", "simulate"}
 
 

@@ -21,7 +21,7 @@ from gtpin.bench.benchmark.make import (
 )
 from gtpin.bench.benchmark.public_set import FILE, PublicSet
 from gtpin.bench.blind.truth import Truth
-from gtpin.commands.app import app
+from gtpin.cli import app
 
 ROOT = Path(__file__).parents[3]
 SOME = ("tau-tracker-02", "tau-range-00", "ur5-tracker-01", "ur5-plane-02", "fivebar-tracker-03")
