@@ -77,8 +77,8 @@ def reestimate_noise(
     The model's parameters reduce the degrees of freedom of all numbers in the same proportion. Tails are those of rows that
     are compared with each other (``alike``): an instrument can have heavy tails, and another none.
 
-    ``model``: causes and smooth terms: everything that is not noise. ``declared``: declared sigma of each group of numbers, m or
-    rad, or None; no estimate is smaller, or a long model that follows the noise would make it ever smaller.
+    ``model``: causes and smooth terms: everything that is not noise. ``declared``: declared sigma of each group of numbers, m
+    or rad, or None; no estimate is smaller, or a long model that follows the noise would make it ever smaller.
     """
     design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
     least = np.array([sigma or 0.0 for sigma in declared] or [0.0])
