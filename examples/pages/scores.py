@@ -147,9 +147,9 @@ def instrument_checks() -> str:
 
 
 def worlds() -> str:
-    """What is found on the machines of another simulation, as docs/blind.md has it: before a change of rules, and now."""
+    """What is found on the machines of another simulation, as docs/blind.md has it: a column a run."""
     found = _record("worlds.json")
-    lines = ["| | before | now |", "|---|---|---|"]
+    lines = ["| | " + " | ".join(found) + " |", "|---" * (len(found) + 1) + "|"]
     for words, key, of in (
         ("effect unlisted, E > 63: verdict `unknown`", "unknown", "unlisted"),
         ("cases with a false cause of 0.9 or more", "false, sure", "cases"),
@@ -159,9 +159,7 @@ def worlds() -> str:
         ("right alone, 0.9 or more", "alone, sure", "listed"),
         ("no effect: `none`", "no effect, none", "no effect"),
     ):
-        lines.append(
-            f"| {words} | " + " | ".join(f"{found[k][key]} of {found[k][of]}" for k in ("before", "now")) + " |"
-        )
+        lines.append(f"| {words} | " + " | ".join(f"{column[key]} of {column[of]}" for column in found.values()) + " |")
     return "\n".join(lines)
 
 

@@ -34,6 +34,9 @@ class Priors:
     unnamed: float = 5.0
     """Log prior odds against a smooth term, in addition to those of a named effect: the catalogue lists the common effects.
     Assumed, odds of 1 to 150."""
+    same_clock: float = 1.1
+    """Log prior odds of an effect over time or session alone to a motion of another part over the same. Assumed, odds of 3 to
+    1: instruments and floors move more often than targets, links and carts."""
     third: float = 4.0
     """Additional log prior odds against a third cause, and against each further one. Assumed, odds of 1 to 55: three causes at
     once are rare."""

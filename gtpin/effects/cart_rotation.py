@@ -14,7 +14,7 @@ from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
-ORDERS, DECAY = 14, 1.2
+ORDERS, DECAY = 20, 1.2
 """Number of cosines along the track for each axis, and the power p: the size of order k is proportional to k^-p."""
 
 

@@ -11,7 +11,7 @@ from gtpin.effects.smooth import extent
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
-ORDERS, DECAY = 14, 1.2
+ORDERS, DECAY = 20, 1.2
 """Number of cosines along the track, and the power p: the size of order k is proportional to k^-p. Cosines of higher order
 would be confused with ``rack_periodic``."""
 

@@ -133,3 +133,29 @@ def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(see
     off = np.abs(geometry(half, prepared) - aim).max()
     alike = np.abs(geometry(half, prepared, tails={}) - aim).max()  # all rows count alike
     assert off < 0.3 * alike
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_pit_of_a_track_is_unknown_there_and_neither_set_aside_nor_a_step(seed):
+    """A bell of a fiftieth of the travel: most poses do not see it, and those that do stand together."""
+    dataset = make_case(seed, effects=[], poses=200).dataset
+    q = dataset.q[:, 1]
+    at = np.median(q)
+    bell = 6e-4 * np.exp(-0.5 * ((q - at) / (0.02 * np.ptp(q))) ** 2)
+    found = diagnosed(moved(dataset, np.arange(len(q)), np.outer(bell, [0.0, 1.0, 0.0])))
+    assert found.verdict == "unknown"
+    assert "rack_step" not in {cause.effect for cause in found.causes}
+    assert ("cart2", ("q2",)) in {(doubt.site, doubt.over) for doubt in found.doubts}
+    assert found.unexplained.correlates[0][:2] == ("cart2", "q2")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_target_that_creeps_on_a_plate_that_hardly_turns_is_no_certain_drift_of_the_instrument(seed):
+    dataset = make_case(seed, effects=[], poses=150).dataset
+    time = np.asarray(dataset.covariates["time"], dtype=float)
+    creep = 1.5e-4 * np.log1p(50.0 * (time - time.min()) / np.ptp(time)) / np.log(51.0)
+    R = Rotation.from_quat(dataset.orientation, scalar_first=True).as_matrix()
+    moved_target = dataset.position + np.einsum("nij,j,n->ni", R, np.array([0.6, -0.5, 0.6]), creep)
+    found = diagnosed(replace(dataset, position=moved_target))
+    assert found.verdict in ("ambiguous", "unknown")
+    assert not [cause for cause in found.causes if cause.probability >= 0.9]

@@ -27,9 +27,10 @@ ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""
 DECAY = 1.5
 """The typical size of such a product is proportional to (sum of its orders)^-DECAY."""
-ROUGH = 40
-"""Half waves of a rough function over a joint's travel; its sizes fall with 1/k, as those of a Gaussian process with the
-exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: a twentieth of the travel is the finest detail."""
+ROUGH, ROUGH_ASIDE = 40, 28
+"""Half waves of a rough function over an actuator's travel, along and across it; its sizes fall with 1/k, as those of a
+Gaussian process with the exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: more than the 20 of the smooth
+effects over the travel, so that an error that is rougher than these (a pit) is not taken for one of them."""
 COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
@@ -54,7 +55,7 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, j]
         across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
-        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, 28, 1.0))]
+        along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, ROUGH, 1.0))]
         along += [((a, b), *_plane(own, at.travel[:, k], 5)) for a, b, k in across]
         for over, waves, size in (*along, *_conditions(at), *_load(at, j, 4), *_moves(at, j, 3)):
             yield (
@@ -184,7 +185,7 @@ def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
 
 def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
-    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, 20), 1.0)
+    yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, ROUGH_ASIDE), 1.0)
     for over, waves, size in _conditions(at):
         if over != ("session",):  # also multiplied by the place along the track
             some, s = waves[:, :4], size[:4]

@@ -67,15 +67,17 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
             by_proxy.add(proxy.hypothesis)
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
-    # An effect of exactly time, or exactly session, has no form of its own: another part that moves with it is as common.
+    # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well, and no
+    # machine departs more from the one than from the other.
     drivers = cause.drivers(hypotheses.design.situation.robot)
-    clocked = drivers if drivers in ({"time"}, {"session"}) else None
-    dear = {
-        s: (0.0 if frozenset(s.over) == clocked else priors.unnamed)
-        + (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own)
-        for s in against
+    clock = drivers if drivers in ({"time"}, {"session"}) else None
+    smooth = {
+        s: gain.value / heat - priors.same_clock
+        if frozenset(s.over) == clock
+        else (gain.value - priors.unnamed - (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own))
+        / heat
+        for s, gain in against.items()
     }
-    smooth = {s: (gain.value - dear[s]) / heat for s, gain in against.items()}
     whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
     probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
     every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]

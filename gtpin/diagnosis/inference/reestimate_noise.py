@@ -68,22 +68,26 @@ class Reestimated:
     restless: str | None
 
 
-def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> Reestimated:
+def reestimate_noise(
+    observed: Observed, hypotheses: HypothesisSet, model: Explanation, declared: Sequence[float | None] = ()
+) -> Reestimated:
     """Estimate repeatability, sigmas that were not declared, and weights of the rows from a model's residuals. By maximum
     likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
 
     The model's parameters reduce the degrees of freedom of all numbers in the same proportion. Tails are those of rows that
     are compared with each other (``alike``): an instrument can have heavy tails, and another none.
 
-    ``model``: causes and smooth terms: everything that is not noise.
+    ``model``: causes and smooth terms: everything that is not noise. ``declared``: declared sigma of each group of numbers, m
+    or rad, or None; no estimate is smaller, or a long model that follows the noise would make it ever smaller.
     """
     design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
+    least = np.array([sigma or 0.0 for sigma in declared] or [0.0])
     left, taken = left_over(hypotheses, model)
     J, colour = design.by_command_seen, np.linalg.inv(design.whitening)
     scatter, rows = contrasts(stops(design.measured.q, design.measured.read), np.einsum("nij,nj->ni", colour, left))
     errors = np.einsum("nij,nj->ni", colour, left * np.sqrt(design.count / max(design.count - taken, 1.0)))
     weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
-    found = likeliest(noise, errors, J, weight).at_least(SMALLEST)
+    found = _bounded(likeliest(noise, errors, J, weight), least)
     # Scatter of drives differs from row to row and so looks like heavy tails, and the reverse: the likelier one is used.
     whitened, of_noise = _whitened(noise, errors, design)
     scattered, of_scatter = _whitened(found, errors, design)
@@ -97,7 +101,7 @@ def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Expla
             weight[some] = tails.weigh(own)
             shrunk[some] = weight[some] * tails.scale**2
     if (weight != 1.0).any():
-        found = likeliest(noise, errors, J, shrunk).at_least(SMALLEST)
+        found = _bounded(likeliest(noise, errors, J, shrunk), least)
     restless = None
     if len(scatter) >= LEAST_CONTRASTS:
         most = _most_repeatability(found.take(rows), scatter, J[rows], priors)
@@ -114,6 +118,12 @@ def reestimate_noise(observed: Observed, hypotheses: HypothesisSet, model: Expla
     changed = abs(float((after / before).mean()) - 1.0) > MATTERS
     changed = changed or float(np.abs(weight - observed.weight).mean()) > MATTERS
     return Reestimated(replace(observed, noise=found, weight=weight), changed, restless)
+
+
+def _bounded(noise: ReadingNoise, least: Floats) -> ReadingNoise:
+    """The noise with sigmas of at least ``least``, of each group or of all."""
+    found = noise.at_least(SMALLEST)
+    return replace(found, sigma=np.maximum(found.sigma, least))
 
 
 def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> dict[int, Tails]:

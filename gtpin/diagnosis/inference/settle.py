@@ -114,7 +114,7 @@ def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[
     else:
         used[:] = True
     for _ in range(ROUNDS if model.robot.rods else LONG_ROUNDS):
-        noise = reestimate_noise(observed, proposal.hypotheses, guess)
+        noise = reestimate_noise(observed, proposal.hypotheses, guess, prepared.declared)
         if not noise.matters:
             break
         observed = noise.observed
