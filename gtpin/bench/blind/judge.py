@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gtpin.bench.blind.baselines import fit_known_causes, fit_known_causes_to_readings, gaussian_process_positions
 from gtpin.bench.blind.difficulty import Best, Difficulty
-from gtpin.bench.blind.judged import Judged, Shrunk
-from gtpin.bench.blind.oracle import fit_known_causes, fit_known_causes_to_readings
-from gtpin.bench.blind.smooth import gaussian_process_positions
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import Judged, Named, Shrunk, Statement
 from gtpin.bench.blind.true_parameters import true_parameters
 from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at

@@ -9,9 +9,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
-from gtpin.bench.blind.claim import CLAIM, claimed
 from gtpin.bench.blind.draw import ROBOT, Draft, drafts, written
-from gtpin.bench.blind.folder import CheckFolder, Settings, compared, diagnosis_digest
+from gtpin.bench.blind.folder import CLAIM, CheckFolder, Settings, claimed, compared, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.others import given, source_digest, take_in
