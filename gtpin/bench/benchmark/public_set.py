@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.bench.blind.draw import Draft, drafts, written
-from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of
+from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.errors import GtpinError
@@ -156,10 +155,7 @@ def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> I
 
 def digest_of_folder(folder: Path) -> str:
     """SHA-256 of all files of a dataset, with their names."""
-    found = hashlib.sha256()
-    for file in sorted(file for file in folder.iterdir() if file.name != MARKER):
-        found.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()
+    return digest_of_files(files_of(folder))
 
 
 def _write_what_is_read(case: InstrumentCase, place: Path) -> None:

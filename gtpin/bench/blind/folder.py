@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import re
@@ -16,7 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import gtpin
-from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of
+from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.blind.worker import Outcome
 from gtpin.data.files import UNFINISHED, placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
@@ -50,14 +49,6 @@ def compared(claim: Path, kind: str, digests: Mapping[str, str]) -> list[str]:
     return changed
 
 
-def digest_of_files(files: Mapping[str, bytes]) -> str:
-    """SHA-256 of several files with their names."""
-    found = hashlib.sha256()
-    for name, content in sorted(files.items()):
-        found.update(name.encode() + b"\0" + digest_of(content).encode() + b"\0")
-    return found.hexdigest()
-
-
 JUDGES = ("bench", "report", "commands")
 """Parts of gtpin that a diagnosis does not depend on."""
 
@@ -82,12 +73,8 @@ class Settings:
 def diagnosis_digest() -> str:
     """SHA-256 of all source files that a diagnosis may depend on, with their names."""
     root = Path(gtpin.__file__).parent
-    found = hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        name = file.relative_to(root)
-        if name.parts[0] not in JUDGES:
-            found.update(name.as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
-    return found.hexdigest()
+    files = {file.relative_to(root): file for file in root.rglob("*.py")}
+    return digest_of_files({n.as_posix(): f.read_bytes() for n, f in files.items() if n.parts[0] not in JUDGES})
 
 
 @dataclass(frozen=True)
@@ -135,16 +122,11 @@ class CheckFolder:
         except OSError:
             return False
 
-    def files_of(self, name: str) -> dict[str, bytes]:
-        """The only input of a diagnosis: the files of the dataset's folder."""
-        files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
-        return {file.name: file.read_bytes() for file in files}
-
     def dataset_digest(self, name: str) -> str:
         """SHA-256 of a dataset's files; empty where they are missing."""
         try:
-            files = self.files_of(name)
-        except OSError:
+            files = files_of(self.case(name))
+        except (OSError, GtpinError):
             return ""
         return digest_of_files({file: content for file, content in files.items() if file != DIGEST})
 

@@ -26,15 +26,6 @@ from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 
 
-def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
-    """RMS errors of all instruments' readings in units of their noise, predicted by the baseline and by the model with the
-    causes."""
-    before, after = (
-        rms_of_readings(dataset, truth, predicted) for predicted in (outcome.baseline_readings, outcome.model_readings)
-    )
-    return Shrunk(before=before, after=after)
-
-
 def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
     """RMS error of predicted readings (H, c), by instrument, in units of the noise; of joints that turn, modulo full turns."""
     turning = _turning(dataset)
@@ -197,10 +188,11 @@ def _shrunk(
 def _shrunk_readings(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
 ) -> Shrunk:
-    found = shrunk_readings(dataset, truth, outcome)
-    if baseline is None or truth.kind not in CAUSES_GIVEN:
-        return found
-    if not (causes := _causes(truth, lefts)):
+    """Errors of all instruments' readings in units of their noise, as :func:`_shrunk` of positions."""
+    both = (outcome.baseline_readings, outcome.model_readings)
+    before, after = (rms_of_readings(dataset, truth, predicted) for predicted in both)
+    found, causes = Shrunk(before=before, after=after), _causes(truth, lefts)
+    if baseline is None or truth.kind not in CAUSES_GIVEN or not causes:
         return found
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
     try:

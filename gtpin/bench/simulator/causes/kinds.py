@@ -6,7 +6,8 @@ from dataclasses import replace
 from functools import partial
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.causes import instrument, unlisted, with_rods, without_rods
+from gtpin.bench.simulator.causes import instrument, with_rods, without_rods
+from gtpin.bench.simulator.causes import unlisted as outside
 from gtpin.bench.simulator.causes.cause import Kind
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
@@ -35,16 +36,16 @@ CATALOGUE = (
 )
 """The effects of the catalogue, on robots with rods."""
 UNLISTED = (
-    Kind("hose_drag", "platform", unlisted.hose_drag),
-    Kind("cable_chain", "guides", unlisted.cable_chain),
-    Kind("plate_bending", "platform", unlisted.plate_bending, ("payload",)),
-    Kind("foot_settling", "carts", unlisted.foot_settling),
-    Kind("joint_stick", "links", unlisted.joint_stick),
-    Kind("frame_bending", "frame", unlisted.frame_bending),
-    Kind("thermal_twist", "frame", unlisted.thermal_twist, ("heat",)),
-    Kind("nest_tilt", "platform", partial(unlisted.nest_tilt, level=True)),
+    Kind("hose_drag", "platform", outside.hose_drag),
+    Kind("cable_chain", "guides", outside.cable_chain),
+    Kind("plate_bending", "platform", outside.plate_bending, ("payload",)),
+    Kind("foot_settling", "carts", outside.foot_settling),
+    Kind("joint_stick", "links", outside.joint_stick),
+    Kind("frame_bending", "frame", outside.frame_bending),
+    Kind("thermal_twist", "frame", outside.thermal_twist, ("heat",)),
+    Kind("nest_tilt", "platform", partial(outside.nest_tilt, level=True)),
     Kind("encoder_slip", "carts", with_rods.encoder_slip),
-    Kind("guide_whip", "guides", unlisted.guide_whip, ("speed",)),
+    Kind("guide_whip", "guides", outside.guide_whip, ("speed",)),
 )
 """Unlisted effects of robots with rods."""
 ARM_CATALOGUE = (
@@ -85,14 +86,14 @@ ARM_CATALOGUE = (
   temperature of the air is then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996).
 """
 ARM_UNLISTED = (
-    Kind("creep", "joints", unlisted.creep, ("payload",)),
-    Kind("dress_pack", "coupled", unlisted.dress_pack),
-    Kind("loose_foot", "frame", unlisted.loose_foot, ("payload",)),
-    Kind("sunny_side", "links", unlisted.sunny_side, ("heat",)),
-    Kind("loose_gripper", "platform", unlisted.loose_gripper, ("payload",)),
+    Kind("creep", "joints", outside.creep, ("payload",)),
+    Kind("dress_pack", "coupled", outside.dress_pack),
+    Kind("loose_foot", "frame", outside.loose_foot, ("payload",)),
+    Kind("sunny_side", "links", outside.sunny_side, ("heat",)),
+    Kind("loose_gripper", "platform", outside.loose_gripper, ("payload",)),
     Kind("slipping_disc", "joints", partial(with_rods.encoder_slip, size=1e-4)),
-    Kind("whip", "links", unlisted.whip, ("speed",)),
-    Kind("nest_tilt", "platform", unlisted.nest_tilt),
+    Kind("whip", "links", outside.whip, ("speed",)),
+    Kind("nest_tilt", "platform", outside.nest_tilt),
 )
 """Unlisted effects."""
 
@@ -106,7 +107,7 @@ def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
 
 
 LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
-LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", unlisted.worn_pin, ("payload",))))
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", outside.worn_pin, ("payload",))))
 """Unlisted effects of robots whose loops are not rods."""
 
 
