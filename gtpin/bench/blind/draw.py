@@ -208,18 +208,14 @@ def recipe(draft: Draft) -> Recipe:
     """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.draw.without_some_touches` leaves out.
     """
-    found = _recipe(draft)
+    energy, effects = POWER_ENERGY if draft.kind == "power" else None, [(name, None) for name in draft.effects]
+    if draft.kind == "rough":
+        found = bulk_recipe(draft.seed, rough=True, robot=draft.robot)
+    else:
+        found = drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
     if draft.instruments and set(draft.instruments) <= set(TOUCHED):
         return replace(found, poses=found.poses + found.poses // (ONE_IN - 1))
     return found
-
-
-def _recipe(draft: Draft) -> Recipe:
-    if draft.kind == "rough":
-        return bulk_recipe(draft.seed, rough=True, robot=draft.robot)
-    energy = POWER_ENERGY if draft.kind == "power" else None
-    effects = [(name, None) for name in draft.effects]
-    return drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
 
 
 def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
