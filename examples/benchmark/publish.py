@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.benchmark.make import CASES, Made, make, rounded_energy
-from gtpin.bench.benchmark.public_set import FILE, SCHEMA, Block, PublicSet
+from gtpin.bench.benchmark.public_set import CASES, FILE, SCHEMA, Block, Made, PublicSet, make, rounded_energy
 from gtpin.bench.blind.judge import difficulty_of, gradable
 from gtpin.bench.simulator.recipe import digest
 from gtpin.calibration.calibrate import calibrate

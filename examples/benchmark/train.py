@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.benchmark.make import CASES, make
-from gtpin.bench.benchmark.public_set import FILE, Block, PublicSet
+from gtpin.bench.benchmark.public_set import CASES, FILE, Block, PublicSet, make
 from gtpin.threads import in_one_thread
 
 HERE = Path(__file__).parent

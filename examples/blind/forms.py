@@ -18,13 +18,12 @@ import pandas as pd
 from scipy.special import erf
 
 import gtpin
-from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import Judged, Named, Statement
 from gtpin.bench.blind.truth import TrueEffect
 from gtpin.bench.simulator.build import as_dataset, assemble, ids
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.energy import Past, amplitude_for
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.recipe import Conditions
 from gtpin.bench.simulator.situation import RodSituation
 from gtpin.data import Dataset

@@ -18,7 +18,7 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import Named, Statement
 from gtpin.bench.blind.truth import Truth
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM

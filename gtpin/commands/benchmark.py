@@ -27,9 +27,8 @@ benchmark_app = typer.Typer(
 @benchmark_app.command(cls=Command, epilog="Example: gtpin lab benchmark make -o set")
 def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJson = False) -> None:
     """Make the 100 cases of the public set: OUTPUT/cases for solvers, OUTPUT/truths for the scorer."""
-    from gtpin.bench.benchmark.make import CASES, TRUTHS, changed
-    from gtpin.bench.benchmark.make import make as make_case
-    from gtpin.bench.benchmark.public_set import PublicSet
+    from gtpin.bench.benchmark.public_set import CASES, TRUTHS, PublicSet, changed
+    from gtpin.bench.benchmark.public_set import make as make_case
 
     public = PublicSet.read()
     names, drafts = public.chosen(case), public.drafts()
@@ -53,8 +52,7 @@ def score(
     as_json: AsJson = False,
 ) -> None:
     """Compare a solver's answers with the truths."""
-    from gtpin.bench.benchmark.make import changed_truths
-    from gtpin.bench.benchmark.public_set import PublicSet
+    from gtpin.bench.benchmark.public_set import PublicSet, changed_truths
     from gtpin.bench.benchmark.score import figures, score_answers, to_json
 
     if not answers.is_dir():

@@ -49,8 +49,8 @@ def blind(
 ) -> None:
     """Make machines with hidden effects, seal the truth, diagnose the data, open the seals, and score."""
     # Imported here, because the other commands need not wait for these modules.
-    from gtpin.bench.blind.claim import SCORE_FILES
     from gtpin.bench.blind.draw import ROBOT
+    from gtpin.bench.blind.folder import SCORE_FILES
     from gtpin.bench.blind.page import score_page
     from gtpin.bench.blind.run import check, check_given
     from gtpin.bench.blind.score import score

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from gtpin.bench.simulator.scenario import simulate_scenario
+from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.bench.simulator.truth import Case, truth_names
 from gtpin.commands.diagnose import corrections_hint
 from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gtpin
-from gtpin.bench.simulator.scenario import read_scenario
+from gtpin.bench.simulator.case import read_scenario
 from gtpin.data.files import LARGEST_TEXT
 from gtpin.errors import GtpinError
 from gtpin.health.history import HistoryFiles, read_history

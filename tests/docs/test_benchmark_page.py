@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from gtpin.bench.benchmark.answer import SCHEMA, Answer
-from gtpin.bench.benchmark.make import CASES, make
-from gtpin.bench.benchmark.public_set import PublicSet
+from gtpin.bench.benchmark.public_set import CASES, PublicSet, make
 from gtpin.bench.benchmark.score import figures, score_answers
 
 pytestmark = pytest.mark.slow

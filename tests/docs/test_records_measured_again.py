@@ -11,8 +11,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made, truth_of
-from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.statement import Statement
+from gtpin.bench.blind.judged import Judged, Statement
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))

@@ -9,8 +9,8 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind, possible
+from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.recipe import Conditions
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 from gtpin.kinematics.statics import rod_forces

@@ -8,9 +8,9 @@ from spring_machine import SpringMachine, Springs
 
 import gtpin
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.recipe import Conditions, Noise
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.situation import RodSituation
 from gtpin.bench.simulator.visits import Visits, plan

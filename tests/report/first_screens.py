@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.simulator.scenario import simulate_scenario
+from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.commands.terminal import rendered
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Member, Undecided

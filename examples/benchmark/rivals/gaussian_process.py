@@ -10,7 +10,7 @@ from pathlib import Path
 from problem import Problem, predictions
 
 from gtpin.bench.benchmark.answer import Answer
-from gtpin.bench.blind.smooth import gaussian_process_positions
+from gtpin.bench.blind.baselines import gaussian_process_positions
 from gtpin.data import Commands
 
 

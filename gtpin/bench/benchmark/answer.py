@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import Named, Statement
 from gtpin.data.files import read_bytes
 from gtpin.errors import GtpinError
 

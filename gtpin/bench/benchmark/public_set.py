@@ -1,16 +1,23 @@
-"""The public set: which cases it has, and the digests of their files."""
+"""The public set: which cases it has, the digests of their files, and how they are made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from gtpin.bench.blind.draw import Draft, drafts
+from gtpin.bench.blind.draw import Draft, drafts, written
+from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of, digest_of_files, files_of
+from gtpin.bench.simulator.truth import InstrumentCase
+from gtpin.data.files import read_bytes, read_table, write_table
 from gtpin.errors import GtpinError
+from gtpin.output.ownership import MARKER
+from gtpin.threads import in_one_thread
 
 FILE = Path(__file__).parent / "set1.json"
 """The set that gtpin ships."""
@@ -85,3 +92,147 @@ class PublicSet(BaseModel):
     def drafts(self, folder: Path = FILE.parent) -> dict[str, Draft]:
         """All cases to be made, by name."""
         return {draft.name: draft for block in self.blocks for draft in block.drafts(folder)}
+
+
+CASES, TRUTHS = "cases", "truths"
+ROBOT = "robot.urdf"
+KNOWN = ("station", "target", "plane")
+"""Columns that say what an instrument reads, or what is touched."""
+DECIMALS = 7
+COARSE = {"temp_frame": 3, "temp_link": 3}
+"""Number of decimals of the columns that have fewer than ``DECIMALS``."""
+DIGITS = 4
+"""Significant digits of the noise and of energies, in truths."""
+NOTHING = 1e-3
+"""A smaller energy is written as 0: it can consist of rounding errors."""
+NUMBER = re.compile(r"-?\d+(\.\d*)?(e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Made:
+    """A case that was made: the digests of its files, and its truth before rounding, with displacements."""
+
+    name: str
+    digests: Published
+    truth: Truth
+
+
+@in_one_thread
+def make(draft: Draft, folder: Path) -> Made:
+    """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
+    place = folder / CASES / draft.name
+    place.mkdir(parents=True, exist_ok=True)
+    case, truth = written(draft, place)
+    if isinstance(case, InstrumentCase):
+        _write_what_is_read(case, place)
+    _take_robot_in(Path(draft.robot), place)
+    for file in place.glob("*.csv"):
+        round_table(file)
+    (place / MARKER).unlink(missing_ok=True)  # it describes the files as they were before rounding
+    content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
+    (folder / TRUTHS).mkdir(exist_ok=True)
+    (folder / TRUTHS / f"{draft.name}.json").write_bytes(content)
+    return Made(draft.name, Published(dataset=digest_of_folder(place), truth=digest_of(content)), truth)
+
+
+def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
+    """Names of the cases, among ``names``, whose files do not have the published digests."""
+    other = set(changed_truths(public, folder, names))
+    for name in names:
+        if name in other or digest_of_folder(folder / CASES / name) != public.cases[name].dataset:
+            yield name
+
+
+def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
+    """Names of the cases, among ``names``, whose truths do not have the published digests.
+
+    Raises GtpinError if a truth can't be read.
+    """
+    for name in names:
+        if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:
+            yield name
+
+
+def digest_of_folder(folder: Path) -> str:
+    """SHA-256 of all files of a dataset, with their names."""
+    return digest_of_files(files_of(folder))
+
+
+def _write_what_is_read(case: InstrumentCase, place: Path) -> None:
+    """For an instrument that reads anywhere, write ``commands-NAME.csv``: the held-out commands, with what it reads at each.
+
+    Stations or targets are those of the dataset in turn, in alphabetical order, as in the truth.
+    """
+    for name in case.held:
+        held = dict(read_table(place / "commands.csv").columns)
+        own = read_table(place / f"{name}.csv", ids=KNOWN).columns
+        for column in (column for column in KNOWN if column in own):
+            ids = np.array(sorted(set(own[column].tolist())), dtype=object)
+            held[column] = ids[np.arange(len(held["pose"])) % len(ids)]
+        write_table(place / f"commands-{name}.csv", held)
+
+
+def _take_robot_in(robot: Path, place: Path) -> None:
+    """Copy a URDF into the dataset's folder, and name it there."""
+    if robot.suffix == ".urdf":
+        (place / ROBOT).write_bytes(robot.read_bytes())
+        toml = place / "dataset.toml"
+        lines = toml.read_text(encoding="utf-8").splitlines()
+        named = [f'robot = "{ROBOT}"' if line.startswith("robot = ") else line for line in lines]
+        toml.write_text("\n".join(named) + "\n", encoding="utf-8")
+
+
+def _published(truth: Truth) -> Truth:
+    """A truth as it is written: without displacements and orientations, with rounded numbers."""
+    poses = truth.poses
+    return Truth(
+        kind=truth.kind,
+        effects=tuple(
+            effect.model_copy(
+                update={"displacement": None, "amplitude": None, "energy": rounded_energy(effect.energy or 0.0)}
+            )
+            for effect in truth.effects
+        ),
+        poses=poses and TruePoses.model_validate({"pose": poses.pose, "position": rounded_rows(poses.position)}),
+        readings=tuple(
+            TrueReadings(
+                name=one.name,
+                values=rounded_rows(one.values),
+                sigma=tuple(tuple(map(to_digits, row)) for row in one.sigma),
+            )
+            for one in truth.readings
+        ),
+        sigma=truth.sigma,
+    )
+
+
+def rounded(value: float, decimals: int = DECIMALS) -> float:
+    """A value rounded to ``decimals`` decimals; never a negative zero."""
+    return round(value, decimals) + 0.0
+
+
+def to_digits(value: float) -> float:
+    """A value to ``DIGITS`` significant digits."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def rounded_energy(value: float) -> float:
+    """An energy to ``DIGITS`` significant digits; 0 below ``NOTHING``."""
+    return to_digits(value) if value >= NOTHING else 0.0
+
+
+def rounded_rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ...]:
+    """Rows of values, each :func:`rounded`."""
+    return tuple(tuple(rounded(value) for value in row) for row in rows)
+
+
+def round_table(file: Path) -> None:
+    """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
+    head, *lines = file.read_text(encoding="utf-8").splitlines()
+    decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
+    rows = [",".join(map(_cell, line.split(","), decimals)) for line in lines]
+    file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+
+
+def _cell(text: str, decimals: int) -> str:
+    return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not text.lstrip("-").isdigit() else text

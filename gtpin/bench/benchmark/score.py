@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from gtpin.bench.benchmark.answer import Answer
-from gtpin.bench.benchmark.make import TRUTHS
-from gtpin.bench.benchmark.public_set import PublicSet
+from gtpin.bench.benchmark.public_set import TRUTHS, PublicSet
+from gtpin.bench.blind.figures import Rate, mean, rate
 from gtpin.bench.blind.judged import VISIBLE, Judged
-from gtpin.bench.blind.rates import Rate, mean, rate
 from gtpin.bench.blind.truth import digest_of, opened
 from gtpin.data.files import read_bytes
 from gtpin.effects.catalogue import effects_by_id

@@ -1,25 +1,29 @@
-"""The files of a check: datasets, sealed truths, diagnoses, settings, and the digests that its files had first."""
+"""The folder of a check: its files with the digests that they had first, and how one run at a time reserves it."""
 
 from __future__ import annotations
 
-import hashlib
+import contextlib
 import json
+import os
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from pydantic import ValidationError
 
 import gtpin
-from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of
+from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.blind.worker import Outcome
-from gtpin.data.files import placed_file, write_table
+from gtpin.data.files import UNFINISHED, placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
-from gtpin.output.ownership import MARKER
+from gtpin.errors import GtpinError
+from gtpin.output.ownership import MARKER, aside, refuse_foreign
 from gtpin.output.results import writing
+from gtpin.output.work_folder import work_folder
 
 KEY = "digests"
 """The key of ``check.json`` that holds the digests, by kind of file and name."""
@@ -43,14 +47,6 @@ def compared(claim: Path, kind: str, digests: Mapping[str, str]) -> list[str]:
         with placed_file(claim) as unfinished:
             unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return changed
-
-
-def digest_of_files(files: Mapping[str, bytes]) -> str:
-    """SHA-256 of several files with their names."""
-    found = hashlib.sha256()
-    for name, content in sorted(files.items()):
-        found.update(name.encode() + b"\0" + digest_of(content).encode() + b"\0")
-    return found.hexdigest()
 
 
 JUDGES = ("bench", "report", "commands")
@@ -77,12 +73,8 @@ class Settings:
 def diagnosis_digest() -> str:
     """SHA-256 of all source files that a diagnosis may depend on, with their names."""
     root = Path(gtpin.__file__).parent
-    found = hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        name = file.relative_to(root)
-        if name.parts[0] not in JUDGES:
-            found.update(name.as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
-    return found.hexdigest()
+    files = {file.relative_to(root): file for file in root.rglob("*.py")}
+    return digest_of_files({n.as_posix(): f.read_bytes() for n, f in files.items() if n.parts[0] not in JUDGES})
 
 
 @dataclass(frozen=True)
@@ -130,16 +122,11 @@ class CheckFolder:
         except OSError:
             return False
 
-    def files_of(self, name: str) -> dict[str, bytes]:
-        """The only input of a diagnosis: the files of the dataset's folder."""
-        files = (file for file in sorted(self.case(name).iterdir()) if file.is_file() and file.name != MARKER)
-        return {file.name: file.read_bytes() for file in files}
-
     def dataset_digest(self, name: str) -> str:
         """SHA-256 of a dataset's files; empty where they are missing."""
         try:
-            files = self.files_of(name)
-        except OSError:
+            files = files_of(self.case(name))
+        except (OSError, GtpinError):
             return ""
         return digest_of_files({file: content for file, content in files.items() if file != DIGEST})
 
@@ -191,3 +178,118 @@ def _columns(poses: TruePoses) -> dict[str, Column]:
     if poses.orientation is not None:
         columns |= dict(zip(ORIENTATION, np.array(poses.orientation).T, strict=True))
     return columns
+
+
+SCHEMA = "gtpin-blind/1"
+CLAIM = "check.json"
+"""The check's settings."""
+SCORE_FILES = ("judged.json", "score.json", "score.html")
+"""Files that are written after all cases are judged."""
+
+
+@contextlib.contextmanager
+def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Iterator[None]:
+    """Make a folder, or resume the same check in it; the folder is locked for other runs.
+
+    A new check that ends before a case is complete leaves no files. With ``force``, files of another check, or files that
+    gtpin did not write, are renamed (``NAME.old-1``).
+
+    Raises GtpinError if the folder contains other files, another run uses it, or it can't be written.
+    """
+    root = folder.root
+    if os.path.lexists(root) and not os.path.isdir(root):
+        raise GtpinError("this is not the folder of a check", file=root, hint="name a new folder")
+    missing = [place for place in (root, *root.parents) if not os.path.lexists(place)]
+    try:
+        with contextlib.ExitStack() as held:
+            with writing(root):
+                root.mkdir(parents=True, exist_ok=True)
+                held.enter_context(work_folder(root, "check"))
+                _claim(folder, settings, force)
+            try:
+                yield
+            finally:
+                if _unbegun(folder):
+                    _give_up(folder)
+    finally:
+        for place in missing:
+            with contextlib.suppress(OSError):  # not empty: it holds the check
+                place.rmdir()
+
+
+def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
+    content = {"schema": SCHEMA, **asdict(settings)}
+    there = _there(folder)
+    other = next((name for name, value in content.items() if there.get(name) != value), None)
+    if there and other and _unbegun(folder):
+        _give_up(folder)
+    elif other:
+        _make_room(folder, _others(folder.root, other) if there else _foreign_files(folder), force)
+    refuse_foreign(folder.root, SCORE_FILES, force)
+    for part in folder.parts:
+        part.mkdir(exist_ok=True)
+        for unfinished in part.glob(f"{UNFINISHED}*"):  # of a run that was killed
+            unfinished.unlink()
+    if not _there(folder):
+        try:
+            with placed_file(folder.root / CLAIM) as new:
+                new.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        except GtpinError:
+            _give_up(folder)
+            raise
+
+
+def _there(folder: CheckFolder) -> dict[str, object]:
+    """The settings of the folder's check; empty if there is none."""
+    try:
+        there = json.loads((folder.root / CLAIM).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return there if isinstance(there, dict) and there.get("schema") == SCHEMA else {}
+
+
+def _unbegun(folder: CheckFolder) -> bool:
+    """Whether the check can be deleted without loss: no case was made, or the given cases were not yet all copied."""
+    begun = any((folder.root / "sealed").glob("*.json"))
+    return not folder.published and (not begun or _there(folder).get("source") is not None)
+
+
+def _give_up(folder: CheckFolder) -> None:
+    for part in folder.parts:
+        shutil.rmtree(part, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        (folder.root / CLAIM).unlink()
+
+
+def _others(root: Path, other: str) -> GtpinError:
+    words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
+    what = f"the folder belongs to another check: other {words.get(other, other)}"
+    return GtpinError(what, file=root, hint="name a new folder, ask for the same again, or move it aside with --force")
+
+
+def _foreign_files(folder: CheckFolder) -> GtpinError | None:
+    """The error if a folder can't be used for a check; None if it is empty except for remains of a crash."""
+    for entry in folder.root.iterdir():
+        if entry.name.startswith((UNFINISHED, MARKER)):
+            continue
+        crash = not any(entry.iterdir()) if entry in folder.parts and entry.is_dir() else _is_empty_claim(entry)
+        if not crash:
+            hint = "name a new folder, or move what is in the way aside with --force"
+            return GtpinError("this is not the folder of a check", file=folder.root, hint=hint)
+    return None
+
+
+def _is_empty_claim(entry: Path) -> bool:
+    return entry.name == CLAIM and entry.is_file() and not entry.is_symlink() and entry.stat().st_size == 0
+
+
+def _make_room(folder: CheckFolder, problem: GtpinError | None, force: bool) -> None:
+    """Rename foreign files with ``force``, else raise the error; delete an empty check."""
+    if problem is None:
+        _give_up(folder)
+        return
+    if not force:
+        raise problem
+    for place in (*(folder.root / name for name in (CLAIM, "seconds.txt", *SCORE_FILES)), *folder.parts):
+        if os.path.lexists(place):
+            os.replace(place, aside(place))

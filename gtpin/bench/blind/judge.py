@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gtpin.bench.blind.baselines import fit_known_causes, fit_known_causes_to_readings, gaussian_process_positions
 from gtpin.bench.blind.difficulty import Best, Difficulty
-from gtpin.bench.blind.judged import Judged, Shrunk
-from gtpin.bench.blind.oracle import fit_known_causes, fit_known_causes_to_readings
-from gtpin.bench.blind.smooth import gaussian_process_positions
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import Judged, Named, Shrunk, Statement
 from gtpin.bench.blind.true_parameters import true_parameters
 from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at
@@ -26,15 +24,6 @@ from gtpin.model.measured_robot import robot_of
 from gtpin.robot.measured_joints import measured_joint
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
-
-
-def shrunk_readings(dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk:
-    """RMS errors of all instruments' readings in units of their noise, predicted by the baseline and by the model with the
-    causes."""
-    before, after = (
-        rms_of_readings(dataset, truth, predicted) for predicted in (outcome.baseline_readings, outcome.model_readings)
-    )
-    return Shrunk(before=before, after=after)
 
 
 def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
@@ -199,10 +188,11 @@ def _shrunk(
 def _shrunk_readings(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
 ) -> Shrunk:
-    found = shrunk_readings(dataset, truth, outcome)
-    if baseline is None or truth.kind not in CAUSES_GIVEN:
-        return found
-    if not (causes := _causes(truth, lefts)):
+    """Errors of all instruments' readings in units of their noise, as :func:`_shrunk` of positions."""
+    both = (outcome.baseline_readings, outcome.model_readings)
+    before, after = (rms_of_readings(dataset, truth, predicted) for predicted in both)
+    found, causes = Shrunk(before=before, after=after), _causes(truth, lefts)
+    if baseline is None or truth.kind not in CAUSES_GIVEN or not causes:
         return found
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -11,7 +10,17 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gtpin.bench.blind.truth import Kind, Six, TrueEffect, TrueNoise, TruePoses, TrueReadings, Truth
+from gtpin.bench.blind.truth import (
+    Kind,
+    Six,
+    TrueEffect,
+    TrueNoise,
+    TruePoses,
+    TrueReadings,
+    Truth,
+    digest_of_files,
+    files_of,
+)
 from gtpin.data.description import describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
 from gtpin.data.instrument_tables import written
@@ -20,7 +29,6 @@ from gtpin.data.read_instruments import is_second
 from gtpin.data.second_schema import SecondDescription, describe_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
-from gtpin.output.ownership import MARKER
 from gtpin.output.results import writing
 from gtpin.references import is_path
 from gtpin.robot.closures import SUFFIX
@@ -178,18 +186,16 @@ def _poses(folder: Path, name: str) -> TruePoses | None:
 
 def source_digest(cases: list[Given]) -> str:
     """SHA-256 of all datasets and truths, by name."""
-    found = hashlib.sha256()
-    for case in cases:
-        for name, content in {**_files(case.folder), "truth": case.truth.model_dump_json().encode()}.items():
-            found.update(f"{case.name}/{name}".encode() + b"\0" + hashlib.sha256(content).digest())
-    return found.hexdigest()
+    files = ((f"{case.name}/{name}", content) for case in cases for name, content in files_of(case.folder).items())
+    truths = {f"{case.name}/truth": case.truth.model_dump_json().encode() for case in cases}
+    return digest_of_files(dict(files) | truths)
 
 
 def take_in(case: Given, place: Path) -> None:
     """Copy a dataset, with the URDF that it names."""
     with writing(place):
         place.mkdir(parents=True, exist_ok=True)
-        for name, content in _files(case.folder).items():
+        for name, content in files_of(case.folder).items():
             (place / name).write_bytes(content)
         try:
             said = _described(case.folder / "dataset.toml")
@@ -201,8 +207,3 @@ def take_in(case: Given, place: Path) -> None:
                 write_description(place / "dataset.toml", moved, [written(one) for one in said.instruments])
         except GtpinError:
             return  # its diagnosis reports the error
-
-
-def _files(folder: Path) -> dict[str, bytes]:
-    files = (file for file in sorted(folder.iterdir()) if file.is_file() and file.name != MARKER)
-    return {file.name: read_bytes(file) for file in files}

@@ -9,14 +9,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Protocol
 
-from gtpin.bench.blind.claim import CLAIM, claimed
 from gtpin.bench.blind.draw import ROBOT, Draft, drafts, written
-from gtpin.bench.blind.folder import CheckFolder, Settings, compared, diagnosis_digest
+from gtpin.bench.blind.folder import CLAIM, CheckFolder, Settings, claimed, compared, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.others import given, source_digest, take_in
 from gtpin.bench.blind.spread import check_cluster, spread, workers
-from gtpin.bench.blind.truth import SealError, Truth, digest_of, opened, read_manifest, seal, write_manifest
+from gtpin.bench.blind.truth import SealError, Truth, digest_of, files_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
 from gtpin.bench.simulator.instruments.choice import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest
@@ -183,7 +182,7 @@ def _diagnose(
         watch.one_more()
 
     def arguments(name: str) -> tuple[dict[str, bytes], tuple[str, ...]]:
-        return folder.files_of(name), excluded[name]
+        return files_of(folder.case(name)), excluded[name]
 
     waiting = [name for name in excluded if folder.outcome(name, without=bool(excluded[name])) is None]
     watch.begin(what, len(excluded), len(excluded) - len(waiting))

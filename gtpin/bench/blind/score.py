@@ -11,21 +11,22 @@ from typing import Any
 import numpy as np
 
 from gtpin.bench.blind.figures import (
+    Rate,
     absolute_error,
     class_size,
     coverage,
     explained_fractions,
     figures,
+    mean,
     not_visible,
     of_kind,
+    rate,
     taken_out,
     tenths,
     visible_f1,
     with_instruments,
 )
-from gtpin.bench.blind.judged import VISIBLE, Judged, Shrunk
-from gtpin.bench.blind.rates import Rate, mean, rate
-from gtpin.bench.blind.statement import Named, Statement
+from gtpin.bench.blind.judged import VISIBLE, Judged, Named, Shrunk, Statement
 from gtpin.distributions import norm
 
 SCHEMA = "gtpin-score/1"

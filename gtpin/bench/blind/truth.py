@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 
 from gtpin.data.files import placed_file, read_bytes
 from gtpin.errors import GtpinError
+from gtpin.output.ownership import MARKER
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
 """Kind of case: see ``docs/blind.md``."""
@@ -129,6 +130,18 @@ def seal(truth: Truth, case: Path, file: Path) -> None:
 def digest_of(content: bytes) -> str:
     """SHA-256 of bytes, in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_of_files(files: Mapping[str, bytes]) -> str:
+    """SHA-256 of several files with their names, in hexadecimal."""
+    parts = (name.encode() + b"\0" + hashlib.sha256(files[name]).digest() for name in sorted(files))
+    return digest_of(b"".join(parts))
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """The files of a dataset's folder, by name. Raises GtpinError if one can't be read, OSError if the folder can't."""
+    files = (file for file in sorted(folder.iterdir()) if file.is_file() and file.name != MARKER)
+    return {file.name: read_bytes(file) for file in files}
 
 
 def opened(file: Path, digest: str) -> Truth:

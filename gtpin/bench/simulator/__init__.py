@@ -1,10 +1,9 @@
 """Virtual machines to try the package on: with errors of the geometry alone, or with effects as well."""
 
 from gtpin.bench.simulator.build import measure_at
-from gtpin.bench.simulator.case import draw_case, make_case
+from gtpin.bench.simulator.case import draw_case, make_case, simulate_scenario
 from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.recipe import Conditions, Noise, digest
-from gtpin.bench.simulator.scenario import simulate_scenario
 from gtpin.bench.simulator.simulate import Simulation, simulate
 from gtpin.bench.simulator.truth import Case, InstrumentCase, Truth
 

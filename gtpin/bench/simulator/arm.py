@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.urdf import Frame, Joint
+from gtpin.bench.simulator.tree import Frame, Joint
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

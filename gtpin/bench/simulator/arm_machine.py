@@ -10,12 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, collected, rounded
+from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, rounded
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, moved, placed
-from gtpin.bench.simulator.urdf import Frame, Joint
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Frame, Joint, Placed, moved, placed
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats
 

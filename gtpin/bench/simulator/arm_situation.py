@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.situation import Situation
 from gtpin.bench.simulator.tree import Bending, Placed

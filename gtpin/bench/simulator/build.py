@@ -13,11 +13,10 @@ import numpy as np
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.energy import Past, Rows, effects_of
+from gtpin.bench.simulator.energy import Past, Response, Rows, effects_of
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.recipe import Conditions, Recipe
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, Truth
 from gtpin.bench.simulator.visits import BACK_OFF, Visits, plan

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, moved, placed
-from gtpin.bench.simulator.urdf import Frame, Joint, read_urdf, turn
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Frame, Joint, Placed, moved, placed, read_urdf, turn
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.poses import Poses, exp
-from gtpin.bench.simulator.urdf import Frame
+from gtpin.bench.simulator.tree import Frame
 from gtpin.data import Instrument
 from gtpin.typing import Floats
 

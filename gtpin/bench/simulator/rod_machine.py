@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.bench.simulator.deviation import Deviation
-from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, collected, gain, rounded
+from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, gain, rounded
 from gtpin.bench.simulator.poses import Poses, across, exp
 from gtpin.bench.simulator.rods import RodEnds, Rods, closed
 from gtpin.bench.simulator.universal import Universal

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.bench.simulator.deviation import Deviation
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.rods import RodEnds, by_pose, each_solved

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.bench.simulator.poses import Poses, exp
 from gtpin.bench.simulator.rods import NUDGE, RodEnds
-from gtpin.bench.simulator.urdf import read_urdf
+from gtpin.bench.simulator.tree import read_urdf
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats

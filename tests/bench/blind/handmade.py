@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.statement import Statement
+from gtpin.bench.blind.judged import Judged, Statement
 from gtpin.bench.blind.truth import TrueEffect
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import Case

@@ -9,9 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.bench.benchmark.make import (
+from gtpin.bench.benchmark.public_set import (
     CASES,
+    FILE,
     TRUTHS,
+    PublicSet,
     changed,
     changed_truths,
     make,
@@ -19,7 +21,6 @@ from gtpin.bench.benchmark.make import (
     rounded,
     rounded_energy,
 )
-from gtpin.bench.benchmark.public_set import FILE, PublicSet
 from gtpin.bench.blind.truth import Truth
 from gtpin.cli import app
 

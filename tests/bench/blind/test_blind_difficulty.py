@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from gtpin.bench.blind.baselines import fit_known_causes, gaussian_process_positions
 from gtpin.bench.blind.difficulty import SCALES, Difficulty
-from gtpin.bench.blind.oracle import fit_known_causes
-from gtpin.bench.blind.smooth import gaussian_process_positions
 from gtpin.bench.simulator.case import Case, make_case
 from gtpin.bench.simulator.recipe import Conditions
 from gtpin.calibration.calibrate import calibrate

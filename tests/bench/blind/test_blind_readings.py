@@ -13,14 +13,13 @@ import pytest
 from handmade import Quiet, cause, diagnosis
 from scipy.stats import chi2
 
-import gtpin.bench.blind.left_out_touches
+import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
+from gtpin.bench.blind.baselines import fit_known_causes_to_readings
 from gtpin.bench.blind.difficulty import SCALES, Difficulty
-from gtpin.bench.blind.draw import Draft, made, measured, recipe, truth_of
+from gtpin.bench.blind.draw import Draft, jitter, made, measured, recipe, truth_of, without_some_touches
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.left_out_touches import jitter, without_some_touches
-from gtpin.bench.blind.oracle import fit_known_causes_to_readings
 from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.truth import Truth, digest_of, seal
 from gtpin.bench.blind.worker import Outcome, readings_at

@@ -8,8 +8,8 @@ import numpy as np
 import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.recipe import Conditions
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.visits import plan
 from gtpin.robot.description import RobotDescription
 

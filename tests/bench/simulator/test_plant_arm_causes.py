@@ -8,9 +8,9 @@ from plant_machines import a_plant, nominal
 
 from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.case import make_case
-from gtpin.bench.simulator.causes.arm_loads import ALUMINIUM, _beam
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, CATALOGUE, kind
-from gtpin.bench.simulator.response import Response
+from gtpin.bench.simulator.causes.without_rods import ALUMINIUM, _beam
+from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.visits import Visits
 
 ARM = nominal("seven")[1]

@@ -14,7 +14,7 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import log
 from gtpin.bench.simulator.recipe import Conditions, Noise
-from gtpin.bench.simulator.urdf import read_urdf
+from gtpin.bench.simulator.tree import read_urdf
 
 ROBOT, ARM = nominal("seven")
 

@@ -12,7 +12,7 @@ from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.urdf import Frame
+from gtpin.bench.simulator.tree import Frame
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.statics import joint_loads

@@ -6,8 +6,8 @@ import pytest
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind
+from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.recipe import Conditions
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 

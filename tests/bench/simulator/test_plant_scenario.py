@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtpin.bench.simulator import simulate_scenario
+from gtpin.bench.simulator.case import read_scenario
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED
-from gtpin.bench.simulator.scenario import read_scenario
 from gtpin.errors import GtpinError
 
 FOLDER = Path(__file__).parents[3] / "examples" / "scenarios"

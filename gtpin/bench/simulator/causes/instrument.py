@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.bench.simulator.causes.cause import Cause, Site
-from gtpin.bench.simulator.deviation import Deviation
 from gtpin.bench.simulator.fields import curve
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.situation import Situation
 
 SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)

@@ -6,29 +6,29 @@ from dataclasses import replace
 from functools import partial
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.causes import arm_drives, arm_loads, arm_unlisted, drives, instrument, links
-from gtpin.bench.simulator.causes import unlisted as rod_unlisted
+from gtpin.bench.simulator.causes import instrument, with_rods, without_rods
+from gtpin.bench.simulator.causes import unlisted as outside
 from gtpin.bench.simulator.causes.cause import Kind
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
 
 CATALOGUE = (
-    Kind("encoder_scale", "carts", drives.encoder_scale, largest=10.0),
-    Kind("linearity", "carts", drives.linearity),
-    Kind("rack_periodic", "carts", drives.rack_periodic),
-    Kind("rack_step", "carts", drives.rack_step),
-    Kind("zero_shift", "carts", drives.zero_shift, ("session",)),
-    Kind("backlash", "carts", drives.backlash),
-    Kind("servo_lag", "carts", drives.servo_lag, ("speed",)),
-    Kind("cross_coupling", "carts", drives.cross_coupling),
-    Kind("straightness", "guides", drives.straightness),
-    Kind("cart_rotation", "turning", drives.cart_rotation),
-    Kind("cart_compliance", "guides", links.cart_compliance, ("payload",)),
-    Kind("link_compliance", "arm", links.link_compliance, ("payload",)),
-    Kind("joint_clearance", "links", links.joint_clearance, ("force",), largest=6.0),
-    Kind("joint_runout", "links", links.joint_runout),
-    Kind("thermal_links", "arm", links.thermal_links, ("heat",)),
-    Kind("thermal_track", "carts", links.thermal_track, ("heat",)),
+    Kind("encoder_scale", "carts", with_rods.encoder_scale, largest=10.0),
+    Kind("linearity", "carts", with_rods.linearity),
+    Kind("rack_periodic", "carts", with_rods.rack_periodic),
+    Kind("rack_step", "carts", with_rods.rack_step),
+    Kind("zero_shift", "carts", with_rods.zero_shift, ("session",)),
+    Kind("backlash", "carts", with_rods.backlash),
+    Kind("servo_lag", "carts", with_rods.servo_lag, ("speed",)),
+    Kind("cross_coupling", "carts", with_rods.cross_coupling),
+    Kind("straightness", "guides", with_rods.straightness),
+    Kind("cart_rotation", "turning", with_rods.cart_rotation),
+    Kind("cart_compliance", "guides", with_rods.cart_compliance, ("payload",)),
+    Kind("link_compliance", "arm", with_rods.link_compliance, ("payload",)),
+    Kind("joint_clearance", "links", with_rods.joint_clearance, ("force",), largest=6.0),
+    Kind("joint_runout", "links", with_rods.joint_runout),
+    Kind("thermal_links", "arm", with_rods.thermal_links, ("heat",)),
+    Kind("thermal_track", "carts", with_rods.thermal_track, ("heat",)),
     Kind("tracker_drift", "frame", instrument.tracker_drift),
     Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     Kind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
@@ -36,32 +36,32 @@ CATALOGUE = (
 )
 """The effects of the catalogue, on robots with rods."""
 UNLISTED = (
-    Kind("hose_drag", "platform", rod_unlisted.hose_drag),
-    Kind("cable_chain", "guides", rod_unlisted.cable_chain),
-    Kind("plate_bending", "platform", rod_unlisted.plate_bending, ("payload",)),
-    Kind("foot_settling", "carts", rod_unlisted.foot_settling),
-    Kind("joint_stick", "links", rod_unlisted.joint_stick),
-    Kind("frame_bending", "frame", rod_unlisted.frame_bending),
-    Kind("thermal_twist", "frame", rod_unlisted.thermal_twist, ("heat",)),
-    Kind("nest_tilt", "platform", rod_unlisted.nest_tilt),
-    Kind("encoder_slip", "carts", drives.encoder_slip),
-    Kind("guide_whip", "guides", rod_unlisted.guide_whip, ("speed",)),
+    Kind("hose_drag", "platform", outside.hose_drag),
+    Kind("cable_chain", "guides", outside.cable_chain),
+    Kind("plate_bending", "platform", outside.plate_bending, ("payload",)),
+    Kind("foot_settling", "carts", outside.foot_settling),
+    Kind("joint_stick", "links", outside.joint_stick),
+    Kind("frame_bending", "frame", outside.frame_bending),
+    Kind("thermal_twist", "frame", outside.thermal_twist, ("heat",)),
+    Kind("nest_tilt", "platform", partial(outside.nest_tilt, level=True)),
+    Kind("encoder_slip", "carts", with_rods.encoder_slip),
+    Kind("guide_whip", "guides", outside.guide_whip, ("speed",)),
 )
 """Unlisted effects of robots with rods."""
 ARM_CATALOGUE = (
-    Kind("encoder_scale", "joints", arm_drives.encoder_scale, largest=10.0),
-    Kind("linearity", "joints", partial(drives.linearity, size=1e-4), largest=10.0),
-    Kind("rack_periodic", "joints", arm_drives.rack_periodic, largest=5.0, periodic=True),
-    Kind("zero_shift", "joints", partial(drives.zero_shift, size=1e-4), ("session",)),
-    Kind("backlash", "joints", arm_drives.backlash, largest=15.0),
-    Kind("servo_lag", "joints", arm_drives.servo_lag, ("speed",)),
-    Kind("cross_coupling", "coupled", arm_drives.cross_coupling, largest=10.0),
-    Kind("joint_compliance", "joints", arm_loads.joint_compliance, ("payload",), largest=10.0),
-    Kind("bearing_compliance", "joints", arm_loads.bearing_compliance, ("payload",), largest=6.0),
-    Kind("axis_motion", "joints", arm_loads.axis_motion, largest=5.0),
-    Kind("joint_clearance", "joints", arm_loads.joint_clearance, ("force",), largest=6.0),
-    Kind("link_compliance", "arm", arm_loads.link_compliance, ("payload",), largest=10.0),
-    Kind("thermal_links", "arm", arm_loads.thermal_links, ("heat",), largest=4.0),
+    Kind("encoder_scale", "joints", without_rods.encoder_scale, largest=10.0),
+    Kind("linearity", "joints", partial(with_rods.linearity, size=1e-4), largest=10.0),
+    Kind("rack_periodic", "joints", without_rods.rack_periodic, largest=5.0, periodic=True),
+    Kind("zero_shift", "joints", partial(with_rods.zero_shift, size=1e-4), ("session",)),
+    Kind("backlash", "joints", without_rods.backlash, largest=15.0),
+    Kind("servo_lag", "joints", without_rods.servo_lag, ("speed",)),
+    Kind("cross_coupling", "coupled", without_rods.cross_coupling, largest=10.0),
+    Kind("joint_compliance", "joints", without_rods.joint_compliance, ("payload",), largest=10.0),
+    Kind("bearing_compliance", "joints", without_rods.bearing_compliance, ("payload",), largest=6.0),
+    Kind("axis_motion", "joints", without_rods.axis_motion, largest=5.0),
+    Kind("joint_clearance", "joints", without_rods.joint_clearance, ("force",), largest=6.0),
+    Kind("link_compliance", "arm", without_rods.link_compliance, ("payload",), largest=10.0),
+    Kind("thermal_links", "arm", without_rods.thermal_links, ("heat",), largest=4.0),
     Kind("tracker_drift", "frame", instrument.tracker_drift),
     Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     Kind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
@@ -86,14 +86,14 @@ ARM_CATALOGUE = (
   temperature of the air is then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996).
 """
 ARM_UNLISTED = (
-    Kind("creep", "joints", arm_unlisted.creep, ("payload",)),
-    Kind("dress_pack", "coupled", arm_unlisted.dress_pack),
-    Kind("loose_foot", "frame", arm_unlisted.loose_foot, ("payload",)),
-    Kind("sunny_side", "links", arm_unlisted.sunny_side, ("heat",)),
-    Kind("loose_gripper", "platform", arm_unlisted.loose_gripper, ("payload",)),
-    Kind("slipping_disc", "joints", partial(drives.encoder_slip, size=1e-4)),
-    Kind("whip", "links", arm_unlisted.whip, ("speed",)),
-    Kind("nest_tilt", "platform", arm_unlisted.nest_tilt),
+    Kind("creep", "joints", outside.creep, ("payload",)),
+    Kind("dress_pack", "coupled", outside.dress_pack),
+    Kind("loose_foot", "frame", outside.loose_foot, ("payload",)),
+    Kind("sunny_side", "links", outside.sunny_side, ("heat",)),
+    Kind("loose_gripper", "platform", outside.loose_gripper, ("payload",)),
+    Kind("slipping_disc", "joints", partial(with_rods.encoder_slip, size=1e-4)),
+    Kind("whip", "links", outside.whip, ("speed",)),
+    Kind("nest_tilt", "platform", outside.nest_tilt),
 )
 """Unlisted effects."""
 
@@ -107,7 +107,7 @@ def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
 
 
 LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
-LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", arm_unlisted.worn_pin, ("payload",))))
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", outside.worn_pin, ("payload",))))
 """Unlisted effects of robots whose loops are not rods."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, ids, known_robot, reference
-from gtpin.bench.simulator.energy import Past, effects_of
+from gtpin.bench.simulator.energy import Past, Response, effects_of
 from gtpin.bench.simulator.instruments.choice import (
     BAR,
     TOUCHED,
@@ -21,13 +21,11 @@ from gtpin.bench.simulator.instruments.choice import (
     stream,
 )
 from gtpin.bench.simulator.instruments.circles import circles
-from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.instruments.layout import Layout
+from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
 from gtpin.bench.simulator.instruments.readers import Range, Tracker
 from gtpin.bench.simulator.instruments.touch import DayWay, PlainWay, Way, begun, felt
 from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.recipe import Noise, Recipe
-from gtpin.bench.simulator.response import Response
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
 from gtpin.bench.simulator.truth import InstrumentCase, Read, Tables, Truth
 from gtpin.bench.simulator.visits import REPEATED, Visits, visited

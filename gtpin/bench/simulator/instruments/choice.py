@@ -6,10 +6,9 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.instruments.layout import Layout
+from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
 from gtpin.bench.simulator.instruments.readers import Camera, Encoder, Range, Tilt, Tracker
-from gtpin.bench.simulator.instruments.touched import Plane, Socket
+from gtpin.bench.simulator.instruments.touch import Plane, Socket
 from gtpin.bench.simulator.poses import Poses
 from gtpin.bench.simulator.recipe import Noise
 from gtpin.errors import GtpinError

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.instruments.gauge import ONE
-from gtpin.bench.simulator.instruments.layout import Layout
+from gtpin.bench.simulator.instruments.gauge import ONE, Layout
 from gtpin.bench.simulator.instruments.touch import PlainWay
 from gtpin.bench.simulator.machine import Moved
 from gtpin.errors import UnreachableError

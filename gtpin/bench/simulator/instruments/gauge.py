@@ -1,4 +1,4 @@
-"""The base classes of the simulator's instruments: what they read, their unknowns, and their targets."""
+"""The base classes of the simulator's instruments: what they read, their unknowns, their targets, and where they stand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.poses import Poses, exp
+from gtpin.bench.simulator.poses import Poses, across, exp
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
 
@@ -191,3 +191,53 @@ def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Gen
         for stem, point in stems.items()
         for one in hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
     ]
+
+
+INNER = (5.0, 95.0)
+"""Percentiles of the TCP's coordinates that bound the workspace."""
+MILLIMETRE = 3
+"""Decimals to which places are declared, in m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The workspace of a robot."""
+
+    centre: Floats  # (3,) its centre, base frame, m
+    axes: Floats  # (3, 3) rows: two level directions, and up (against gravity), base frame
+    half: Floats  # (3,) half its extent along the axes, m
+    freedoms: int  # Number of commands
+
+    @staticmethod
+    def of(poses: Poses, gravity: Floats, freedoms: int) -> Layout:
+        """The workspace that some poses of the TCP fill."""
+        size = float(np.linalg.norm(gravity))
+        up = 0.0 - gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+        axes = np.vstack([across(up), up])
+        low, high = np.percentile(poses.T @ axes.T, INNER, axis=0)
+        return Layout((low + high) / 2.0 @ axes, axes, (high - low) / 2.0, freedoms)
+
+    @property
+    def up(self) -> Floats:
+        """(3,) unit vector against gravity, base frame."""
+        return np.asarray(self.axes[2])
+
+    @property
+    def radius(self) -> float:
+        """Radius of the sphere that contains the workspace, m."""
+        return float(np.linalg.norm(self.half))
+
+    def at(self, *shares: float) -> Place:
+        """A place in the workspace, base frame, m, rounded to 1 mm; ``shares``: of the half extents along the axes."""
+        return _rounded(self.centre + (np.array(shares) * self.half) @ self.axes)
+
+    def around(self, angle: float, height: float, distance: float) -> Place:
+        """A place, base frame, m, at a horizontal distance from the centre, m, in a direction, rad, and at a height above it,
+        m."""
+        level = np.cos(angle) * self.axes[0] + np.sin(angle) * self.axes[1]
+        return _rounded(self.centre + distance * level + height * self.up)
+
+
+def _rounded(place: Floats) -> Place:
+    x, y, z = (float(value) for value in np.round(place, MILLIMETRE) + 0.0)
+    return x, y, z

@@ -7,8 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gtpin.bench.simulator.instruments.gauge import ONE, THREE, Gauge, Hidden, Place, Targeted, drawn_targets, hidden
-from gtpin.bench.simulator.instruments.layout import Layout
+from gtpin.bench.simulator.instruments.gauge import (
+    ONE,
+    THREE,
+    Gauge,
+    Hidden,
+    Layout,
+    Place,
+    Targeted,
+    drawn_targets,
+    hidden,
+)
 from gtpin.bench.simulator.poses import Poses, exp, log
 from gtpin.bench.simulator.recipe import Noise
 from gtpin.data.table import Column
