@@ -126,9 +126,9 @@ class Priors:
     noise. Assumed."""
     readmitted: int = 3
     """Smallest number of outliers that can stand together. Assumed: one or two can by chance."""
-    together: float = 0.01
-    """Probability that so many gross errors stand together by chance, below which they are readmitted. Assumed: the usual
-    probability of a false alarm."""
+    together: float = 1e-3
+    """Probability that so many gross errors stand together by chance, below which they are readmitted. Assumed: with four
+    outliers in a hundred poses, four in an interval without another pose."""
     misfit: float = 1.8
     """Chi-square per degree of freedom below which the declared noise is accepted without a further check. Assumed: it only
     saves computing time."""

@@ -33,7 +33,7 @@ def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
 
 
 def test_gross_errors_at_random_seldom_stand_together() -> None:
-    """By the bound, in at most one of 100 draws: 10 of 300 have a chance of 1e-3 (Poisson)."""
+    """By the bound, in at most one of 1,000 draws: more than 3 of 300 have a chance below 3e-4 (Poisson)."""
     rng = np.random.default_rng(7)
     at = situation(rng, 120)
     found = 0
@@ -41,7 +41,7 @@ def test_gross_errors_at_random_seldom_stand_together() -> None:
         wild = np.zeros(len(at), dtype=bool)
         wild[rng.choice(len(at), rng.integers(3, 12), replace=False)] = True
         found += bool(stand_together(at, wild, PRIORS).any())
-    assert found < 10
+    assert found <= 3
 
 
 def test_visits_of_one_command_are_one() -> None:

@@ -238,7 +238,7 @@ def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
     baseline = calibrate(dataset)
     assert baseline.freedom == np.inf  # the calibration has weighed all rows alike
     assert dataset.readings is not None
-    names = [name for name, count in baseline.sigmas for _ in range(count)]
+    names = [name for name, _ in baseline.sigmas]
     sigma = {name: baseline.noise.sigma[names.index(name)] for name in names}
     noise = {
         table.name: np.full((len(dataset.readings.rows_of(i)), 3 if table.kind == "socket" else 1), sigma[table.name])
