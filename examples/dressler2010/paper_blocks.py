@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
-from gtpin.kinematics.euler import zyz
 from gtpin.kinematics.rod_steps import PARAMETERS, RodStep
+from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

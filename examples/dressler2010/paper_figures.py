@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from paper_steps import StepChange
 
-from gtpin.kinematics.euler import zyz
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import zyz
 from gtpin.output.figure import new_figure
 
 RED, BLUE = "#c0392b", "#1f5fa8"

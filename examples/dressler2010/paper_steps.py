@@ -11,10 +11,9 @@ from gtpin.accuracy.expected import closure_response
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
-from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
-from gtpin.kinematics.rotations import exp
+from gtpin.kinematics.rotations import exp, zyz_change
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

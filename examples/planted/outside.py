@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gtpin.effects import Effect, Situation, along_track
 from gtpin.effects.basis import Basis
-from gtpin.effects.drives import own_load
+from gtpin.effects.smooth import own_load
 from gtpin.robot.robot import Robot
 
 NAMES = ("gaussian_process", "product_of_joints", "load_cube_root", "pit")

@@ -16,8 +16,8 @@ from gtpin.accuracy.rods import rod_kinematics
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError
-from gtpin.kinematics.euler import well_defined, zyz
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
 from gtpin.threads import in_one_thread

@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from gtpin.accuracy.rods import reached_poses, rod_kinematics
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
-from gtpin.kinematics.euler import well_defined, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rod_steps import RodStep, rod_step
+from gtpin.kinematics.rotations import well_defined, zyz_change, zyz_rates
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
+from gtpin.robot.geometry import MeasuredTrack
 from gtpin.robot.robot import Robot
-from gtpin.robot.tracks import MeasuredTrack
 from gtpin.typing import Floats
 
 

@@ -13,10 +13,9 @@ from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import to_urdf
-from gtpin.robot.geometry import Geometry
+from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.parameters import all_tolerances
 from gtpin.robot.robot import Robot
-from gtpin.robot.tracks import MeasuredTrack
 from gtpin.typing import Floats
 
 MODELS = (1, 2, 3, 4, 5)

@@ -10,8 +10,7 @@ from rich.table import Table
 
 from gtpin.commands.terminal import AsJson, rendered, tell
 from gtpin.errors import GtpinWarning, RobotError
-from gtpin.robot.examples import ARMS, PACKAGE, example_names
-from gtpin.robot.library import load_robot, robot_names
+from gtpin.robot.library import ARMS, PACKAGE, example_names, load_robot, robot_names
 
 
 def robots(

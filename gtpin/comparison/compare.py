@@ -19,9 +19,8 @@ from gtpin.comparison.result import Comparison, Cost, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, warn
-from gtpin.kinematics.euler import zyz_change
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import from_quaternions, log
+from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry

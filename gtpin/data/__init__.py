@@ -1,7 +1,6 @@
 """Datasets: reading, checking, writing and splitting measured poses."""
 
-from gtpin.data.carts import CartMeasurements
-from gtpin.data.commands import Commands
+from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.description import SCHEMA, Conditions, Description, Driver, Instrument
 from gtpin.data.plausible import check_commands, check_measurements, check_plausible

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data.cells import bad_cell, numbers, numbers_or_words
 from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
-from gtpin.data.table import Column, Table, check_header
+from gtpin.data.table import Column, Table, bad_cell, check_header, numbers, numbers_or_words
 from gtpin.errors import DatasetError
 
 TOGETHER = 256

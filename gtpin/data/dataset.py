@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.carts import CartMeasurements
 from gtpin.data.checks import CheckedRows, unnumbered
-from gtpin.data.commands import Commands
+from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.description import (
     SCHEMA,
     Conditions,
@@ -27,11 +26,11 @@ from gtpin.data.description import (
 )
 from gtpin.data.files import check_folder, find_table, read_table, write_table
 from gtpin.data.ids import Ids, codes
-from gtpin.data.instrument_files import tables_there
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.read_instruments import is_second, read_instruments
+from gtpin.data.second_schema import tables_there
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.ownership import refuse_foreign, was_moved_aside

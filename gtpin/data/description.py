@@ -132,11 +132,6 @@ def describe(values: Mapping[str, object], file: Path | None = None) -> Descript
         raise explained(file, error) from None
 
 
-def read_description(file: Path) -> Description:
-    """Read a dataset.toml; raises `DatasetError` if it is not TOML, not UTF-8, or has an invalid value."""
-    return describe(read_toml(file), file)
-
-
 def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file; raises `DatasetError` if it is not TOML, not UTF-8, or has control characters in names."""
     try:

@@ -9,10 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from gtpin.data.cells import bad_cell, numbers_or_words
 from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
-from gtpin.data.table import Column, Table, check_header
+from gtpin.data.table import Column, Table, bad_cell, check_header, numbers_or_words
 from gtpin.errors import DatasetError
 from gtpin.typing import Floats
 

@@ -13,11 +13,19 @@ from gtpin.data.checks import CheckedRows
 from gtpin.data.description import SECOND, Instrument, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
-from gtpin.data.instrument_files import TablePart, columns_beside, covariates_of, file_of, filled, warn_of_files
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.second_schema import SecondDescription, describe_second
+from gtpin.data.second_schema import (
+    SecondDescription,
+    TablePart,
+    columns_beside,
+    covariates_of,
+    describe_second,
+    file_of,
+    filled,
+    warn_of_files,
+)
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats

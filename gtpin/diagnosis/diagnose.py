@@ -30,8 +30,7 @@ from gtpin.diagnosis.preparation.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.catalogue import catalogue
-from gtpin.effects.driver import driver_effects
-from gtpin.effects.driver_motion import InstrumentAxes
+from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError, noted, warn
 from gtpin.memory import require

@@ -1,4 +1,4 @@
-"""Effects: causes of deviations that a geometry does not model, one effect per file.
+"""Effects: causes of deviations that a geometry does not model, one family per file.
 
 This module exports the names that are needed to write an effect of your own.
 """

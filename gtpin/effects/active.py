@@ -142,9 +142,13 @@ def where_measured(at: Situation, effect: Effect, site: str, values: tuple[float
     """
     j = at.robot.sites.index(site)
     lower, upper = (float(ends[j]) for ends in at.references.commands)
-    angles = _centres(at.references.angles[j], lower, upper)
-    columns = _columns(_at(at, j, angles), effect, site, values)
-    absorbed = np.linalg.lstsq(_absorbed(angles), columns, rcond=None)[0]
+    middles = TURN * (np.arange(PARTS) + 0.5)[at.references.angles[j]] / PARTS  # of the measured parts of a turn
+    angles = np.clip(_within(middles, lower, upper), lower, upper)
+    at_home = _with(np.tile(at.robot.home_q, (len(angles), 1)), j, angles)
+    there = replace(at, q=at_home, poses=at.kinematics.forward(at_home), covariates={}, fixed=at.references)
+    columns = effect.basis_of(there, site, values).command
+    assert columns is not None
+    absorbed = np.linalg.lstsq(_absorbed(angles), columns[1], rcond=None)[0]
     q = _within(at.q[:, j], lower, upper)
     basis = effect.basis_of(replace(at, q=_with(at.q, j, q)), site, values)
     assert basis.command is not None
@@ -160,27 +164,9 @@ def _within(angle: Floats, lower: float, upper: float) -> Floats:
     return np.where(outside, nearest, angle)
 
 
-def _centres(measured: npt.NDArray[np.bool_], lower: float, upper: float) -> Floats:
-    """The middles of the measured parts of a turn, in the range of the fit, rad."""
-    middles = TURN * (np.arange(PARTS) + 0.5) / PARTS
-    return np.clip(_within(middles[measured], lower, upper), lower, upper)
-
-
 def _absorbed(angle: Floats) -> Floats:
     """(N, 3) 1, cos(q), sin(q)."""
     return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
-
-
-def _columns(at: Situation, effect: Effect, site: str, values: tuple[float, ...]) -> Floats:
-    command = effect.basis_of(at, site, values).command
-    assert command is not None
-    return command[1]
-
-
-def _at(at: Situation, j: int, angles: Floats) -> Situation:
-    """The robot at home, with joint j at some angles, rad."""
-    q = _with(np.tile(at.robot.home_q, (len(angles), 1)), j, angles)
-    return replace(at, q=q, poses=at.kinematics.forward(q), covariates={}, fixed=at.references)
 
 
 def _with(q: Floats, j: int, angle: Floats) -> Floats:

@@ -14,7 +14,6 @@ from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach, wave
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 GIVE = (5e-8, 3e-8, 3e-8)
@@ -54,17 +53,11 @@ class CartCompliance(Effect):
     clause = "{site} moves and tilts under the forces of its links"
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
+    acts_at = staticmethod(sliding_carts)
+    depends_on = ("load", "payload")
     exported_as = "cart_springs"
     core = (0, 1, 2)
     plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
-
-    def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every actuator that slides a carrier along a track."""
-        return sliding_carts(robot)
-
-    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The load and the payload."""
-        return ("load", "payload")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """Compliances along and across, modulated by load, friction, place and small forces; then rotational compliances."""

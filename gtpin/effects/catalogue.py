@@ -6,30 +6,16 @@ from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import entry_points
 
-from gtpin.effects.axis_motion import AxisMotion
-from gtpin.effects.backlash import Backlash
-from gtpin.effects.bearing_compliance import BearingCompliance
+from gtpin.effects.ball_joints import JointClearance, JointRunout
 from gtpin.effects.cart_compliance import CartCompliance
-from gtpin.effects.cart_rotation import CartRotation
 from gtpin.effects.cross_coupling import CrossCoupling
+from gtpin.effects.drive_errors import Backlash, EncoderScale, Linearity, ServoLag, ZeroShift
 from gtpin.effects.effect import Effect
-from gtpin.effects.encoder_scale import EncoderScale
-from gtpin.effects.frame_shift import FrameShift
-from gtpin.effects.joint_clearance import JointClearance
-from gtpin.effects.joint_compliance import JointCompliance
-from gtpin.effects.joint_runout import JointRunout
-from gtpin.effects.linearity import Linearity
-from gtpin.effects.link_compliance import LinkCompliance
-from gtpin.effects.rack_periodic import RackPeriodic
-from gtpin.effects.rack_step import RackStep
-from gtpin.effects.servo_lag import ServoLag
-from gtpin.effects.straightness import Straightness
-from gtpin.effects.target_offset import TargetOffset
-from gtpin.effects.thermal_links import ThermalLinks
-from gtpin.effects.thermal_track import ThermalTrack
-from gtpin.effects.tracker_drift import TrackerDrift
-from gtpin.effects.tracker_scale import TrackerScale
-from gtpin.effects.zero_shift import ZeroShift
+from gtpin.effects.joints import AxisMotion, BearingCompliance, JointCompliance
+from gtpin.effects.links import LinkCompliance, ThermalLinks
+from gtpin.effects.measurement import FrameShift, TargetOffset, TrackerDrift, TrackerScale
+from gtpin.effects.rack import RackPeriodic, RackStep
+from gtpin.effects.tracks import CartRotation, Straightness, ThermalTrack
 from gtpin.errors import ModelError
 
 OWN: tuple[type[Effect], ...] = (

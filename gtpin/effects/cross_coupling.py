@@ -9,12 +9,11 @@ from itertools import combinations, count, product
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.drives import drive_sizes
 from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, joints
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import wave
+from gtpin.effects.smooth import drive_sizes, wave
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, side_by_side
-from gtpin.effects.sites import number, turns
+from gtpin.effects.sites import carts, number, turns
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -62,8 +62,9 @@ class Effect(ABC):
     the Jacobians of the loop closures (``Basis.displacement``). Predictions use the exact motion: the closures are solved
     again with the displaced parts (``gtpin.effects.active.with_effects``).
 
-    A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`sites` and :meth:`basis`. Everything else has a
-    default. The docstring of the subclass should give the equation, the signs and the parameters: reports show it.
+    A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`basis`. Everything else has a default; without
+    :meth:`sites` it acts at each actuator. The docstring of the subclass should give the equation, the signs and the
+    parameters: reports show it.
 
     Examples
     --------
@@ -152,9 +153,19 @@ class Effect(ABC):
     of the joint, or springs of its bearing. Empty: none of these. Effects along an actuator that depend only on its position,
     direction of approach and session need no name here."""
 
-    @abstractmethod
+    acts_at: ClassVar[staticmethod[[Robot], tuple[str, ...]]] = staticmethod(carts)
+    """The sites of a robot at which it can act, where they are those of a function of :mod:`gtpin.effects.sites`."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """The covariates that it needs at each site."""
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    """The names that :meth:`coordinates` gives, where they are the same at each site and not the usual ones."""
+
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Sites at which it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``."""
+        """Sites at which it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``.
+
+        By default: those of ``acts_at``, which are all actuators.
+        """
+        return self.acts_at(robot)
 
     @abstractmethod
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -179,8 +190,8 @@ class Effect(ABC):
         return type(self).nonlinear_values is not Effect.nonlinear_values
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """Covariates that the effect needs at a site. Without them it can't be tested or applied there."""
-        return ()
+        """Covariates that the effect needs at a site; without them it can't be tested or applied there. Default: ``needs``."""
+        return self.needs
 
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Values of the nonlinear parameter to try; empty where the effect has no such parameter."""
@@ -221,8 +232,10 @@ class Effect(ABC):
         """Names of the quantities on which the displacements depend. The first is the horizontal axis of a plot.
 
         They are covariates, commands ``q1``, ``q2``, ..., ``load`` (the rods' forces), ``direction`` (of a rod) or
-        ``position`` (of the TCP). By default: its covariates, and the command of the actuator at its site.
+        ``position`` (of the TCP). By default ``depends_on``, or its covariates and the command of the actuator at its site.
         """
+        if self.depends_on:
+            return self.depends_on
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 

@@ -32,6 +32,16 @@ def links(robot: Robot) -> tuple[str, ...]:
     return robot.rod_sites
 
 
+def the_frame(robot: Robot) -> tuple[str, ...]:
+    """The measurement frame."""
+    return ("frame",)
+
+
+def the_platform(robot: Robot) -> tuple[str, ...]:
+    """The platform."""
+    return ("platform",)
+
+
 def arm_and_links(robot: Robot) -> tuple[str, ...]:
     """``arm`` and each rod. ``arm`` means all rods together. For a robot without rods, its moving links replace the rods."""
     return ("arm", *(robot.rod_sites or (link.name for link in moving_links(robot))))

@@ -11,8 +11,8 @@ import pinocchio as pin
 from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import rods_of
-from gtpin.effects.drives import own_load
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import own_load
 from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play

@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, tip_loads, torsion
-from gtpin.effects.drives import own_load
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import own_load
 from gtpin.export.curves import STIFFEST, line
 from gtpin.export.loss import conditions
 from gtpin.export.mechanism import Body, Joint, Mechanism, Spring

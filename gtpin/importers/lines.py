@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from gtpin.data.cells import is_missing, number
 from gtpin.data.files import LARGEST_TEXT, read_bytes
+from gtpin.data.table import is_missing, number
 from gtpin.errors import DatasetError
 
 SHOWN = 40

@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset, Instrument
-from gtpin.data.cells import number
 from gtpin.data.ids import Ids, normal_id
 from gtpin.data.names import ORIENTATION, POSITION, is_command
+from gtpin.data.table import number
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, matched

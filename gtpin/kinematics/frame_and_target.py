@@ -291,6 +291,5 @@ def _aligned(poses: Poses, T: Floats, R: Floats | None, weight: Floats) -> tuple
     a, b = poses.T - centre_a, T - centre_b
     # Orientations determine the rotation even if positions don't; 1 m of position counts as much as 1 rad.
     turns = np.zeros((3, 3)) if R is None else np.einsum("n,nij,nkj->ik", w, R, poses.R)
-    U, _, Vt = np.linalg.svd((w[:, None] * b).T @ a + turns)
-    turn = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    turn = _nearest((w[:, None] * b).T @ a + turns)
     return centre_b - turn @ centre_a, turn

@@ -122,10 +122,7 @@ class Regressors:
 
 def _gap(posture: ClosedPosture, loop: int) -> Floats:
     """(3,) from a loop's first anchor to its second, base frame, m."""
-    constraint, data = posture.robot.constraints[loop], posture.robot.data
-    second = data.oMi[constraint.joint2_id] * constraint.joint2_placement
-    first = data.oMi[constraint.joint1_id] * constraint.joint1_placement
-    return np.asarray(second.translation - first.translation)
+    return posture.robot.anchor_point(2 * loop + 1) - posture.robot.anchor_point(2 * loop)
 
 
 def to_gap(posture: ClosedPosture, loop: int, motion: Floats) -> Floats:
@@ -146,13 +143,7 @@ def _seat(posture: ClosedPosture, rod_index: int, motion: Floats) -> Floats:
 def _length(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     rod = robot.rods[p.owner]
-    constraint = robot.constraints[rod.loop]
-    joint, tip = (
-        (constraint.joint1_id, constraint.joint1_placement)
-        if rod.rod_end == 0
-        else (constraint.joint2_id, constraint.joint2_placement)
-    )
-    along = (robot.data.oMi[joint] * tip).translation - robot.data.oMi[rod.joint_id].translation
+    along = robot.anchor_point(rod.tip) - robot.data.oMi[rod.joint_id].translation
     # A longer rod moves its own end: the gap changes with the opposite sign to that of a motion of the carrier joint.
     return -_seat(posture, p.owner, along / np.linalg.norm(along))
 
@@ -190,9 +181,7 @@ def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
     actuator = robot.actuators[carrier]
     turn = rotation_axes(actuator.axis)[p.component]
     if p.per == "rod":  # only this rod's carrier joint leaves the common track
-        constraint = robot.constraints[robot.rods[p.owner].loop]
-        seat = _seat_position(posture, constraint, robot.rods[p.owner].rod_end)
-        motion = np.cross(turn, seat - actuator.origin)
+        motion = np.cross(turn, robot.anchor_point(robot.rods[p.owner].seat) - actuator.origin)
         motion -= _at_zero(posture, p.owner) @ np.cross(turn, robot.rods[p.owner].C - actuator.origin)
         return _seat(posture, p.owner, motion)
     # The joint's placement rotates, and the carrier joints rotate back to their places at the command 0.
@@ -204,19 +193,12 @@ def _direction(posture: ClosedPosture, regressors: Regressors, geometry: Geometr
     return result
 
 
-def _seat_position(posture: ClosedPosture, constraint: object, rod_end: int) -> Floats:
-    data = posture.robot.data
-    if rod_end == 0:
-        return np.asarray((data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation)  # type: ignore[attr-defined]
-    return np.asarray((data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation)  # type: ignore[attr-defined]
-
-
 def _scale(posture: ClosedPosture, _: Regressors, __: Geometry, p: Parameter) -> Floats:
     robot = posture.robot
     if p.per == "actuator":
         return np.asarray(posture.jacobian[:, p.owner] * posture.q[p.owner])
     rod = robot.rods[p.owner]
-    driver = rod.carrier if rod.carrier is not None else rod.extension
+    driver = rod.driver
     assert driver is not None
     velocity = robot.actuators[driver].index_v
     rows = slice(3 * rod.loop, 3 * rod.loop + 3)

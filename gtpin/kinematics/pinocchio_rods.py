@@ -12,7 +12,7 @@ from gtpin.kinematics.geometry_jacobian import geometry_jacobian
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies
-from gtpin.kinematics.rod_attachments import Turned
+from gtpin.kinematics.rod_geometry import Turned
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import to_urdf

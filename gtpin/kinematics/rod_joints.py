@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
@@ -110,21 +109,14 @@ def motion(joint: RodJoint, poses: Poses, P: Floats, C: Floats, moved: Floats, d
 def _passive_chain(robot: Robot, rod: Rod) -> list[int]:
     """Pinocchio's joints from the platform to a rod's end, without the driven ones."""
     driven = {actuator.joint_id for actuator in robot.actuators}
-    chain = list(robot.model.supports[_tip(robot, rod)[0]])
+    chain = list(robot.model.supports[robot.anchors[rod.tip][0]])
     return [int(j) for j in chain[chain.index(rod.joint_id) :] if j not in driven]
-
-
-def _tip(robot: Robot, rod: Rod) -> tuple[int, pin.SE3]:
-    constraint = robot.constraints[rod.loop]
-    if rod.rod_end == 0:
-        return constraint.joint1_id, constraint.joint1_placement
-    return constraint.joint2_id, constraint.joint2_placement
 
 
 def _of_rod(robot: Robot, joint: MeasuredJoint, index: int, chain: list[int]) -> RodJoint:
     model = robot.model
     first, second = chain
-    tip, end = _tip(robot, robot.rods[index])
+    tip, end = robot.anchors[robot.rods[index].tip]
     beyond = list(model.supports[tip])
     for j in reversed(beyond[beyond.index(second) + 1 :]):
         end = model.jointPlacements[j] * end

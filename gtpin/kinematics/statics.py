@@ -95,12 +95,7 @@ def _axial(posture: ClosedPosture, loops: Floats) -> Floats:
     robot = posture.robot
     forces = np.zeros(len(robot.rods))
     for i, rod in enumerate(robot.rods):
-        constraint = robot.constraints[rod.loop]
-        ends = (
-            (robot.data.oMi[constraint.joint1_id] * constraint.joint1_placement).translation,
-            (robot.data.oMi[constraint.joint2_id] * constraint.joint2_placement).translation,
-        )
-        along = ends[rod.rod_end] - robot.data.oMi[rod.joint_id].translation
+        along = robot.anchor_point(rod.tip) - robot.data.oMi[rod.joint_id].translation
         u = along / np.linalg.norm(along)
         on_rod = loops[rod.loop] if rod.rod_end == 0 else -loops[rod.loop]
         stretch = 0.0 if rod.extension is None else float(posture.q[rod.extension])
@@ -127,12 +122,7 @@ class _RodMass:
 def _rod_mass(robot: Robot, rod_index: int) -> _RodMass:
     rod = robot.rods[rod_index]
     model = robot.model
-    constraint = robot.constraints[rod.loop]
-    tip, end = (
-        (constraint.joint1_id, constraint.joint1_placement)
-        if rod.rod_end == 0
-        else (constraint.joint2_id, constraint.joint2_placement)
-    )
+    tip, end = robot.anchors[rod.tip]
     chain = list(model.supports[tip])
     chain = chain[chain.index(rod.joint_id) :]
     placements = [pin.SE3.Identity()]
@@ -234,7 +224,7 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
     still = np.zeros(model.nv)
     external = pin.StdVec_Force()
     external.extend([pin.Force.Zero() for _ in range(model.njoints)])
-    anchors = {joint for c in robot.constraints for joint in (c.joint1_id, c.joint2_id)}
+    anchors = {joint for joint, _ in robot.anchors}
     placements = [pin.SE3(placement) for placement in model.jointPlacements]
     on_tcp = robot.tcp_placement.inverse() * robot.load_placement
     for i, (configuration, loops) in enumerate(_postures(robot, q, tool)):
@@ -245,14 +235,10 @@ def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: F
             external[joint] = pin.Force.Zero()
         hung = pin.Force(_in(data.oMi[robot.tcp_joint] * robot.load_placement, tool[i]), np.zeros(3))
         external[robot.tcp_joint] = robot.load_placement.act(hung)
-        for constraint, pulled in zip(robot.constraints, loops, strict=True):
-            for joint, placement, sign in (
-                (constraint.joint1_id, constraint.joint1_placement, -1.0),
-                (constraint.joint2_id, constraint.joint2_placement, 1.0),
-            ):
-                frame = data.oMi[joint] * placement
-                local = placement.act(pin.Force(_in(frame, sign * pulled), np.zeros(3)))
-                external[joint] = external[joint] + local
+        for index, (joint, placement) in enumerate(robot.anchors):
+            pulled = loops[index // 2] if index % 2 else -loops[index // 2]
+            local = placement.act(pin.Force(_in(data.oMi[joint] * placement, pulled), np.zeros(3)))
+            external[joint] = external[joint] + local
         pin.rnea(model, data, configuration, still, still, external)
         carried, moved = data.f, data.liMi
         for j in range(1, model.njoints):

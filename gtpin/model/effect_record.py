@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 from gtpin.data.description import Driver, Motion
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
-from gtpin.effects.driver import PREFIX, DriverColumn, DriverEffect
-from gtpin.effects.driver_motion import InstrumentAxes, refusal
+from gtpin.effects.driver import PREFIX, DriverColumn, DriverEffect, InstrumentAxes, refusal
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import PARTS, References, Situation
 from gtpin.effects.situation import Column as Covariate

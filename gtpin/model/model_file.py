@@ -26,7 +26,7 @@ class FrameRecord(Record):
 
 
 class TrackRecord(Record):
-    """A measured track; see :class:`~gtpin.robot.tracks.MeasuredTrack`."""
+    """A measured track; see :class:`~gtpin.robot.geometry.MeasuredTrack`."""
 
     q: list[Finite]
     path: list[Triple]

@@ -35,10 +35,9 @@ from gtpin.model.model_file import (
 from gtpin.output.results import results_folder
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import placements_to_urdf, to_urdf
-from gtpin.robot.geometry import Geometry
+from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.robot.tracks import MeasuredTrack
 from gtpin.typing import Floats
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")

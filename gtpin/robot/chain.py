@@ -157,6 +157,11 @@ class Chain:
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
         self.prepare_constraints()
 
+    def anchor_point(self, index: int) -> Floats:
+        """(3,) position of an anchor, base frame, m, at the posture that ``data`` hold."""
+        joint, placement = self.anchors[index]
+        return np.asarray((self.data.oMi[joint] * placement).translation)
+
     @property
     def _anchor_elements(self) -> list[Anchor]:
         return [anchor for loop in self.description.loops for anchor in (loop.anchor1, loop.anchor2)]

@@ -20,7 +20,7 @@ from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError, warn
 from gtpin.robot.closures import SUFFIX, urdf_with_loops
 from gtpin.robot.mjcf import mjcf_to_urdf
-from gtpin.robot.mjcf_includes import with_includes
+from gtpin.robot.mjcf_values import with_includes
 from gtpin.robot.tree import TOOL, Tree
 
 Vector = tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Values of MJCF attributes: numbers, default classes, units of angles, orientations, and frames.
+"""Values of MJCF attributes: numbers, default classes, units of angles, orientations, and frames; and files that it includes.
 
 MuJoCo, XML reference: https://mujoco.readthedocs.io/en/stable/XMLreference.html (compiler, default, body, frame).
 """
@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
+from gtpin.data.files import read_text
 from gtpin.errors import RobotError
 from gtpin.typing import Floats
 
@@ -182,3 +184,33 @@ def _turned_to(direction: Floats) -> Floats:
     sine = float(np.linalg.norm(axis))
     axis = axis / sine if sine > 1e-10 else np.array([1.0, 0.0, 0.0])
     return np.asarray(pin.exp3(math.atan2(sine, direction[2]) * axis))
+
+
+def with_includes(root: Element, file: Path, parse: Any) -> None:
+    """Replace each ``<include file>`` by the content of that file, as MuJoCo does.
+
+    Paths start at the folder of the main file; where there is no such file, at that of the file with the ``<include>``.
+
+    Raises `RobotError` if an included file can't be read, or is included twice.
+    """
+    _include(root, file.parent, file.parent, parse, {file.absolute()})
+
+
+def _include(root: Element, main: Path, own: Path, parse: Any, read: set[Path]) -> None:
+    for parent in list(root.iter()):
+        if all(child.tag != "include" for child in parent):
+            continue
+        kept: list[Element] = []
+        for child in parent:
+            if child.tag != "include":
+                kept.append(child)
+                continue
+            name = child.get("file", "")
+            file = main / name if (main / name).exists() else own / name
+            if file.absolute() in read:
+                raise RobotError("this file is included twice", file=file, hint="include each file once")
+            read.add(file.absolute())
+            inside = parse(read_text(file, RobotError, hint="mend <include>"), str(file))
+            _include(inside, main, file.parent, parse, read)
+            kept += inside
+        parent[:] = kept

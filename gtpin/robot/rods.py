@@ -46,6 +46,21 @@ class Rod:
     extension: int | None
     rod_end: int
 
+    @property
+    def driver(self) -> int | None:
+        """Index of the actuator that moves the carrier joint or changes the length; None where none does."""
+        return self.extension if self.carrier is None else self.carrier
+
+    @property
+    def tip(self) -> int:
+        """Index, among all anchors of the robot's loops, of the anchor on the rod."""
+        return 2 * self.loop + self.rod_end
+
+    @property
+    def seat(self) -> int:
+        """Index, among all anchors of the robot's loops, of the anchor on the carrier."""
+        return 2 * self.loop + 1 - self.rod_end
+
 
 def rods(robot: Chain) -> tuple[Rod, ...]:
     """The rods that the URDF names, in document order; none where it names none.
@@ -78,15 +93,12 @@ def rods(robot: Chain) -> tuple[Rod, ...]:
 
 def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
     model, placements = robot.model, robot.data.oMi
-    constraint = robot.constraints[index]
-    ends = ((constraint.joint1_id, constraint.joint1_placement), (constraint.joint2_id, constraint.joint2_placement))
     names = (loop.anchor1.link, loop.anchor2.link)
     if element.link not in names:
         raise _error(robot, element, f"its loop {loop.name} does not touch it")
     rod_end = names.index(element.link)
-    tip_joint, tip = ends[rod_end]
-    carrier_joint, seat = ends[1 - rod_end]
-
+    tip_joint, tip = robot.anchors[2 * index + rod_end]
+    carrier_joint, seat = robot.anchors[2 * index + 1 - rod_end]
     chain = [joint for joint in model.supports[tip_joint] if joint not in set(model.supports[robot.tcp_joint])]
     if robot.tcp_joint not in model.supports[tip_joint] or not chain:
         raise _error(robot, element, "it does not hang on the platform")

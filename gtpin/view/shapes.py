@@ -16,7 +16,7 @@ from gtpin.errors import warn
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import RobotDescription, parse_xml
-from gtpin.robot.examples import package_folder
+from gtpin.robot.library import package_folder
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.accuracy.sensitivity import STEP, sensitivity
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.euler import zyz, zyz_change, zyz_rates
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_steps import PARAMETERS
+from gtpin.kinematics.rotations import zyz, zyz_change, zyz_rates
 
 SIGMAS = np.array([2e-4, 1.7e-4, 1.6e-4, 8e-5, 7e-5, 9e-5])
 

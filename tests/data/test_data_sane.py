@@ -8,8 +8,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Conditions, Dataset, Instrument
-from gtpin.data.duplicates import counted_once
-from gtpin.data.rounding import rounded_to, with_rounding
+from gtpin.data.duplicates import counted_once, rounded_to, with_rounding
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 

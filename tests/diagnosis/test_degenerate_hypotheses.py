@@ -24,7 +24,7 @@ from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import Effect
-from gtpin.effects.rack_periodic import RackPeriodic
+from gtpin.effects.rack import RackPeriodic
 from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.kinematics import kinematics

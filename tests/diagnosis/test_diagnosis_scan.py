@@ -15,8 +15,7 @@ from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, gain
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
-from gtpin.effects.rack_periodic import RackPeriodic
-from gtpin.effects.rack_step import RackStep
+from gtpin.effects.rack import RackPeriodic, RackStep
 from gtpin.effects.situation import Situation
 
 SITE = "cart2"

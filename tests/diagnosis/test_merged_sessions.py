@@ -17,8 +17,8 @@ from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Marginal
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.frame_shift import FrameShift
-from gtpin.effects.zero_shift import ZeroShift
+from gtpin.effects.drive_errors import ZeroShift
+from gtpin.effects.measurement import FrameShift
 
 HYPOTHESES = (Hypothesis(FrameShift(), "frame"), Hypothesis(ZeroShift(), "cart1"), Hypothesis(ZeroShift(), "cart2"))
 LABELS = 6

@@ -23,7 +23,7 @@ from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.linearity import Linearity
+from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings
 

@@ -13,8 +13,8 @@ from gtpin.diagnosis.inference.settle import MOST_POSES
 from gtpin.diagnosis.planning import discrimination as splitting
 from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
-from gtpin.effects.drives import SLOWEST_LINE
-from gtpin.effects.rack_periodic import LEAST_TURNS
+from gtpin.effects.rack import LEAST_TURNS
+from gtpin.effects.smooth import SLOWEST_LINE
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))

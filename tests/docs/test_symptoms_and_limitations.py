@@ -9,7 +9,7 @@ import typer
 
 import gtpin
 import gtpin.cli
-from gtpin.effects.rack_periodic import RackPeriodic
+from gtpin.effects.rack import RackPeriodic
 
 DOCS = Path(__file__).parents[2] / "docs"
 SYMPTOMS = (DOCS / "symptoms.md").read_text(encoding="utf-8")

@@ -5,10 +5,9 @@ import numpy as np
 import gtpin
 from gtpin.effects import Situation
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.drives import LEAST_ORDERS, SLOWEST_LINE, smooth_cosines
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.rack_periodic import APART, LEAST_TURNS, RackPeriodic
-from gtpin.effects.smooth import cosines
+from gtpin.effects.rack import APART, LEAST_TURNS, RackPeriodic
+from gtpin.effects.smooth import LEAST_ORDERS, SLOWEST_LINE, cosines, smooth_cosines
 
 ROBOT = gtpin.load_robot("ur5")
 SITE = ROBOT.sites[0]

@@ -7,7 +7,7 @@ import pytest
 from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, situation, some
 
 from gtpin.effects.cart_compliance import TIPS
-from gtpin.effects.rack_step import FLANKS
+from gtpin.effects.rack import FLANKS
 from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 

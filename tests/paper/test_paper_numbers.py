@@ -13,7 +13,7 @@ from paper_table1 import expected_table1
 from paper_tables import tables
 
 import gtpin
-from gtpin.kinematics.euler import zyz
+from gtpin.kinematics.rotations import zyz
 
 MODEL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
 

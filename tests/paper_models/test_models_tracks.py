@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.cart_tracks import TrackLinearity, measured_tracks
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, ModelError
-from gtpin.robot.tracks import MeasuredTrack
+from gtpin.robot.geometry import MeasuredTrack
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 10 + c)) for c in range(3))
 FRAMES = [Rotation.identity(), *Rotation.random(6, rng=np.random.default_rng(1))]

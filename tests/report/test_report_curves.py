@@ -9,7 +9,7 @@ import pytest
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.rack_periodic import SHORTEST
+from gtpin.effects.rack import SHORTEST
 from gtpin.report.curve_plots import curve_notes, reach
 from gtpin.report.effect_curves import WIDE, curves
 from gtpin.report.residual_columns import column, columns, fit_along

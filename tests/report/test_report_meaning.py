@@ -4,7 +4,7 @@ import pytest
 
 import gtpin
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.linearity import Linearity
+from gtpin.effects.drive_errors import Linearity
 from gtpin.report.diagnosis_page import meaning
 
 

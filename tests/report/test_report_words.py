@@ -11,8 +11,8 @@ import pytest
 from gtpin import load_robot
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.effect import Effect
-from gtpin.effects.linearity import Linearity
 from gtpin.report.phrases import clause, sentence
 from gtpin.report.provenance import provenance, versions
 from gtpin.report.verdict import beyond_noise

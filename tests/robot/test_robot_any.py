@@ -14,8 +14,7 @@ import gtpin
 from gtpin.errors import RobotError
 from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.examples import FILES, example_names, example_path
-from gtpin.robot.library import load_robot
+from gtpin.robot.library import FILES, example_names, example_path, load_robot
 
 SEVEN = [f"panda_joint{i}" for i in range(1, 8)]
 JOINTS = {"ur3": 6, "ur5": 6, "ur10": 6, "panda": 8, "kinova": 6, "xarm7": 7, "so100": 6, "z1": 7, "talos_left_arm": 7}

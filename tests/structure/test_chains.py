@@ -31,7 +31,7 @@ ASKING = frozenset(
         "diagnosis/inference/where.py",
         "diagnosis/planning/make_testable.py",
         "diagnosis/planning/trials.py",
-        "effects/link_compliance.py",  # each rod has its own drive
+        "effects/links.py",  # each rod has its own drive
         "effects/sites.py",  # the vocabulary of sites
         "export/carts.py",  # files have other elements for carts and rods than for joints
         "export/drives.py",

@@ -22,8 +22,8 @@ from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
+from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, with_rounding
 from gtpin.data.names import ORIENTATION
-from gtpin.data.rounding import STEPS, coarsest_step, with_rounding
 from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -46,7 +46,7 @@ STRAYED = 6.0
 """Deviation of a parameter from nominal, in units of its tolerance, from which there is a warning. Assumed."""
 POOR = 1e-3
 """Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""
-COARSE = (0.1, 0.05, *STEPS)
+COARSE = (0.1, 0.05, *POSITION_STEPS)
 """Steps that commands are rounded to, m or rad, the coarsest first."""
 ROUNDED = 0.1, 1.5
 """Error of the commands over the step: at least in the median, at most in nine tenths of the rows. Assumed:

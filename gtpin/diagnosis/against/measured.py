@@ -16,7 +16,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.expectation import Conditions
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.drives import RIM
+from gtpin.effects.smooth import RIM
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.fit_conditions import EXPLAINED

@@ -11,11 +11,19 @@ from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
-from gtpin.effects.drives import drive_load, drive_sizes, smooth_cosines, smooth_orders
-from gtpin.effects.joint_compliance import loaded
+from gtpin.effects.joints import loaded
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import cosines, frame_twist, session_columns, wave
+from gtpin.effects.smooth import (
+    cosines,
+    drive_load,
+    drive_sizes,
+    frame_twist,
+    session_columns,
+    smooth_cosines,
+    smooth_orders,
+    wave,
+)
 from gtpin.typing import Floats
 
 Terms = Iterator[tuple[SmoothTerm, Basis]]

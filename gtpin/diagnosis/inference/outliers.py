@@ -10,9 +10,9 @@ from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.drives import own_load
 from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import own_load
 from gtpin.errors import warn
 from gtpin.typing import Floats, Mask
 

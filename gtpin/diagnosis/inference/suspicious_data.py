@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
 from gtpin.data import Dataset
-from gtpin.data.rounding import EXACT
+from gtpin.data.duplicates import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.inference.findings import Doubt

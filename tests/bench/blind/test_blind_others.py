@@ -6,7 +6,7 @@ import pytest
 
 from gtpin.bench.blind.others import given, take_in
 from gtpin.bench.simulator.case import Case
-from gtpin.data.description import read_description
+from gtpin.data.description import describe, read_toml
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
 
@@ -97,7 +97,7 @@ def test_a_dataset_takes_its_own_robot_along(tmp_path: Path, small: Case) -> Non
     (case,) = given(source)
     take_in(case, tmp_path / "place" / "a")
     (source / "mine.urdf").unlink()
-    taken = read_description(tmp_path / "place" / "a" / "dataset.toml")
+    taken = describe(read_toml(tmp_path / "place" / "a" / "dataset.toml"))
     assert taken.robot == "robot.urdf"
     assert taken.instrument == small.dataset.instrument
     assert load_robot(tmp_path / "place" / "a" / taken.robot).sites == load_robot("gantry_tau").sites

@@ -1,19 +1,20 @@
-"""Play in a spherical joint: the link's length depends on the sign of its force."""
+"""Joints of links: play, and balls that are not round."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
-from gtpin.effects.drives import drive_sizes, own_load
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
-from gtpin.effects.joint_compliance import loaded, no_load
+from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import drive_sizes, own_load
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -47,6 +48,7 @@ class JointClearance(Effect):
     )
     remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
+    depends_on = ("load",)
     core = (0,)
     of_travel = True
     plausible: ClassVar[Mapping[str, Range]] = {
@@ -66,10 +68,6 @@ class JointClearance(Effect):
             return None if min(pushed, len(at) - pushed) >= FEWEST else Untestable("one_sign")
         pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
-
-    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The load."""
-        return ("load",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, a smooth transition where the force is small, and yielding."""
@@ -93,3 +91,46 @@ class JointClearance(Effect):
         """Half the play, the play, and the further change with the force."""
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}
+
+
+ORDERS = [(m, n) for m, n in product(range(6), repeat=2) if 1 <= m + n <= 5]
+"""Orders (m, n) of the products of cosines over the two angles of a link."""
+
+
+class JointRunout(Effect):
+    """dL = f(a, b); dL is the change of the link's length, m, positive where it is longer.
+
+    a and b are the two small angles, rad, between the link and its mean direction over the poses of the fit. f is a sum of
+    products of cosines. Cosines of long wavelength have larger typical sizes. Geometry absorbs the part of f that is constant
+    or linear in the angles.
+
+    Parameters: ``rms``, root mean square of f over the range of directions, m; ``largest_wave``, the largest absolute
+    coefficient of f, m.
+
+    Typical size 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290). Machined or worn sockets are
+    less round.
+    """
+
+    id = "joint_runout"
+    title = "out-of-round ball"
+    clause = "a ball of {site} is out of round"
+    remedy = "Have the ball and its socket measured, or replaced."
+    coefficient = ("first_wave", "m")
+    acts_at = staticmethod(links)
+    depends_on = ("direction",)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Products of cosines over the two angles of the link about its mean direction."""
+        i = rods_of(at, site)[0]
+        a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
+        waves = [np.cos(np.pi / 2.0 * m * (a + 1.0)) * np.cos(np.pi / 2.0 * n * (b + 1.0)) for m, n in ORDERS]
+        size = np.array([(m + n) ** -1.2 for m, n in ORDERS])
+        size *= 2.0 / np.linalg.norm(size)
+        return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Root mean square of f, and its largest coefficient."""
+        # The mean square of a cosine is 1/2, that of a product of two cosines 1/4.
+        square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
+        rms = float(np.sqrt(square @ coefficients**2))
+        return {"rms": (rms, "m"), "largest_wave": (float(np.abs(coefficients).max()), "m")}

@@ -1,0 +1,227 @@
+"""A joint of a robot without rods: its drive and bearing deflect under load, and its axis moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.effect import Effect, Range, unit
+from gtpin.effects.modulation import MODULATION
+from gtpin.effects.sites import joints, turns
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import approach, cosines, own_load
+from gtpin.effects.untestable import Untestable
+from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
+
+GIVE = {True: 3e-5, False: 5e-8}
+"""Typical size of the compliance of a joint that turns, rad/(N m), and of a joint that slides, m/N."""
+
+
+class JointCompliance(Effect):
+    """dq = c M; dq is the deviation of the joint from its command, rad (m where it slides), and M the load on the joint.
+
+    M is the moment about the joint's axis, N m. For a sliding joint it is the force along the axis, N. It comes from gravity of
+    the links beyond the joint and of the payload, and from the force on the tool. M is positive where it acts towards larger
+    commands. The modulation: c depends on the load, and friction causes a small hysteresis.
+
+    Parameters: ``compliance`` c, positive where the joint moves in the direction of the load; ``stiffening``: by how much c
+    increases when the load becomes twice the usual one, negative where the drive becomes stiffer; ``hysteresis``: c less its
+    mean, where the joint moved towards larger commands before it stopped. All are in rad/(N m), or in m/N where the joint
+    slides. The usual load is the absolute mean over the poses of the fit plus one standard deviation.
+
+    Typical size 3e-5 rad/(N m): the stiffness of a medium-sized strain wave gear is about 3e4 N m/rad. For sliding joints
+    5e-8 m/N, as in ``cart_compliance``.
+    """
+
+    id = "joint_compliance"
+    title = "drive deflection under load"
+    clause = "the drive of {site} deflects under its load"
+    remedy = "Use the corrected model with the payload given; check the gear and its preload."
+    coefficient = ("compliance", "rad/(N m)")
+    acts_at = staticmethod(joints)
+    depends_on = ("load", "payload")
+    exported_as = "joint_spring"
+    core = (0,)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "compliance": Range(0.0, np.inf, "no drive moves against the load that it carries")
+    }
+
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
+        """``no_load`` or ``no_masses`` where the joint carries no load, because it then has no deflection."""
+        return None if loaded(at, site) else no_load(at)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """The load, its modulation by stiffening, and hysteresis from friction."""
+        j = at.robot.sites.index(site)
+        load, (mean, spread) = own_load(at, site)
+        usual = max(abs(mean) + spread, 1e-9)
+        columns = np.stack([load, load * (np.abs(load) / usual - 1.0), np.abs(load) * approach(at, j)], axis=1)
+        sizes = [1.0, MODULATION.stiffening, MODULATION.friction]
+        return along_track(at, site, columns, unit(sizes, GIVE[turns(at.robot, site)]))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """The compliance, and its dependence on the load and on the direction of approach."""
+        names = ("compliance", "stiffening", "hysteresis")
+        return {name: (float(c), "rad/(N m)") for name, c in zip(names, coefficients, strict=True)}
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """The same parameters, in m/N where the joint slides."""
+        unit = "rad/(N m)" if turns(robot, site) else "m/N"
+        return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, nonlinear).items()}
+
+
+LEAST_LOAD = 1e-6
+"""Smallest load on a joint's own axis, relative to the largest load on any joint. Smaller loads are rounding errors."""
+
+
+def loaded(at: Situation, site: str) -> bool:
+    """Whether a joint has a force along its axis, or a moment about it, at any pose."""
+    load, _ = own_load(at, site)
+    return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))
+
+
+def no_load(at: Situation) -> Untestable:
+    """Why a joint carries nothing: ``no_masses`` where no joint carries anything at any pose, else ``no_load``."""
+    return Untestable("no_load" if at.joint_loads.any() else "no_masses")
+
+
+class BearingCompliance(Effect):
+    """dtheta = k_a (M . a) a + k_b (M . b) b; dtheta is the tilt of the joint's placement frame about its origin, rad.
+
+    M, N m, is the moment on the joint. It is computed from statics: gravity of the links beyond the joint and of the payload,
+    and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
+    frame. The modulation: the compliances k_a and k_b depend on the magnitude of the moment.
+
+    Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
+    ``difference``, k_a less k_b; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice the usual one,
+    negative where the bearing becomes stiffer. All are in rad/(N m).
+
+    Typical size 5e-6 rad/(N m): crossed roller bearings of medium-sized gear units have moment stiffnesses of about
+    2e5 N m/rad.
+    """
+
+    id = "bearing_compliance"
+    title = "bearing deflection under load"
+    clause = "the bearing of {site} tilts under load"
+    remedy = "Use the corrected model with the payload given; check the bearing's preload and the bolts of its flange."
+    coefficient = ("tilt", "rad/(N m)")
+    acts_at = staticmethod(joints)
+    depends_on = ("load", "payload")
+    exported_as = "bearing_springs"
+    core = (0, 2)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "tilt": Range(0.0, np.inf, "no bearing tilts against the moment that it carries")
+    }
+
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
+        """``no_load`` or ``no_masses`` where the joint carries no load, because an unloaded bearing does not tilt."""
+        return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else no_load(at)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Tilts about a and b, and how they depend on the magnitude of the moment."""
+        frame = joint_frame(at, site)
+        moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
+        mean, spread = (values[frame.index, 3:] for values in at.references.joints)
+        usual = max(float(np.linalg.norm(mean) + np.linalg.norm(spread)), 1e-9)
+        harder = np.linalg.norm(moment, axis=1, keepdims=True) / usual - 1.0
+        ways = np.zeros((6, 2))
+        ways[3:] = frame.across.T
+        return of_joint(
+            at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, MODULATION.stiffening] * 2, 5e-6)
+        )
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Mean compliance in tilt, the difference between a and b, and the dependence on the load."""
+        a, harder_a, b, harder_b = (float(c) for c in coefficients)
+        found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
+        return {name: (value, "rad/(N m)") for name, value in found.items()}
+
+
+HARMONICS, FALLING = 4, 1.0
+"""Number of harmonics of a turning joint's angle, and the power p: the size of harmonic k is proportional to k^-p."""
+ORDERS = 6
+"""Number of cosines along the travel of a sliding joint."""
+LOWEST = 3
+"""Number of lowest cosines along a sliding joint's travel that are a bent guide's form. Assumed."""
+SHIFT, TILT = 2e-5, 8e-5
+"""Typical sizes of shifts, m, and tilts, rad."""
+
+
+class AxisMotion(Effect):
+    """Error motions of a joint's axis (ISO 230-7): shift or tilt = sum_k c_k cos(k q) + s_k sin(k q), k = 1 to 4.
+
+    q is the angle of the joint, rad; c_k and s_k are coefficients, m or rad. A turning joint has five error motions: radial
+    along a and along b, axial, and tilts about a and about b. The unit vectors a and b are perpendicular to the axis, and
+    fixed to the part that carries the joint. A sliding joint has straightness along a and b, and roll, pitch and yaw, smooth
+    along its travel (ISO 230-1).
+
+    Parameters: ``radial``, m, root mean square over a turn of both radial motions together; ``axial``, m, root mean square
+    over a turn; ``tilt``, rad, root mean square over a turn of both tilts together. Of a sliding joint: ``straightness``, m,
+    and ``rotation``, rad, root mean squares over its travel. Geometry absorbs a part of the first harmonic (k = 1), which an
+    eccentric part causes.
+
+    Typical sizes 20 um and 0.08 mrad. They are a guess for the crossed roller bearings and flanges of robots' joints, whose
+    run-out is given as 10 to 20 um on radii of 0.1 m.
+    """
+
+    id = "axis_motion"
+    nature = "description"
+    title = "error motion of the axis"
+    clause = "the axis of {site} moves as the joint moves"
+    remedy = "Check the bearing and its seat for run-out; or use the corrected model."
+    coefficient = ("radial", "m")
+    acts_at = staticmethod(joints)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Five error motions: harmonics of a turning joint's angle, or cosines along a sliding joint's travel."""
+        j = at.robot.sites.index(site)
+        frame = joint_frame(at, site)
+        ways = np.zeros((6, 5))
+        ways[:3, :2] = ways[3:, 3:] = frame.across.T
+        if turns(at.robot, site):
+            ways[:3, 2] = frame.axis
+            k = np.arange(1, HARMONICS + 1)
+            waves = np.hstack([np.cos(k * at.q[:, [j]]), np.sin(k * at.q[:, [j]])])
+            relative = np.tile(k**-FALLING / np.sqrt((k ** (-2.0 * FALLING)).sum()), 2)
+        else:
+            ways[3:, 2] = frame.axis
+            waves, relative = cosines(at.travel[:, j], 1, ORDERS, FALLING)
+        sizes = [SHIFT, SHIFT, SHIFT if turns(at.robot, site) else TILT, TILT, TILT]
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.outer(sizes, relative).ravel(), 1.0))
+
+    def forms(self, robot: Robot, site: str) -> list[list[int]]:
+        """One harmonic, or the lowest cosines along a sliding joint's travel, of one kind of error motion."""
+        motions = ((0, 1), (2,), (3, 4))
+        if turns(robot, site):
+            waves = [(k, k + HARMONICS) for k in range(HARMONICS)]
+            return [[2 * HARMONICS * m + w for m in ms for w in wave] for ms in motions for wave in waves]
+        return [[ORDERS * m + w for m in ms for w in range(LOWEST)] for ms in motions]
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Sizes of the error motions: root mean squares over a turn."""
+        a, b, c, tilt_a, tilt_b = (float(v) for v in np.sqrt((coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0))
+        return {
+            "radial": (float(np.hypot(a, b)), "m"),
+            "axial": (c, "m"),
+            "tilt": (float(np.hypot(tilt_a, tilt_b)), "rad"),
+        }
+
+    def parameters_at(
+        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
+    ) -> dict[str, tuple[float, str]]:
+        """The parameters at a site; for a sliding joint straightness and rotation."""
+        if turns(robot, site):
+            return self.parameters(coefficients, nonlinear)
+        squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0
+        return {
+            "straightness": (float(np.sqrt(squares[:2].sum())), "m"),
+            "rotation": (float(np.sqrt(squares[2:].sum())), "rad"),
+        }

@@ -1,0 +1,177 @@
+"""Errors of the measurement: its frame moves over time or between sessions, its scale is off, its target is elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.effects.basis import Basis
+from gtpin.effects.effect import Effect, unit
+from gtpin.effects.modulation import MODULATION
+from gtpin.effects.sites import the_frame, the_platform
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, session_columns, span
+from gtpin.typing import Floats
+
+DRIFT_ORDERS, DRIFT_DECAY = 8, 1.3
+"""Number of cosines over the time of the fit for each degree of freedom of the frame, and the power p: the size of order k is
+proportional to k^-p."""
+
+
+class TrackerDrift(Effect):
+    """dT = s(t) + w(t) x (T - T_home), dR = w(t): all measured poses shift and rotate smoothly with time.
+
+    T is the TCP position, m, T_home that at home; dR is a rotation vector. The shift s, m, and the rotation vector w, rad, are
+    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. The
+    constant part of s and w is left out, because geometry absorbs it. Outside the time range of the fit the drift is constant.
+
+    Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
+    range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
+    over the three axes.
+
+    Typical size 40 um and 15 urad. Across its line of sight a laser tracker may have an error of 15 um + 6 um/m (Leica
+    Absolute Tracker, user's manual, after ISO 10360-10). That a tripod moves by as much while the room warms up is a guess.
+    """
+
+    id = "tracker_drift"
+    title = "drift over time"
+    clause = "{site} drifts over time"
+    remedy = "A fault of the measurement: check the tracker's stand and warm-up; measure reference nests in between."
+    coefficient = ("shift_x", "m")
+    acts_at = staticmethod(the_frame)
+    needs = ("time",)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Cosines over time for the six degrees of freedom of the frame, without the constant, which geometry absorbs."""
+        waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+        twist, freedom = frame_twist(at)
+        columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
+        return Basis(np.concatenate([freedom * s for s in size]), twist=columns)
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """The drift from beginning to end, and the largest difference between two times."""
+        by_order = coefficients.reshape(-1, 6)
+        drift = -2.0 * by_order[::2].sum(axis=0)
+        spans = [span(c) for c in by_order.T]
+        return {
+            **{name: (float(d), unit) for (name, unit), d in zip(FREEDOMS, drift, strict=True)},
+            "largest_shift": (max(spans[:3]), "m"),
+            "largest_turn": (max(spans[3:]), "rad"),
+        }
+
+
+class FrameShift(Effect):
+    """dT = s + w x (T - T_home), dR = w: the measured poses shift and rotate by a constant amount in each session.
+
+    T is the measured TCP position, T_home that at home, m; dR is a rotation vector. The shift s, m, and the rotation vector
+    w, rad, are in the base frame. s is positive where the measured positions move towards the positive axis, w is
+    right-handed. A cause is an instrument that was set up again. Geometry absorbs the mean over the sessions. In a prediction,
+    a session that was not in the fit has the mean shift.
+
+    Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
+    of session k less their means over the sessions. Sessions are sorted by name. As a change since an earlier model:
+    ``shift_x`` and so on, of all poses.
+
+    Typical size 40 um and 15 urad. This is assumed for a network of a few reference marks, each known to 15 um + 6 um/m
+    across the line of sight (Leica Absolute Tracker, user's manual, after ISO 10360-10).
+    """
+
+    id = "frame_shift"
+    title = "shift between sessions"
+    clause = "{site} has another pose in each session"
+    since_a_model = True
+    remedy = "A fault of the measurement: tie the sessions together by reference nests."
+    coefficient = ("shift_x[1]", "m")
+    acts_at = staticmethod(the_frame)
+    needs = ("session",)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """The six degrees of freedom of the frame, for each session."""
+        twist, freedom = frame_twist(at)
+        sessions = session_columns(at)
+        columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
+        return Basis(np.tile(freedom, sessions.shape[1]), twist=columns)
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Shifts and turns of the frame in each session, less their means over the sessions."""
+        by_session = coefficients.reshape(-1, 6)
+        if len(by_session) == 1:
+            return {name: (float(value), unit) for (name, unit), value in zip(FREEDOMS, by_session[0], strict=True)}
+        return {
+            f"{name}[{k + 1}]": (float(value), unit)
+            for k, values in enumerate(by_session - by_session.mean(axis=0))
+            for (name, unit), value in zip(FREEDOMS, values, strict=True)
+        }
+
+
+SCALE = 3e-5
+"""Typical size of the scale error, m/m."""
+
+
+class TrackerScale(Effect):
+    """dT = s (T - T_home): measured lengths are too long where s > 0. T is the TCP position, T_home that at home, m.
+
+    Another centre of the scaling only adds a constant shift, which geometry absorbs. Where the scale varies with time or with
+    the temperature of the air, all measured positions also shift along the line of sight. The instrument's position is not
+    used, so the shift can have any direction.
+
+    Parameters: ``scale`` s, m/m.
+
+    Typical size 3e-5. Air that is 1 K warmer than assumed causes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
+    1996). A wrong scale bar, unit or part temperature causes more.
+    """
+
+    id = "tracker_scale"
+    title = "wrong length scale"
+    clause = "the instrument's length scale is off"
+    remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
+    coefficient = ("scale", "m/m")
+    acts_at = staticmethod(the_frame)
+    depends_on = ("position",)
+    stretches_frame = True
+    core = (0,)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Scaling of the measured positions about home, and shifts where the scale varies with time or temperature."""
+        waves = []
+        if at.has("time"):
+            t = np.clip(at.time, -1.0, 1.0)
+            waves += [np.cos(np.pi / 2.0 * k * (t + 1.0)) / k for k in (1, 2, 3)]
+        if at.has("temp_frame"):
+            waves.append((at.covariate("temp_frame") - at.references.temperature) / 3.0)
+        twist = np.zeros((len(at), 6, 1 + 3 * len(waves)))
+        twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
+        for k, wave in enumerate(waves):
+            twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
+        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)
+
+
+class TargetOffset(Effect):
+    """dT = R p: the target is at p in the TCP frame, not at the TCP; R rotates from the TCP frame to the base frame.
+
+    dT is the deviation of the measured position, m, base frame.
+
+    A geometry in which all joints on the platform are moved by -p predicts the same poses. Geometry therefore absorbs the
+    offset as far as the tolerances of these joints allow.
+
+    Parameters: ``offset_x``, ``offset_y``, ``offset_z``: p, m.
+
+    Typical size 1 mm: the tolerance of a target holder that was mounted and not measured.
+    """
+
+    id = "target_offset"
+    title = "target offset"
+    clause = "the target is not where the TCP is assumed to be"
+    remedy = "Measure the target's place on the platform."
+    coefficient = ("offset_x", "m")
+    acts_at = staticmethod(the_platform)
+    depends_on = ("position",)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Offsets along the TCP frame's axes."""
+        twist = np.zeros((len(at), 6, 3))
+        twist[:, :3] = at.poses.R
+        return Basis(unit(np.ones(3), 1e-3), twist=twist)
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """The offset's components."""
+        return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

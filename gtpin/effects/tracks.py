@@ -1,0 +1,159 @@
+"""Errors of a track: it is not straight, its cart turns, and it grows with heat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.effect import ChainWords, Effect, Range, unit
+from gtpin.effects.modulation import MODULATION
+from gtpin.effects.sites import sliding_carts, tracks, turns
+from gtpin.effects.situation import Situation
+from gtpin.effects.smooth import cosines, extent
+from gtpin.effects.untestable import Untestable
+from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
+
+ORDERS, DECAY = 20, 1.2
+"""Number of cosines along the track for each direction or axis, and the power p: the size of order k goes with k^-p."""
+
+
+class Straightness(Effect):
+    """dC = f_a(q) a + f_b(q) b, a smooth displacement of the cart, m, the same for all its joints. ISO 230-1: EYX, EZX.
+
+    q is the command. a and b are unit vectors across the track, base frame: the parameters ``track_direction[cart].a`` and
+    ``.b`` rotate the track about them. For the Gantry-Tau a points up and b is horizontal, with track x a = b.
+
+    Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
+    line is subtracted, because a slope belongs to the direction of the track, which is geometry.
+
+    Typical size 40 um. The running parallelism of a rail of a good accuracy class to its base is up to about 30 um over
+    2 m (Picard, Understanding Accuracy Classes in Linear Guides). The base itself is probably not straighter.
+    """
+
+    id = "straightness"
+    nature = "profile"
+    title = "track that is not straight"
+    clause = "the track of {site} is not straight"
+    remedy = "Realign the guideway by the curve below, or use the corrected model."
+    coefficient = ("first_wave", "m")
+    acts_at = staticmethod(sliding_carts)
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Cosines along the track in two directions across it."""
+        j = at.robot.sites.index(site)
+        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
+        ways = np.zeros((6, 2))
+        ways[:3] = joint_frame(at, site).across.T
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 2, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.tile(size, 2), 4e-5))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Root mean square and peak to valley of the deviation in each direction."""
+        found: dict[str, tuple[float, str]] = {}
+        for direction, part in zip("ab", np.split(coefficients, 2), strict=True):
+            rms, span = extent(part)
+            found |= {f"rms_{direction}": (rms, "m"), f"peak_to_valley_{direction}": (span, "m")}
+        return found
+
+
+class CartRotation(Effect):
+    """dC = w(q) x (C - M), M the mean of the cart's joints. ISO 230-1: EAX, EBX and ECX of a track X.
+
+    C are the positions of the cart's joints, base frame, m, and dC their displacements. w is a small right-handed rotation
+    vector, rad, base frame: about the track (roll) and about the axes a and b across it (pitch and yaw;
+    :class:`~gtpin.effects.tracks.Straightness` defines a and b). It is a smooth function of the command q. The rotation
+    of a cart with a single joint has no effect on the TCP.
+
+    Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each after the best
+    straight line along the track is subtracted.
+
+    Typical size 0.1 mrad: a straightness deviation of 40 um (typical size of ``straightness``) over the 0.4 m between two
+    runner blocks.
+    """
+
+    id = "cart_rotation"
+    nature = "profile"
+    title = "roll, pitch and yaw along the track"
+    clause = "{site} rolls, pitches or yaws along its track"
+    remedy = "Check the guideway's parallelism and the carriage's preload, or use the corrected model."
+    coefficient = ("first_wave", "rad")
+    acts_at = staticmethod(sliding_carts)
+
+    def untestable(self, at: Situation, site: str) -> Untestable | None:
+        """``single_joint`` where the cart has one joint, because a rotation of the cart about it does not move it."""
+        return None if len(joint_frame(at, site).indices) > 1 else Untestable("single_joint")
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Rotations about the track, a and b, each a sum of cosines along the track."""
+        j = at.robot.sites.index(site)
+        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
+        frame, ways = joint_frame(at, site), np.zeros((6, 3))
+        ways[3:] = np.vstack([frame.axis, frame.across]).T
+        columns = np.broadcast_to(waves[:, None, :], (len(at), 3, waves.shape[1]))
+        return of_joint(at, site, ways, columns, unit(np.tile(size, 3), 1e-4))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """Root mean square and peak to valley of the rotation about each axis."""
+        found: dict[str, tuple[float, str]] = {}
+        for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):
+            rms, span = extent(part)
+            found |= {f"rms_{axis}": (rms, "rad"), f"peak_to_valley_{axis}": (span, "rad")}
+        return found
+
+
+class ThermalTrack(Effect):
+    """dq = alpha (q - q0) (temp_frame - reference); dq is the deviation of the travel from the command q, m.
+
+    q0 is the fixed point: the command at which the track does not move. When the frame is warmer than the reference and
+    alpha > 0, a cart at q > q0 is farther along its track than commanded. The reference is the dataset's
+    ``reference_temperature``, degC. The coefficients are alpha and -alpha q0. The modulation: one end of the track may become
+    warmer than the other, and the expansion may change with time, because the sensor does not measure the track itself.
+
+    Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: the displacement of the cart at q = 0 per kelvin;
+    ``fixed_point`` q0, m, which is inaccurate where alpha is small.
+
+    Typical size 1e-5 / K: steel has 12e-6 / K (handbook value). The frame that holds the track may expand less or more.
+    """
+
+    id = "thermal_track"
+    title = "thermal growth of the track"
+    clause = "the guideway of {site} grows with the frame's temperature"
+    of_chains = ChainWords(clause="the travel of {site} grows with the frame's temperature")
+    remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
+    coefficient = ("expansion", "1/K")
+    needs = ("temp_frame",)
+    of_travel = True
+    core = (0, 1)
+    plausible: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(-2e-6, 1e-4, "no guideway shrinks with heat, and even plastics expand by only 1e-4/K")
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K, and few guideways have a third or three times as much")
+    }
+
+    def sites(self, robot: Robot) -> tuple[str, ...]:
+        """Every sliding actuator of a robot with rods: an angle does not grow with heat."""
+        return tuple(site for site in tracks(robot) if not turns(robot, site))
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Expansion in proportion to the command, motion of the track's zero, and their modulation."""
+        j = at.robot.sites.index(site)
+        warm = at.covariate("temp_frame") - at.references.temperature
+        q = at.q[:, j]
+        columns = [warm * q, warm, warm * q * at.travel[:, j]]
+        sizes = [1.0, 0.7, MODULATION.uneven]
+        if at.has("time"):
+            columns += [warm * q * at.time, warm * at.time]
+            sizes += [MODULATION.late, MODULATION.late_zero]
+        return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+        """The expansion, the motion of the track's zero, and the fixed point."""
+        expansion, zero = (float(c) for c in coefficients[:2])
+        fixed = -zero / expansion if expansion else 0.0
+        return {"expansion": (expansion, "1/K"), "at_zero": (zero, "m/K"), "fixed_point": (fixed, "m")}
