@@ -19,7 +19,7 @@ from paper_grid import RECOVERED, Grid, recover_grid
 from paper_peaks import peak_ranks
 from paper_steps import drawn_measurements, step_change
 from paper_tables import tables
-from seeds import PAIRS, Draws, draw, markdown, order, printed_rods, turning_alone
+from seeds import EVERY, PAIRS, Draws, draw, every_draw, markdown, order, printed_rods, turning_alone
 
 import gtpin
 from gtpin.comparison.compare import compare
@@ -250,6 +250,8 @@ def figures(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md").write_text(page(draw(DRAWS), recovered()), encoding="utf-8")
+    written, drawn = Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md"), draw(DRAWS)
+    written.write_text(page(drawn, recovered()), encoding="utf-8")
+    (written.parent / EVERY).write_text(every_draw(drawn), encoding="utf-8")
     if len(sys.argv) > 2:
         figures(Path(sys.argv[2]))

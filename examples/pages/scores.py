@@ -168,7 +168,8 @@ def worlds() -> str:
 def planted() -> str:
     """What is said of causes that were planted in measured data, as docs/blind.md has it: the worst figure first."""
     found = _record("planted.json")["cases"]
-    groups = sorted((key for key in found if "," not in key), key=lambda key: (key.startswith("E "), len(key), key))
+    sizes = (key for key in found if key.startswith("E ") and "," not in key)
+    groups = ["all", *sorted(sizes, key=lambda key: (len(key), key))]
     rows = [
         ("planted and listed: in a class", "named"),
         ("the leader of it, 0.9 or more", "sure"),
@@ -287,17 +288,6 @@ def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
             (amplitude, f"{turns:.2f} ± {turns * spread / period:.2f}: {1e3 * amplitude:.3f} ± {1e3 * sigma:.3f}")
         )
     return f"{len(found)} lines; " + "; ".join(text for _, text in sorted(found, reverse=True)[:3])
-
-
-def real_sign() -> str:
-    """Which sign of the differences in Jacobi's files a fitted geometry explains better."""
-    lines = ["| file | readings with at most six decimals, + / - | geometry leaves, +, mm | -, mm |", "|---" * 4 + "|"]
-    for name, found in _record("real_signs.json").items():
-        plus, minus = found["plus"], found["minus"]
-        lines.append(
-            f"| {name} | {plus['digits']:.0%} / {minus['digits']:.0%} | {plus['rms']:.4f} | {minus['rms']:.4f} |"
-        )
-    return "\n".join(lines)
 
 
 def real_curves() -> str:
