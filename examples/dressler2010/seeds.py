@@ -135,7 +135,7 @@ def rod_length(square: Floats) -> Floats:
 
 
 def markdown(draws: Draws) -> str:
-    """The tables of the page: Table II, Table I, and the order of the models, paper and twin."""
+    """The tables of the page: Table II and Table I, paper and twin."""
     paper = tables()
     lines = ["| model | 1 | 2 or 2a | 2b | 3 or 3a | 3b | 3c |", "|---" * 7 + "|"]
     for n, found in draws.rods.items():
@@ -160,11 +160,6 @@ def markdown(draws: Draws) -> str:
         f"Held-out error, micrometres: mean over {len(draws)} draws ± the standard deviation between draws.",
         "",
     ]
-    lines += ["| worse | better | " + " | ".join(kinds) + " |", "|---" * 5 + "|"]
-    for (a, b), counts in zip(PAIRS, zip(*map(order, kinds.values()), strict=True), strict=True):
-        lines.append(f"| {a + 1} | {b + 1} | " + " | ".join(map(str, counts)) + " |")
-    counted = "in which the mean error of *worse* is larger than that of *better*, as in the paper."
-    lines += ["", f"Number of draws, of {len(draws)}, {counted}", ""]
     lines.append(f"Mean and largest held-out error of every draw (pose cost): [{EVERY}]({EVERY}).")
     return "\n".join(lines) + "\n"
 
