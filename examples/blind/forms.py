@@ -230,20 +230,26 @@ DRAWN: Mapping[str, Callable[[str, int, Any, int, np.random.Generator], Drawn]] 
 }
 
 
+RARE = {"unknown": "`unknown`", "false": "a false cause sure"}
+"""Columns of the records, and their words."""
+
+
 def table(records: pd.DataFrame) -> str:
-    """Counts by form, of the energies in their order."""
-    heads = ("form", "named right, nothing else", "in the class", "`unknown`", "a false cause sure")
-    heads += ("size named over true", "95 % interval covers")
+    """Counts by form, of the energies in their order; what never happened is said under the table."""
+    never = [head for name, head in RARE.items() if not pd.to_numeric(records[name]).sum()]
+    rare = [name for name, head in RARE.items() if head not in never]
+    heads = ["form", "named right, nothing else", "in the class", *(RARE[name] for name in rare)]
+    heads += ["size named over true", "95 % interval covers"]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for form, (effect, words) in FORMS.items():
         cells: list[list[str]] = []
         for energy in ENERGIES:
             rows = records[(records["form"] == form) & (records["energy"].astype(float) == energy)]
-            counts = [int(pd.to_numeric(rows[name]).sum()) for name in ("right", "class", "unknown", "false")]
+            counts = [int(pd.to_numeric(rows[name]).sum()) for name in ("right", "class", *rare)]
             sizes = pd.to_numeric(rows["size"], errors="coerce").dropna()
             covers = int(pd.to_numeric(rows["covers"], errors="coerce").sum())
             size = [f"{sizes.min():.2f} to {sizes.max():.2f}", f"{covers}"] if len(sizes) else ["", ""]
             cells.append([*map(str, counts), *size])
         joined = ["; ".join(filter(None, values)) for values in zip(*cells, strict=True)]
         lines.append(f"| `{effect}`: {words} | " + " | ".join(joined) + " |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", f"Never: {', '.join(never)}."] if never else lines)

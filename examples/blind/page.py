@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (a page of prose)
-"""Makes docs/blind.md from a check's results, lists its failures in a file, and adds a full run to the log of all of them.
+"""Makes docs/blind.md and its tables in docs/figures from a check's results, and adds a full run to the log of all of them.
 
 python examples/blind/page.py docs                   # the page without a run
 python examples/blind/page.py docs DIR               # with the check in DIR
@@ -14,7 +14,6 @@ import datetime
 import io
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,11 @@ from gtpin.report.page import Table
 FULL = 1000
 """Cases from which a run is a full one."""
 LOG = "figures/blind_runs.md"
+RECORD = "figures/blind.json"
 FAILURES = "figures/blind_failures.csv"
+EFFECTS = "figures/blind_effects.csv"
+PROBABILITIES = "figures/blind_probabilities.csv"
+POWER = "figures/blind_power.csv"
 PROSE = ("introduction.md", "pairs.md", "forms.md", "machines.md")
 """What the page begins with; ``examples/pages/refresh.py`` fills in the figures."""
 KEPT = ("cases", "check", "failures", "figures")
@@ -63,15 +66,9 @@ def page(folder: Path | None) -> str:
         f"## {full}\n",
         f"`{_command(about)}`: {headline(result)}.\n",
         f"Plant `{about['plant']}`, sources of the diagnosis `{about['diagnosis']}`, manifest of the sealed truths `{about['manifest']}`."
-        f" Every failure, with its reason: [{FAILURES}]({FAILURES}).\n",
-        _markdown(figure_table(result)),
-        "### By effect\n",
-        _markdown(effect_table(result)),
-        "### Probabilities\n",
-        _markdown(reliability_table(result)),
-        "### Power\n",
-        "Fraction detected, by energy E and number of poses, compared with a matched filter that knows the effect's form and sign.\n",
-        _power(result["power"]),
+        f" All figures: [{RECORD}]({RECORD}). Every failure, with its reason: [{FAILURES}]({FAILURES}). Scores [by effect]({EFFECTS}), [by stated probability]({PROBABILITIES}),"
+        f" and by energy and number of poses, beside a matched filter that knows the effect's form and sign: [power]({POWER}).\n",
+        _markdown(with_target(figure_table(result))),
         "### Methods for comparison\n",
         _markdown(baseline_table(result)),
         RUNS.lstrip("\n"),
@@ -79,9 +76,25 @@ def page(folder: Path | None) -> str:
     return "\n".join(parts)
 
 
-def failures(folder: Path) -> str:
-    """Every failure of a check, as CSV."""
-    table = failure_table(_read(folder)[1])
+def with_target(table: Table) -> Table:
+    """The rows of figures that have a target; docs/figures/blind.json has all."""
+    target = list(table.head).index("target")
+    return Table(table.head, [row for row in table.rows if row[target]])
+
+
+def files(folder: Path) -> dict[str, str]:
+    """The tables of a check that are files beside the page, as CSV: every failure, and scores by effect, probability, energy."""
+    result, cases = _read(folder)
+    tables = {
+        FAILURES: failure_table(cases),
+        EFFECTS: effect_table(result),
+        PROBABILITIES: reliability_table(result),
+        POWER: _power(result["power"]),
+    }
+    return {name: _csv(table) for name, table in tables.items()}
+
+
+def _csv(table: Table) -> str:
     written = io.StringIO()
     csv.writer(written, lineterminator="\n").writerows([table.head, *table.rows])
     return written.getvalue()
@@ -120,17 +133,13 @@ def _command(about: dict[str, Any]) -> str:
 
 
 def _markdown(table: Table) -> str:
-    return _rows(table.head, table.rows)
-
-
-def _rows(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    if not rows:
+    if not table.rows:
         return "None.\n"
-    lines = [head, ["---"] * len(head), *rows]
+    lines = [table.head, ["---"] * len(table.head), *table.rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
 
 
-def _power(told: list[dict[str, Any]]) -> str:
+def _power(told: list[dict[str, Any]]) -> Table:
     rows = []
     for row in told:
         found = row["found"]
@@ -143,7 +152,7 @@ def _power(told: list[dict[str, Any]]) -> str:
                 f"{row['limit']:.2f}",
             )
         )
-    return _rows(("poses", "E", "cases", "detected (95 %)", "matched filter"), rows)
+    return Table(("poses", "E", "cases", "detected (95 %)", "matched filter"), rows)
 
 
 if __name__ == "__main__":
@@ -154,8 +163,9 @@ if __name__ == "__main__":
     if run is not None:
         result, cases = _read(run)
         kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
-        (docs / "figures" / "blind.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-        (docs / FAILURES).write_text(failures(run), encoding="utf-8")
+        (docs / RECORD).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        for name, text in files(run).items():
+            (docs / name).write_text(text, encoding="utf-8")
         logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
     elif not (docs / LOG).exists():
         (docs / LOG).write_text(LOG_HEAD, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""How often a certificate covers errors at unseen poses where the model leaves smooth errors unexplained: docs/certificate.md.
+"""How often a certificate covers errors at unseen poses where the model leaves smooth errors unexplained: docs/health.md.
 
 An arm of three joints has errors that no effect of the catalogue describes: smooth random functions of its joint angles. The
 poses are measured once or three times each. Repeated visits agree to micrometres, and show nothing of these errors. The

@@ -44,16 +44,17 @@ def bound(alarms: int, machines: int) -> float:
 
 
 def table(records: pd.DataFrame) -> str:
-    """Alarms by rate, with bounds."""
+    """Alarms by rate, with bounds; data with the same counts share a row."""
     lines = [
-        "| poses | noise declared |" + "".join(f" `--false-alarm {rate:g}` |" for rate in RATES),
-        "|---|---|" + "---|" * len(RATES),
+        "| poses, and noise |" + "".join(f" `--false-alarm {rate:g}` |" for rate in RATES),
+        "|---|" + "---|" * len(RATES),
     ]
+    shared: dict[str, list[str]] = {}
     for (poses, declared), rows in records.groupby(["poses", "declared"], sort=False):
         counts = [int((rows["smallest"].astype(float) <= rate).sum()) for rate in RATES]
         told = "".join(f" {n} of {len(rows)} (below {bound(n, len(rows)):.3f}) |" for n in counts)
-        lines.append(f"| {poses:,} | {'yes' if declared else 'no'} |{told}")
-    return "\n".join(lines)
+        shared.setdefault(told, []).append(f"{poses:,} {'declared' if declared else 'not declared'}")
+    return "\n".join([*lines, *(f"| {', '.join(data)} |{told}" for told, data in shared.items())])
 
 
 if __name__ == "__main__":

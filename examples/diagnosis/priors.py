@@ -2,7 +2,7 @@
 
 Cases are drawn as ``gtpin blind`` draws them, from a seed of their own. Data, calibration, outliers and noise are settled once
 for each; hypotheses are then proposed and inferred with each number at its value, at half and at twice of it.
-``python examples/pages/refresh.py --measure priors`` measures the table of docs/priors.md again.
+``python examples/pages/refresh.py --measure priors`` measures the table of docs/statistics.md again.
 """
 
 from __future__ import annotations

@@ -29,6 +29,8 @@ Floats = npt.NDArray[np.float64]
 
 PAIRS = (*pairwise(range(5)), (0, 2), (1, 3), (2, 4))
 """Models less one, the first worse than the second in the paper's Table I."""
+EVERY = "figures/paper_draws.csv"
+"""Every draw, beside the page."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def rod_length(square: Floats) -> Floats:
 
 
 def markdown(draws: Draws) -> str:
-    """The tables of the page: Table II, Table I, and the order of the models, paper and twin."""
+    """The tables of the page: Table II and Table I, paper and twin."""
     paper = tables()
     lines = ["| model | 1 | 2 or 2a | 2b | 3 or 3a | 3b | 3c |", "|---" * 7 + "|"]
     for n, found in draws.rods.items():
@@ -158,15 +160,15 @@ def markdown(draws: Draws) -> str:
         f"Held-out error, micrometres: mean over {len(draws)} draws ± the standard deviation between draws.",
         "",
     ]
-    lines += ["| worse | better | " + " | ".join(kinds) + " |", "|---" * 5 + "|"]
-    for (a, b), counts in zip(PAIRS, zip(*map(order, kinds.values()), strict=True), strict=True):
-        lines.append(f"| {a + 1} | {b + 1} | " + " | ".join(map(str, counts)) + " |")
-    counted = "in which the mean error of *worse* is larger than that of *better*, as in the paper."
-    lines += ["", f"Number of draws, of {len(draws)}, {counted}", ""]
-    lines += ["| seed | 1 | 2 | 3 | 4 | 5 |", "|---" * 6 + "|"]
+    lines.append(f"Mean and largest held-out error of every draw (pose cost): [{EVERY}]({EVERY}).")
+    return "\n".join(lines) + "\n"
+
+
+def every_draw(draws: Draws) -> str:
+    """Mean and largest held-out error of each model in each draw, pose cost, micrometres, as CSV."""
+    lines = [",".join(["seed", *(f"{what}_um_{model}" for model in range(1, 6) for what in ("mean", "max"))])]
     for seed, errors in enumerate(draws.pose):
-        lines.append(f"| {seed} | " + " | ".join(f"{mean:.1f}/{largest:.0f}" for mean, largest in errors) + " |")
-    lines += ["", "Every draw, pose cost: mean / largest held-out error of each model, micrometres."]
+        lines.append(",".join([str(seed), *(f"{mean:.1f},{largest:.0f}" for mean, largest in errors)]))
     return "\n".join(lines) + "\n"
 
 

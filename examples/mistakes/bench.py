@@ -35,6 +35,8 @@ from gtpin.bench.simulator.recipe import Conditions
 ANSWERS = ("named", "noticed", "harmless", "confidently wrong")
 FIRST = 7_300_000
 """From here on nothing else draws its machines."""
+FEW = 9
+"""Mistakes with the same counts that the table names."""
 ENERGY = 1500.0
 SURE = 0.95
 FAR = 3.0
@@ -132,14 +134,15 @@ def _wrong(found: gtpin.Diagnosis, effect: tuple[str, str] | None, mistake: Mist
 
 
 def table(records: pd.DataFrame) -> str:
-    """Answers by mistake; mistakes with the same counts share a row."""
+    """Answers by mistake; mistakes with the same counts share a row, and of many only the number is given."""
     lines = ["|" + "".join(f" {a} |" for a in ANSWERS) + " mistakes |", "|" + "---|" * (len(ANSWERS) + 1)]
     shared: dict[tuple[int, ...], list[str]] = {}
     for name, rows in records.groupby("mistake", sort=False):
         counts = tuple(int((rows["answer"] == a).sum()) for a in ANSWERS)
         shared.setdefault(counts, []).append(str(name))
     for counts, names in shared.items():
-        lines.append("|" + "".join(f" {n} |" for n in counts) + f" {'; '.join(names)} |")
+        words = "; ".join(names) if len(names) <= FEW else f"{len(names)} others"
+        lines.append("|" + "".join(f" {n} |" for n in counts) + f" {words} |")
     return "\n".join(lines)
 
 

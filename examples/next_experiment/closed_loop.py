@@ -1,4 +1,4 @@
-"""A proposed experiment is carried out, and the machine is diagnosed again: a table of docs/next_experiment.md.
+"""A proposed experiment is carried out, and the machine is diagnosed again: a table of docs/diagnosis.md.
 
 Machines of the plant with one effect each are measured and diagnosed. Where the diagnosis leaves open which effect the cause
 is, the machine is measured again at the commands and conditions of the file that ``gtpin diagnose`` writes, and, separately, at

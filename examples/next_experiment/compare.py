@@ -1,4 +1,4 @@
-"""How much a planned round of measurements tells beside a random one: the table of docs/next_experiment.md.
+"""How much a planned round of measurements tells beside a random one: the table of docs/diagnosis.md.
 
 Machines of the plant with one effect each are measured, calibrated, and measured again at planned rows and at random ones.
 ``python examples/pages/refresh.py --measure next_experiment`` measures the table of the page again.

@@ -14,7 +14,6 @@ import contextlib
 import io
 import json
 import os
-import re
 import runpy
 import sys
 import tempfile
@@ -79,12 +78,12 @@ def draw(name: str, folder: Path = FOLDER) -> Path:
 
 
 def page() -> str:
-    """The gallery as the page has it: title, place and picture of each example."""
+    """The gallery as the page has it: place and picture of each example."""
     captions = _captions()
     entries = []
     for name, path in sources().items():
         place = path.relative_to(ROOT).as_posix()
-        entries.append(f"`{place}`: {_title(path)}\n\n![{captions[name]}](gallery/{name}.svg)\n")
+        entries.append(f"`{place}`\n\n![{captions[name]}](gallery/{name}.svg)\n")
     return "\n".join(entries).rstrip()
 
 
@@ -93,15 +92,6 @@ def _captions() -> dict[str, str]:
     tree = ast.parse((Path(__file__).parent / "gallery_pictures.py").read_text(encoding="utf-8"))
     found = {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
     return {name: " ".join(text.split()) for name, text in found.items() if not name.startswith("_")}
-
-
-def _title(path: Path) -> str:
-    """The first sentence of a script, or the heading of a notebook."""
-    if path.suffix == ".ipynb":
-        first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"]
-        return "".join(first).splitlines()[0].lstrip("# ")
-    text = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n\n")[0]
-    return re.split(r"\. |: python|\.$", " ".join(text.split()))[0]
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ from figures import FIGURES, ROOT
 from gallery import page as gallery
 from installed import extras_table
 from installed import table as installed_table
-from priors_listed import modulation_listed, priors_listed
 from scores import (
     blind_runs,
     chain_scores,
@@ -34,7 +33,6 @@ from scores import (
     real_ladder,
     real_panda,
     real_plain,
-    real_sign,
     sealed_score,
     sealed_sentence,
     worlds,
@@ -61,12 +59,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "real_ladder": real_ladder,
     "real_panda": real_panda,
     "real_plain": real_plain,
-    "real_sign": real_sign,
     "planted": planted,
     "planted_halves": planted_halves,
     "worlds": worlds,
-    "modulation_listed": modulation_listed,
-    "priors_listed": priors_listed,
     "installed": installed_table,
     "installed_extras": extras_table,
     "speed": speed_table,

@@ -103,26 +103,32 @@ def chain_scores() -> str:
 
 
 def _scores(record: str) -> str:
-    lines = ["| machine | failed | " + " | ".join(MACHINE.values()) + " |", "|---" * (len(MACHINE) + 2) + "|"]
-    for machine, score in _record(record).items():
+    lines = ["| machine | " + " | ".join(MACHINE.values()) + " |", "|---" * (len(MACHINE) + 1) + "|"]
+    scores = _record(record)
+    for machine, score in scores.items():
         rows = {row["figure"]: row for row in score["figures"]}
         cells = [value(rows[name]) + (f" of {rows[name]['of']}" if rows[name]["of"] else "") for name in MACHINE]
-        lines.append(f"| `{machine}` | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append(f"| `{machine}` | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", _failed(scores)])
+
+
+def _failed(scores: dict[str, Any]) -> str:
+    """How many cases of checks failed."""
+    return f"Failed: {sum(len(s['failures']) for s in scores.values())} of {sum(s['cases'] for s in scores.values())} cases."
 
 
 def instrument_scores() -> str:
     """The scores of instruments other than a tracker, as docs/blind.md has them, each beside its goal."""
     found = _record("blind_instruments.json")
     heads = [f"{words} (goal: {goal})" if goal else words for words, goal, _, _ in INSTRUMENT.values()]
-    lines = ["| instrument | failed | " + " | ".join(heads) + " |", "|---" * (len(heads) + 2) + "|"]
+    lines = ["| instrument | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for kinds, score in found.items():
         (by_instrument,) = score["by_instrument"].values()
         rows = by_instrument | {row["figure"]: row for row in score["figures"]}
         cells = [_beside_its_goal(rows[name], least, most) for name, (_, _, least, most) in INSTRUMENT.items()]
         machine = "" if score["check"]["robot"] == "gantry_tau" else f", `{score['check']['robot']}`"
-        lines.append(f"| `{kinds}`{machine} | {len(score['failures'])} of {score['cases']} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append(f"| `{kinds}`{machine} | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", _failed(found)])
 
 
 def _beside_its_goal(row: dict[str, Any], least: float | None, most: float | None) -> str:
@@ -166,7 +172,8 @@ def worlds() -> str:
 def planted() -> str:
     """What is said of causes that were planted in measured data, as docs/blind.md has it: the worst figure first."""
     found = _record("planted.json")["cases"]
-    groups = sorted((key for key in found if "," not in key), key=lambda key: (key.startswith("E "), len(key), key))
+    sizes = (key for key in found if key.startswith("E ") and "," not in key)
+    groups = ["all", *sorted(sizes, key=lambda key: (len(key), key))]
     rows = [
         ("planted and listed: in a class", "named"),
         ("the leader of it, 0.9 or more", "sure"),
@@ -237,14 +244,12 @@ def real_ladder() -> str:
 
 def real_plain() -> str:
     """gtpin's calibration beside plain least squares, as docs/real_arms.md has it."""
-    lines = ["| dataset | robot | poses | measured | plain, mm | gtpin, mm | ratio |", "|---" * 7 + "|"]
     kinds = {"poses_measured": "positions and orientations", "positions": "positions"}
+    lines = ["| dataset | poses | " + " | ".join(f"{words}: plain, gtpin, mm" for words in kinds.values()) + " |"]
+    lines.append("|---" * (len(kinds) + 2) + "|")
     for name, found in _record("real_plain.json").items():
-        for kind, words in kinds.items():
-            if kind in found:
-                plain, own = found[kind]["plain"], found[kind]["gtpin"]
-                row = f"| {name} | `{found['robot']}` | {found['poses']:,} | {words} | {plain:.3f} | {own:.3f} |"
-                lines.append(f"{row} {own / plain:.2f} |")
+        cells = [f"{found[k]['plain']:.3f}, {found[k]['gtpin']:.3f}" if k in found else "" for k in kinds]
+        lines.append(f"| {name} | {found['poses']:,} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -271,7 +276,7 @@ def real_causes() -> str:
 
 
 def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
-    """Parameters with sigmas; of lines of a turning joint their number and the three largest."""
+    """Parameters with sigmas; of lines of a turning joint their number and the largest."""
     lines = [name for name in parameters if name.startswith("period")]
     if not lines or parameters[lines[0]][2] != "rad":
         return "; ".join(f"{key} {v:.2g} ± {s:.1g} {unit}" for key, (v, s, unit) in parameters.items())
@@ -284,18 +289,7 @@ def _sizes(parameters: Mapping[str, tuple[float, float, str]]) -> str:
         found.append(
             (amplitude, f"{turns:.2f} ± {turns * spread / period:.2f}: {1e3 * amplitude:.3f} ± {1e3 * sigma:.3f}")
         )
-    return f"{len(found)} lines; " + "; ".join(text for _, text in sorted(found, reverse=True)[:3])
-
-
-def real_sign() -> str:
-    """Which sign of the differences in Jacobi's files a fitted geometry explains better."""
-    lines = ["| file | readings with at most six decimals, + / - | geometry leaves, +, mm | -, mm |", "|---" * 4 + "|"]
-    for name, found in _record("real_signs.json").items():
-        plus, minus = found["plus"], found["minus"]
-        lines.append(
-            f"| {name} | {plus['digits']:.0%} / {minus['digits']:.0%} | {plus['rms']:.4f} | {minus['rms']:.4f} |"
-        )
-    return "\n".join(lines)
+    return f"{len(found)} lines; {max(found)[1]}"
 
 
 def real_curves() -> str:

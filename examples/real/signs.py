@@ -1,7 +1,7 @@
 """Which sign the differences in Jacobi's files have: python signs.py CSV... (the files that tsinghua.py reads).
 
 Of target + difference and target - difference: the share that has no more than six decimals, and what a fitted geometry leaves.
-Writes docs/figures/real_signs.json, from which ``python examples/pages/refresh.py`` makes a table of docs/real_arms.md.
+Writes docs/figures/real_signs.json; docs/real_arms.md says what it shows.
 """
 
 from __future__ import annotations

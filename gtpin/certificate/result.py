@@ -21,7 +21,7 @@ given model was fitted."""
 
 @dataclass(frozen=True, repr=False)
 class Certificate(Shown):
-    """Accuracy of a machine and uncertainty of its corrected positions; see ``docs/certificate.md``.
+    """Accuracy of a machine and uncertainty of its corrected positions; see ``docs/health.md``.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def diagnose(
     false_alarm
         Probability of naming a cause where there is none.
     priors
-        The constants on which verdicts depend, each with its source: docs/priors.md.
+        The constants on which verdicts depend, each with its source: docs/statistics.md.
     hold_out
         The poses that are left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time``
         (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it. With ``against`` it is not

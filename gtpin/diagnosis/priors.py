@@ -2,7 +2,7 @@
 
 A source is one of three. *Derived*: from a formula that is given. *Measured*: a script of ``examples/`` measures it again.
 *Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` halves and doubles the most important numbers, and measures
-how the scores of sealed cases change; docs/priors.md has the table. The sizes of modulations belong to the effects:
+how the scores of sealed cases change; docs/statistics.md has the table. The sizes of modulations belong to the effects:
 ``gtpin/effects/modulation.py``.
 """
 
@@ -48,21 +48,21 @@ class Priors:
     period often has others."""
     same: float = 0.08
     """Share of a stronger cause's evidence that is added to the log prior odds of a hypothesis at the same site with the same
-    coordinates. Reason: a cause never follows its equation exactly. Measured: docs/priors.md."""
+    coordinates. Reason: a cause never follows its equation exactly. Measured: docs/statistics.md."""
     related: float = 0.05
     """The same share, for a hypothesis that could imitate a difference between the stronger cause and its equation. Measured:
-    docs/priors.md."""
+    docs/statistics.md."""
     other: float = 0.01
-    """The same share, for all other hypotheses. Measured: docs/priors.md."""
+    """The same share, for all other hypotheses. Measured: docs/statistics.md."""
     departure: float = 0.025
     """Share of the evidence of the smooth terms by which the worth (log evidence less log prior odds) of a model with them must
-    be larger than that of a model with named causes. Measured: docs/priors.md."""
+    be larger than that of a model with named causes. Measured: docs/statistics.md."""
     modulation: float = 0.06
-    """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/priors.md."""
+    """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/statistics.md."""
 
     # From evidence to probability.
     temperature: float = 2.0
-    """Smallest temperature: gains in log evidence are divided by it to compute probabilities. Measured: docs/priors.md."""
+    """Smallest temperature: gains in log evidence are divided by it to compute probabilities. Measured: docs/statistics.md."""
     warming: float = 0.004
     """Increase of the temperature for each nat of evidence: the larger an effect is, the more its difference from its equation
     shows. Assumed; the probabilities that result are measured: docs/blind.md."""

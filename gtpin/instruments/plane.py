@@ -20,7 +20,7 @@ class Plane(Instrument):
 
     Without a column ``height`` the reading is 0: the target touches the plane. Unknown, in brackets the standard deviation of
     the prior: each plane's shift h along n, m (``plane_sigma``), its tilts a and b, rad (``normal_sigma``), which turn n to
-    exp(a e_a + b e_b) n, with e_a and e_b as for tracks (docs/conventions.md), and the targets (``target_sigma``).
+    exp(a e_a + b e_b) n, with e_a and e_b as for tracks (docs/glossary.md), and the targets (``target_sigma``).
     """
 
     kind, Table = "plane", PlaneTable

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "dressler2010"
+DRAWS = ROOT / "docs" / "figures" / "paper_draws.csv"
 
 if not EXAMPLE.is_dir():
     pytest.skip("the examples are not here", allow_module_level=True)
@@ -39,9 +41,20 @@ def told() -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def computed(script: ModuleType) -> dict[str, str]:
-    """The page with one draw of the twin in place of 24."""
-    return sections(script.page(script.draw(1), RECOVERED))
+def drawn(script: ModuleType) -> Any:
+    """One draw of the twin in place of 24."""
+    return script.draw(1)
+
+
+@pytest.fixture(scope="module")
+def computed(script: ModuleType, drawn: Any) -> dict[str, str]:
+    """The page with it."""
+    return sections(script.page(drawn, RECOVERED))
+
+
+def every(text: str) -> np.ndarray:
+    """(draws, 11) the rows of the file of all draws: seed, and mean and largest error of each model."""
+    return np.loadtxt(text.splitlines(), delimiter=",", skiprows=1, ndmin=2)
 
 
 def sections(text: str) -> dict[str, str]:
@@ -76,19 +89,21 @@ def test_what_is_computed_stands_on_the_page(told: dict[str, str], computed: dic
             np.testing.assert_allclose(numbers(told[heading])[small], numbers(text)[small], rtol=0.06, atol=1e-9)
 
 
-def test_the_twin_of_the_page_is_the_twin(told: dict[str, str], computed: dict[str, str]) -> None:
+def test_the_twin_of_the_page_is_the_twin(
+    told: dict[str, str], computed: dict[str, str], script: ModuleType, drawn: Any
+) -> None:
     """The examples' own draw, and the first of the 24, to a micrometre and to three."""
     own, page = (rows(section["A twin of the experiment"], 9)[:5] for section in (computed, told))
     assert own.shape == (5, 9)
     np.testing.assert_allclose(page, own, atol=3.0)
-    first, page = (rows(section["A twin of the experiment"], 11)[0] for section in (computed, told))
+    first, page = every(script.every_draw(drawn))[0], every(DRAWS.read_text(encoding="utf-8"))[0]
     np.testing.assert_allclose(page[1::2], first[1::2], atol=1.0)
     np.testing.assert_allclose(page[2::2], first[2::2], atol=3.0)
 
 
 def test_what_the_page_counts_over_draws_are_its_rows(told: dict[str, str]) -> None:
     section = told["A twin of the experiment"]
-    draws = rows(section, 11)
+    draws = every(DRAWS.read_text(encoding="utf-8"))
     assert draws[:, 0].tolist() == list(range(24))
     mean = draws[:, 1::2]
     found = [int(n) for n in re.findall(r"\d > \d\s+in\s+(\d+)", section)][:4]

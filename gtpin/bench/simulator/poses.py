@@ -42,7 +42,7 @@ def cross_matrix(vectors: Floats) -> Floats:
 
 
 def across(direction: Floats) -> Floats:
-    """(2, 3) the unit vectors a and b across a direction (3,), as docs/conventions.md defines those of a track.
+    """(2, 3) the unit vectors a and b across a direction (3,), as docs/glossary.md defines those of a track.
 
     a is the base axis that is least aligned with the direction, less its part along it; b is direction x a.
     """

@@ -139,7 +139,7 @@ NUDGE = 1e-5
 class Rods:
     """Kinematics of a platform on six rods."""
 
-    # The true values of the geometry's parameters, with the meaning that docs/conventions.md gives them
+    # The true values of the geometry's parameters, with the meaning that docs/glossary.md gives them
     geometry: Geometry
 
     @cached_property

@@ -51,7 +51,10 @@ def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path)
     assert "| 0.750 |" in rows[0]
     page = script.page(first)
     assert "## The latest full run" in page
-    assert script.failures(first).count("straightness@cart1 named instead") == 250
+    files = script.files(first)
+    assert files[script.FAILURES].count("straightness@cart1 named instead") == 250
+    assert re.search(r"^linearity,1000,0\.750,", files[script.EFFECTS], re.MULTILINE)
+    assert all(f"({name})" in page for name in files)
 
 
 def test_a_small_run_is_called_one_and_not_logged(script: ModuleType, tmp_path: Path) -> None:
