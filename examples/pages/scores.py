@@ -181,7 +181,6 @@ def planted() -> str:
         ("named: amplitude within two, of it and what the residuals had along it before", "right sum"),
         ("named: again with half of the poses", "again"),
         ("planted and unlisted: verdict `unknown`", "unknown"),
-        ("no other new cause above 0.5", "quiet"),
         ("no other new cause of 0.9 or more", "silent"),
         ("no other new cause of 0.9 or more at another site", "elsewhere"),
         ("named before with 0.9 or more: still in a class", "kept"),
