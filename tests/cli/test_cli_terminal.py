@@ -290,7 +290,7 @@ def test_an_interruption_of_an_import_amid_the_work_is_one_line(source, tmp_path
     code = (
         f"import os, time\nos.kill(os.getpid(), {int(signal.SIGTERM if start else signal.SIGINT)})\ntime.sleep(600)\n"
     )
-    (tmp_path / "plotly.py").write_text(code)  # it is imported when the figures of the report are made
+    (tmp_path / "jinja2.py").write_text(code)  # it is imported when the report is made
     process = started("calibrate", source, "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
     said = process.communicate(timeout=600)[1].decode()
     assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")
