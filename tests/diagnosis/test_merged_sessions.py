@@ -110,6 +110,6 @@ def test_a_shift_of_the_frame_stays_the_cause_where_each_session_has_four_labels
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         found = gtpin.diagnose(replace(ordered, covariates={**ordered.covariates, "session": labels}))
     assert [c.effect for c in found.causes] == ["frame_shift"]
-    assert found.causes[0].probability > 0.9
+    assert found.causes[0].probability > 0.75  # where the target could have moved as well, the prior odds are 3 to 1
     (effect,) = found.model.effects
     assert set(effect.references.sessions) == set(labels)  # a prediction knows each of them

@@ -13,11 +13,9 @@ from gtpin.bench.blind.true_parameters import true_parameters
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.causes import cause
+from gtpin.diagnosis.inference.causes import estimates
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
 from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]  # poses set aside
@@ -40,8 +38,7 @@ def off(effect: str, site: str, machine: int) -> dict[str, float]:
     hypothesis = Hypothesis(known, site)
     references = observed.situation(baseline.model).references
     model = fit_together(observed, baseline.model, [hypothesis], [scale], references)
-    concluded = Conclusion(NOTHING, {hypothesis: (Contender(hypothesis, 1.0),)}, (), {})
-    found = cause(model, hypothesis, concluded, hypothesis).parameters
+    found = estimates(model.robot, model.effects[0], hypothesis)
     true = true_parameters(difficulty, best, displacement)
     return {name: (e.value - true[name]) / e.sigma for name, e in found.items()}
 

@@ -31,14 +31,14 @@ def cause(
     """
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
-    parameters = _parameters(model.robot, active, hypothesis)
+    parameters = estimates(model.robot, active, hypothesis)
     members = []
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, told = contender.hypothesis, parameters
         if other.place != hypothesis.place:
             alone = contender.recorded and contender.beside is None
             taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
-            told = _parameters(model.robot, taken, other) if taken else {}
+            told = estimates(model.robot, taken, other) if taken else {}
         members.append(replace(member, parameters=told))
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
 
@@ -59,7 +59,7 @@ def _in_its_place(
     )
 
 
-def _parameters(robot: Robot, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
+def estimates(robot: Robot, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
     """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
 
     Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
