@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gtpin.typing import Floats
 
-HARMONICS = 14
+HARMONICS = 20
 """Number of half waves over the range: as many as ``linearity`` and ``straightness`` have."""
 CLOSE = 1e-9
 """Root mean square error, m or rad, up to which a line alone is taken, without harmonics."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.compensation.box import spread
 from gtpin.compensation.corrections import geometric_scales
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
@@ -88,7 +87,10 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
 
 def postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
-    q = spread(*ranges(model), POSES)
+    from scipy.stats import qmc
+
+    lower, upper = ranges(model)
+    q = lower + (upper - lower) * qmc.Halton(len(lower), scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
 
