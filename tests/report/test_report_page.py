@@ -44,13 +44,13 @@ def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
     found = findings[kind]
     told = text(of(found))
     for cause in found.diagnosis.causes:
-        assert cause.effect in told
+        assert cause.effect in told  # the id, for --exclude
         for member in cause.members:
-            assert member.effect in told
+            assert found.diagnosis.effect(member.effect).title in told
         for name in cause.parameters:
             assert name.replace("_", " ") in told
     for candidate in found.diagnosis.candidates:
-        assert candidate.effect in told
+        assert found.diagnosis.effect(candidate.effect).title in told
         assert reason_words(candidate.reason, candidate.site) in told
     for pose in found.diagnosis.baseline.rejected:
         assert pose in told
@@ -166,7 +166,7 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
 @pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
-    assert len(diagnosis_page(single.diagnosis, many).encode()) < 2e6
+    assert len(diagnosis_page(single.diagnosis, many).encode()) < 2.2e6  # 1.2e6 of them are plotly's script
 
 
 def resolved(value, shared: Shared):
