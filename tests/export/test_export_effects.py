@@ -134,14 +134,14 @@ def test_curves_are_held_with_all_their_waves(robot: str, effect: str, site: str
     one = active(
         *(nominal, q, effect, site),
         covariates=approach,
-        drawn=lambda sigma: 3.0 * sigma * np.random.default_rng(4).normal(size=len(sigma)),
+        drawn=lambda sigma: 3.5 * sigma * np.random.default_rng(4).normal(size=len(sigma)),
     )
     model = replace(nominal, effects=(one,))
     some = {name: values[:12] for name, values in approach.items()}
     poses, words = in_mujoco(model, tmp_path / "robot.xml", q[:12], some)
     expected = model.predict(q[:12], some)
     assert not words
-    assert rms(expected, nominal.predict(q[:12])) > 15.0
+    assert rms(expected, nominal.predict(q[:12])) > 20.0
     assert rms(poses, expected) < 2.0
 
 
