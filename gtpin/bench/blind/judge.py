@@ -205,7 +205,9 @@ def _shrunk_readings(
 
 
 def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
-    """The true effects in the forms that fit them best; empty where one of them is not in the catalogue."""
+    """The true effects in the forms that fit them best; empty where one is not in the catalogue or D can't be computed."""
+    if not lefts:
+        return []
     found = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
     return found if len(found) == len(lefts) else []
 
