@@ -12,6 +12,7 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
 from gtpin.effects.joints import loaded
+from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import (
@@ -255,7 +256,8 @@ def _conditions(at: Situation) -> Functions:
         if at.varies(name):
             values = at.covariate(name)
             middle, half = (values.max() + values.min()) / 2.0, np.ptp(values) / 2.0
-            yield (name,), *cosines((values - middle) / half, 1, 7 if name == "time" else 3, 1.0)
+            orders, decay = (DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0)
+            yield (name,), *cosines((values - middle) / half, 1, orders, decay)
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])
