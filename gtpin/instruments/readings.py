@@ -360,7 +360,7 @@ def single(dataset: Dataset, robot: Robot) -> Dataset:
     """The dataset with the same number of components in each row.
 
     Where instruments' readings differ in their number of components, each row is split into one row for each component. These
-    keep the line number of the original row in ``row``.
+    keep the line number of the original row in ``row``. Known distances are assigned to rows here, for every part of them.
     """
     rows = dataset.readings
     if rows is None or (rows.component >= 0).any():
@@ -371,17 +371,18 @@ def single(dataset: Dataset, robot: Robot) -> Dataset:
         if isinstance(one, Socket):
             links[rows.rows_of(i)] = one.link
     counts = [one.read_components() for one in instruments]
+    if np.isfinite(links).any():
+        rows = replace(rows, columns={**rows.columns, "link": links})
+        dataset = replace(dataset, readings=rows)
     widths = {own.shape[1] for own in counts}
     if len(widths) == 1 and all(own.all() for own in counts):
         return dataset
-    if np.isfinite(links).any():
-        rows = replace(rows, columns={**rows.columns, "link": links})
     take, component = [], []
     for i, own in enumerate(counts):
         row, which = np.nonzero(own)
         take.append(rows.rows_of(i)[row])
         component.append(which)
     order = np.concatenate(take)
-    split = replace(dataset, readings=rows).take(order)
+    split = dataset.take(order)
     assert split.readings is not None
     return replace(split, readings=replace(split.readings, component=np.concatenate(component).astype(np.int64)))
