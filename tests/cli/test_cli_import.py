@@ -41,7 +41,7 @@ def test_touches_of_a_delta_printer_are_a_plane_that_the_robot_touched(run: Run,
     assert (content["robot"], instrument["kind"]) == ("linear_delta", "plane")
     assert list(table) == ["pose", "q1", "q2", "q3", "height"]
     dataset = gtpin.Dataset.read(folder)
-    assert dataset.readings is not None
+    assert not dataset.readings.tracked
     np.testing.assert_array_equal(dataset.readings.columns["height"], table["height"])
     assert table["pose"].is_unique
     there = gtpin.read_model("linear_delta").kinematics.forward(table[["q1", "q2", "q3"]].to_numpy())
