@@ -106,6 +106,15 @@ def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Float
     return np.asarray(power[1] <= (1.0 - DETERMINED) * power[0])
 
 
+def setting_sigmas(machine: CompensatedMachine, q: Floats, settings: Callable[[Floats], Floats]) -> Floats | None:
+    """(s,) standard deviations of settings that follow from errors of the TCP at commands q (N, n), as in :func:`determined`;
+    None where the uncertainty of the geometry is not known."""
+    if machine.model.covariance is None:
+        return None
+    moved = by_unknowns(machine.model, _at(machine, q))[:, :3] @ ModelPosterior(machine.model).root
+    return np.asarray(np.linalg.norm(settings(moved), axis=1))
+
+
 def _at(machine: CompensatedMachine, q: Floats) -> At:
     return At.of(machine.model, q, machine.columns(len(q)))
 

@@ -96,11 +96,15 @@ def test_a_component_that_is_not_there_is_refused_with_those_that_are(residuals:
 
 @pytest.mark.skipif(not has_plotly(), reason="plotly is not installed")
 def test_a_map_of_poses_in_one_plane_is_high_enough_for_its_labels(residuals: Residuals) -> None:
-    flat = replace(residuals.poses, T=residuals.poses.T * [1.0, 1.0, 1e-3])
-    axis = workspace_figure(replace(residuals, poses=flat), "xz").layout.yaxis
+    def at(T: np.ndarray) -> Residuals:
+        moved = replace(residuals)
+        vars(moved)["poses"] = replace(residuals.poses, T=T)  # a cached property
+        return moved
+
+    flat = at(residuals.poses.T * [1.0, 1.0, 1e-3]).poses
+    axis = workspace_figure(at(flat.T), "xz").layout.yaxis
     width = float(np.ptp(flat.T[:, 0]))
     assert axis.range[1] - axis.range[0] > 0.25 * width
     assert axis.range[0] < flat.T[:, 2].min() < flat.T[:, 2].max() < axis.range[1]
     assert axis.nticks == 3
-    tall = replace(residuals.poses, T=residuals.poses.T[:, [0, 1, 0]])
-    assert workspace_figure(replace(residuals, poses=tall), "xz").layout.yaxis.range is None
+    assert workspace_figure(at(residuals.poses.T[:, [0, 1, 0]]), "xz").layout.yaxis.range is None
