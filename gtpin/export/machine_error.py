@@ -10,7 +10,9 @@ import numpy as np
 from gtpin.accuracy.expected import placed_best
 from gtpin.certificate.held_against import prior_sizes
 from gtpin.certificate.response import At, ModelPosterior, by_unknowns
+from gtpin.compensation.box import Box
 from gtpin.compensation.machine import CompensatedMachine, machine_at
+from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.errors import ModelError
 from gtpin.export.loss import postures
 from gtpin.kinematics.rotations import frame_motions
@@ -23,6 +25,8 @@ LEAST = 1e-8
 """Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
 INTERVAL = (0.025, 0.975)
 """Quantiles of the intervals."""
+UNITS = {"angle": ("deg", float(np.degrees(1.0))), "scale": ("per mille", 1e3)}
+"""Units in messages, and factors to them, of those dimensions of a delta that are no lengths."""
 DETERMINED = 0.5
 """Smallest share of a setting's prior variance that the data must take away, or the setting is left alone. Assumed: with less,
 the setting would follow the tolerances more than the measurements."""
@@ -106,13 +110,24 @@ def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Float
     return np.asarray(power[1] <= (1.0 - DETERMINED) * power[0])
 
 
-def setting_sigmas(machine: CompensatedMachine, q: Floats, settings: Callable[[Floats], Floats]) -> Floats | None:
-    """(s,) standard deviations of settings that follow from errors of the TCP at commands q (N, n), as in :func:`determined`;
-    None where the uncertainty of the geometry is not known."""
-    if machine.model.covariance is None:
-        return None
-    moved = by_unknowns(machine.model, _at(machine, q))[:, :3] @ ModelPosterior(machine.model).root
-    return np.asarray(np.linalg.norm(settings(moved), axis=1))
+def changed_dimensions(
+    machine: CompensatedMachine, drives: Drives, towers: Towers, free: Mask, box: Box
+) -> tuple[str, ...]:
+    """A message on the changes of those dimensions of a delta that are ``free``, each with 1 sigma where it is known.
+
+    ``drives``: with the present dimensions. ``towers``: the new ones.
+    """
+    fit, sigma = TowerFit.of(machine, drives, box), None
+    if machine.model.covariance is not None:
+        moved = by_unknowns(machine.model, _at(machine, fit.needed))[:, :3] @ ModelPosterior(machine.model).root
+        gain = fit.response(free)[1]
+        sigma = np.linalg.norm(gain @ moved.reshape(gain.shape[1], -1), axis=1)
+    words, change = [], towers.values - drives.towers.values
+    for k in np.flatnonzero(free):
+        unit, factor = UNITS.get(DIMENSIONS[k].split()[0], ("mm", 1e3))
+        doubt = "" if sigma is None else f" +- {factor * sigma[k]:.2g}"
+        words.append(f"{DIMENSIONS[k]} by {factor * change[k]:+.3f}{doubt} {unit}")
+    return (f"changes {', '.join(words)}{'' if sigma is None else ' (1 sigma)'}",) if words else ()
 
 
 def _at(machine: CompensatedMachine, q: Floats) -> At:

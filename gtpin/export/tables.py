@@ -20,6 +20,7 @@ from gtpin.export.machine_error import (
     Left,
     both_approaches,
     by_parts,
+    changed_dimensions,
     check_any,
     determined,
     on_the_bed,
@@ -103,6 +104,7 @@ class PrinterCorrection:
     """The corrections of a printer's firmware for a machine under one or several temperatures.
 
     ``towers``, ``controller``: the new dimensions of a delta, None where they do not change, and the firmware with them.
+    ``changes``: a message on their changes.
     ``tables``, ``left``: for each temperature the tables, and the errors that they leave. ``alone``: settings that stay as they
     are, because the data do not determine them. ``notes``, ``absent``: messages on single effects, and names of those that move
     nothing.
@@ -115,6 +117,7 @@ class PrinterCorrection:
     alone: tuple[str, ...]
     notes: tuple[str, ...]
     absent: tuple[str, ...]
+    changes: tuple[str, ...] = ()
 
 
 def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
@@ -140,7 +143,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
         model, machines, believed, box, None if present is None else present.drives, undetermined=wanted.undetermined
     )
     notes = [some.words("the box", at.temperatures) for at, some in zip(machines, found.left, strict=True)]
-    notes.append(found.left[0].size(box.fill(POINTS)))
+    notes += [found.left[0].size(box.fill(POINTS)), *found.changes]
     if found.alone:
         notes.append(f"leaves alone what the data do not determine: {', '.join(found.alone)}")
     title = f"{robot.name}, for a controller with {_kinematics(wanted, present)}"
@@ -208,7 +211,8 @@ def printer_correction(
     words, absent = by_parts(parts(machines[-1], believed), left_alone)
     names = (*(DIMENSIONS if drives is not None else [""] * D), *PARTS)
     alone = tuple(name for name, used in zip(names, chosen, strict=True) if name and not used)
-    return PrinterCorrection(towers, controller, tables, remains, alone, words, absent)
+    changes = () if drives is None or towers is None else changed_dimensions(first, drives, towers, chosen[:D], box)
+    return PrinterCorrection(towers, controller, tables, remains, alone, words, absent, changes)
 
 
 def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None, box: Box) -> Mask:

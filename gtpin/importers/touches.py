@@ -48,7 +48,7 @@ SAME = 5e-5
 """The same difference, m, above which a robot has other dimensions than a file: these can be rounded to 0.01 mm. Assumed."""
 FEWEST = 3
 """Fewest touches from which order and sign of the drives are determined."""
-FAR = 5e-3
+FAR = 1e-3
 """Mean distance, m, of the touches of a bed from the controller's z = 0 above which there is a warning. Assumed."""
 PLANE = "A"
 """Name of the only plane of a file of touches."""

@@ -16,9 +16,10 @@ from with_effects import active
 
 from gtpin.compensation.machine import machine_at
 from gtpin.compensation.plane_tables import NODES, PARTS, PlaneTables
+from gtpin.compensation.towers import DIMENSIONS, drives_of
 from gtpin.errors import GtpinWarning
 from gtpin.export import Box, TablesFor, export
-from gtpin.export.machine_error import Left, OpenDirections, on_the_bed, open_directions
+from gtpin.export.machine_error import Left, OpenDirections, changed_dimensions, on_the_bed, open_directions
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
@@ -90,6 +91,19 @@ def test_the_parts_of_a_table_add_up() -> None:
     np.testing.assert_allclose(sum(one.height for one in each), table.height, atol=1e-12)
     np.testing.assert_allclose(sum(one.skew for one in each), table.skew)
     assert abs(each[-1].height.mean()) < 1e-12
+
+
+def test_a_changed_dimension_has_the_sigma_of_drawn_machines(by_script: object) -> None:
+    """Only the end stops are fitted; machines whose carts are off by 0.1 mm in z, drawn from the same posterior."""
+    nominal, box, towers = by_script.NOMINAL, by_script.BOX, by_script.TOWERS  # type: ignore[attr-defined]
+    upright = np.array([name.startswith("cart_joint") and name.endswith(".z") for name in nominal.geometry.names])
+    sigma = np.where(upright, 1e-4, 1e-9)
+    model = replace(nominal, covariance=np.diag(sigma**2))
+    drives, free = drives_of(towers, nominal, box), np.array([name.startswith("end stop") for name in DIMENSIONS])
+    (text,) = changed_dimensions(machine_at(model)[0], drives, towers, free, box)
+    said = [float(value) for value in re.findall(r"end stop . by [+-]0.000 \+- (\S+) mm", text)]
+    # Both rods of a tower hang on its cart: the end stop is off by the mean of their joints' heights.
+    np.testing.assert_allclose(said, 0.1 / np.sqrt(2.0), rtol=0.2)
 
 
 @pytest.fixture
