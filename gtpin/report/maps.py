@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 ALL = "all"
 """The option of all instruments together."""
+FLAT = 0.3
+"""Smallest height of a map over its width."""
 LEAST = 3.0
 """Smallest value at the end of the colour scale of readings, in sigmas: noise alone exceeds it in one of 370 readings."""
 
@@ -151,4 +153,8 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
     layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", showlegend=False, margin={"t": 10})
     layout["xaxis"]["constrain"] = "domain"
     layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    wide, high = (float(np.ptp(T[:, k])) if len(T) else 0.0 for k in (a, b))
+    if high < FLAT * wide:  # poses of one plane: labels of an axis that is so short would lie on one another
+        middle = float(T[:, b].max() + T[:, b].min()) / 2.0
+        layout["yaxis"] |= {"range": [middle - FLAT * wide / 2.0, middle + FLAT * wide / 2.0], "nticks": 3}
     return Drawing(traces, layout)

@@ -40,6 +40,18 @@ def unseen_words(
     )
 
 
+def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[str, ...]:
+    """The sentences of the directions that a usual measurement would show, and one sentence for all others; ``words``: as
+    :func:`unseen_words` gives them."""
+    useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
+    if (others := len(words) - len(useful)) < 2:
+        return tuple(words)
+    return (
+        *useful,
+        f"{others} other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
+
+
 def _remedy(remedy: Remedy | None) -> str:
     if remedy is None:
         return "No usual measurement at these poses would show it: it hardly moves the platform there."

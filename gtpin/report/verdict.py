@@ -85,6 +85,13 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
     else:
         use = "Use it as it is: no compensation is needed."
+        fits = d.baseline.by_instrument
+        if d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
+            read = joined([one.name for one in fits])
+            use = (
+                f"No compensation is needed for what {read} can read. Positions can still be wrong: gtpin calibrate "
+                "lists what these data can't see."
+            )
     advice = [f"{gap} {use}", *assumed(d)]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
