@@ -35,7 +35,6 @@ ASKING = frozenset(
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
         "report/diagnosis_json.py",
         "report/effect_curves.py",  # words and axes of rods, carts and joints
-        "report/effect_motions.py",
         "report/phrases.py",
         "view/scene.py",  # drawings
     }
