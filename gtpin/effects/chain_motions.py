@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from gtpin.effects.basis import Basis
+from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
@@ -91,6 +91,17 @@ def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Ba
     # placement frame moved.
     own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
     return Basis(sigma, placements=tuple(own))
+
+
+def lengthened(at: Situation, site: str, strain: Floats, sigma: Floats) -> Basis:
+    """Basis of the growth of a site's k links: strains (N, k, m), relative to their length, of rods and of other links.
+
+    A rod changes its length. Another link grows along the line from its joint to the next joint.
+    """
+    if rods := rods_of(at, site):
+        return of_lengths(at, rods, strain * at.length[:, rods, None], sigma)
+    along = (np.concatenate([reach(at, link), np.zeros(3)]) for link in links_at(at.robot, site))
+    return of_tips(at, site, [way[:, None] * strain[:, None, i] for i, way in enumerate(along)], sigma)
 
 
 def tip_to_joint(at: Situation, link: MovingLink) -> Floats:

@@ -16,7 +16,6 @@ ASKING = frozenset(
         "calibration/checks/recognise.py",
         "calibration/free_target.py",
         "calibration/paper_models.py",
-        "calibration/zeros.py",
         "comparison/closure_fit.py",
         "comparison/compare.py",
         "diagnosis/hypotheses/hypothesis_set.py",
@@ -24,7 +23,6 @@ ASKING = frozenset(
         "diagnosis/inference/joint_fit.py",
         "diagnosis/inference/predictive.py",
         "diagnosis/inference/settle.py",
-        "diagnosis/inference/where.py",
         "diagnosis/planning/make_testable.py",
         "diagnosis/planning/trials.py",
         "effects/links.py",  # each rod has its own drive
