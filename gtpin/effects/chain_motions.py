@@ -75,6 +75,16 @@ def levers(at: Situation, site: str) -> Floats:
     return np.asarray(joints - joints.mean(axis=1, keepdims=True))
 
 
+def of_carried(at: Situation, site: str, basis: Basis) -> Floats:
+    """(N, 6, m) motion of a cart by a basis, base frame: shift of the mean of its joints, m, and turn about it, rad, by least
+    squares."""
+    lever, moved = levers(at, site), basis.shifts(joint_frame(at, site).indices)
+    square = np.einsum("nki,nkj->nij", lever, lever)
+    inertia = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
+    moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
+    return np.concatenate([moved.mean(axis=1), np.linalg.pinv(inertia, rcond=1e-9) @ moment], axis=1)
+
+
 def cart_load(at: Situation, site: str) -> tuple[Floats, Floats]:
     """(N, 3) force, N, of the rods on a cart and (N, 3) their moment, N m, about the mean of its joints, base frame."""
     pull = at.joint_loads[:, joint_frame(at, site).indices, :3]

@@ -9,15 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import rods_of
-from gtpin.effects.chain_motions import cart_load, levers, of_body
+from gtpin.effects.chain_motions import cart_load, of_body, of_carried
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach
 from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
-from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
@@ -224,12 +222,8 @@ def _joint(
 def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
     """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
     axes."""
-    lever = levers(at, active.site)
-    moved = active.basis(at).shifts(rods_of(at, active.site)) @ active.coefficients
-    shift = moved.mean(axis=1)
-    turned = -np.concatenate([skew(arm) for arm in lever[0]])  # the levers are the same at all poses
-    turn = (moved - shift[:, None]).reshape(len(at), -1) @ np.linalg.pinv(turned, rcond=1e-9).T
-    return np.hstack([shift @ axes.T, turn @ axes.T])
+    moved = of_carried(at, active.site, active.basis(at)) @ active.coefficients
+    return np.hstack([moved[:, :3] @ axes.T, moved[:, 3:] @ axes.T])
 
 
 def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis, along_track, of_lengths
-from gtpin.effects.chain_motions import beam, joint_frame, levers, of_body, tip_to_joint
+from gtpin.effects.chain_motions import beam, joint_frame, of_body, of_carried, tip_to_joint
 from gtpin.effects.sites import links_at, tracks, turning_joint
 from gtpin.effects.situation import Situation
 from gtpin.report.words import travel_words
@@ -99,31 +99,20 @@ def _own_load(at: Situation, site: str) -> Carried:
 
 def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
     """Shifts of a cart along and across its track, and its rotations."""
-    if not basis.placements or site not in at.robot.sites:
+    frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
+    if frame is None or not frame.indices:
         return []
-    frame, lever, carried = joint_frame(at, site), levers(at, site), _own_load(at, site)
-    moved, axes = basis.shifts(frame.indices), (frame.axis, *frame.across)
-
-    def tcp(way: Floats) -> Floats:
-        twist = np.broadcast_to(way[:, None], (len(at), 6, 1))
-        return of_body(at, site, twist, np.ones(1)).displacement(at)[:, :, 0]
-
-    found = []
-    for number, direction in enumerate(axes):
-        where = "along its track" if number == 0 else f"across its track, towards {_towards(direction)}"
-        columns = np.einsum("nkim,i->nm", moved, direction) / len(frame.indices)
-        shift = tcp(np.concatenate([direction, np.zeros(3)]))
-        found.append(Motion(f"{site} {where}", "m", columns, shift, straightened=number > 0, carried=carried))
+    across = [f"towards {_towards(direction)}" for direction in frame.across]
+    places = ["along its track", *(f"across its track, {a}" for a in across)]
     if len(frame.indices) > 1:
-        inertia = np.einsum("nki,nki->n", lever, lever)[:, None, None] * np.eye(3) - np.einsum(
-            "nki,nkj->nij", lever, lever
-        )
-        moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
-        turn = np.linalg.pinv(inertia, rcond=1e-9) @ moment
-        for number, direction in enumerate(axes):
-            about = "its track (roll)" if number == 0 else f"an axis towards {_towards(direction)}"
-            columns, turned = np.einsum("nim,i->nm", turn, direction), tcp(np.concatenate([np.zeros(3), direction]))
-            found.append(Motion(f"{site} about {about}", "rad", columns, turned, carried=carried))
+        places += ["about its track (roll)", *(f"about an axis {a}" for a in across)]
+    ways = np.kron(np.eye(2), np.vstack([frame.axis, frame.across]))  # rows: three unit shifts, three unit turns
+    moved, found = of_carried(at, site, basis), []
+    for k, (place, way) in enumerate(zip(places, ways, strict=False)):
+        one = of_body(at, site, np.broadcast_to(way[:, None], (len(at), 6, 1)), np.ones(1)).displacement(at)
+        columns, unit = np.einsum("nim,i->nm", moved, way), "m" if k < 3 else "rad"
+        load = _own_load(at, site)
+        found.append(Motion(f"{site} {place}", unit, columns, one[:, :, 0], straightened=k in (1, 2), carried=load))
     return found
 
 
