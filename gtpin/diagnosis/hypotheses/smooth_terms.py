@@ -104,8 +104,8 @@ def _of_links(at: Situation, priors: Priors) -> Terms:
         for over, waves, size in (*own, *_conditions(at)):
             yield SmoothTerm(name, over, motion), _changed(at, name, [waves], size, priors)
     for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
-        own_columns = [np.kron(one, waves) for one in np.eye(len(names))]
-        yield SmoothTerm("arm", over, motion), _changed(at, "arm", own_columns, np.tile(size, len(names)), priors)
+        own_columns = [np.kron(waves, one) for one in np.eye(len(names))]
+        yield SmoothTerm("arm", over, motion), _changed(at, "arm", own_columns, np.repeat(size, len(names)), priors)
 
 
 def _of_rod(at: Situation, i: int) -> Functions:
