@@ -12,8 +12,9 @@ from paper_table1 import expected_table1
 from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.rod_steps import PARAMETERS, RodStep
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
@@ -100,7 +101,7 @@ def compare_frame_angles(model: Model, grid: Grid = RECOVERED) -> tuple[Block, .
     calibrated = printed.calibrated[4]
     assert calibrated.orientation is not None
     q = grid.commands(model)
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     poses, ends = reached_poses(kinematics, q), kinematics.ends(q)
     share = printed.measurement.calibration_poses / len(q)
     rods = [rod for rod, source in enumerate(printed.source) if source == 4]

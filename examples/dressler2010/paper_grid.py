@@ -10,10 +10,10 @@ import numpy.typing as npt
 from paper_tables import tables
 from scipy.optimize import least_squares
 
-from gtpin.accuracy.rods import rod_kinematics
 from gtpin.accuracy.sensitivity import STEP, step_slopes
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rod_steps import PARAMETERS
@@ -78,7 +78,7 @@ class Grid:
         UnreachableError
             If the model can't reach a point.
         """
-        kinematics = rod_kinematics(model)
+        kinematics = of_rods(model.kinematics)
         q, poses = commands_for(kinematics, self.points(kinematics))
         if not poses.reached.all():
             raise UnreachableError(f"{model.robot.name} can't reach the whole grid", hint="make it smaller")
@@ -108,7 +108,7 @@ def recover_grid(model: Model, starts: Sequence[float] = STARTS) -> Grid:
     starts
         Centres along the tracks to start from, m; the best fit is kept.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     facts = tables().measurement
     lower, upper = facts.actuator_range
     there = np.array([[name in OF_ALL or source == 3 for source in tables().source] for name in PARAMETERS])

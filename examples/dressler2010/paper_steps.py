@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp, zyz_change
@@ -77,7 +78,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     UnreachableError, ConvergenceError
         As for :func:`~gtpin.accuracy.sensitivity.sensitivity`.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     links = [rod.name for rod in model.robot.rods]
     if link not in links or parameter not in PARAMETERS:
         raise ModelError(f"no parameter {parameter} of a link {link}", hint=f"links are {', '.join(links)}")
@@ -100,7 +101,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
 
 def drawn_measurements(model: Model, q: Floats, sigmas: Floats, seed: int = 0) -> Poses:
     """Poses (N), base frame, of a machine whose closures miss the model's by Gaussian residuals of sigmas (k,), m^2."""
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     poses = reached_poses(kinematics, q)
     residual = sigmas * np.random.default_rng(seed).standard_normal((len(q), len(model.robot.rods)))
     off = np.einsum("nij,nj->ni", closure_response(kinematics, q, poses), residual)

@@ -7,7 +7,8 @@ import numpy.typing as npt
 from paper_tables import tables
 
 from gtpin.accuracy.expected import ErrorResponse, ExpectedError, Uncertainty, expected_of, response
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -39,7 +40,7 @@ def _reduced(model: Model, q: Floats, sigmas: Floats) -> ErrorResponse:
 
     Both reduced models' clusters point as model 1's: that of model 2 is printed in another frame.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     reduced = tables().calibrated[1]
     assert reduced.direction is not None
     T = reached_poses(kinematics, q).T

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gtpin.effects import Effect, Situation, along_track
 from gtpin.effects.basis import Basis
-from gtpin.effects.smooth import own_load
+from gtpin.effects.smooth import loads_of
 from gtpin.robot.robot import Robot
 
 NAMES = ("gaussian_process", "product_of_joints", "load_cube_root", "pit")
@@ -42,6 +42,6 @@ class Form(Effect):
             return np.asarray(x[:, j] * x[:, other])
         if self.id == "load_cube_root":
             rods = at.robot.rod_sites
-            load, usual = (at.force[:, j % len(rods)], 10.0) if rods else (own_load(at, site)[0], 1.0)
+            load, usual = (at.force[:, j % len(rods)], 10.0) if rods else (loads_of(at, site)[0][:, 0], 1.0)
             return np.cbrt(load / usual)
         return np.asarray(1.0 / (1.0 + np.exp((np.abs(x[:, j] - rng.uniform(-0.6, 0.6)) - PIT) / 0.01)))

@@ -12,10 +12,10 @@ import numpy as np
 
 from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
-from gtpin.accuracy.rods import rod_kinematics
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
@@ -178,7 +178,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
-    links = rod_kinematics(model).names
+    links = of_rods(model.kinematics).names
     if set(costs) != set(links) or poses < 1 or not all(0.0 <= cost < np.inf for cost in costs.values()):
         raise ModelError(
             "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"

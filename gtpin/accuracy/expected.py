@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import elliprg
 
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import frame_motions
@@ -122,7 +123,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
         fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(uncertainty.parameters)
         fixed = fixed if model.frame.is_base else placed_best(fixed, poses)
     if uncertainty.closures is not None:
-        rods = rod_kinematics(model)
+        rods = of_rods(model.kinematics)
         if np.shape(uncertainty.closures) != rods.L0.shape:
             what = f"{np.size(uncertainty.closures)} closure sigmas"
             raise ModelError(what, hint=f"give one for each of {len(rods.L0)} rods")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.rods import reached_poses
+from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.signal import Signal, signal
 from gtpin.calibration.observability import Observability
 from gtpin.errors import ModelError

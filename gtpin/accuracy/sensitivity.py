@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.special import ndtr
 
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rod_steps import RodStep, rod_step
@@ -164,7 +165,7 @@ class _Costs:
 
     @staticmethod
     def of(model: Model, q: Floats, poses: Poses, sigmas: Floats | None, measured: Poses | None) -> _Costs:
-        kinematics = rod_kinematics(model)
+        kinematics = of_rods(model.kinematics)
         seen = poses
         if measured is not None:
             if sigmas is not None or len(measured) != len(q):
@@ -193,7 +194,7 @@ def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ..
     Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
     angles.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     ends = kinematics.ends(q)
     d, RP = rod_vectors(poses, ends)
     response = np.linalg.inv(pose_jacobian(d, RP))

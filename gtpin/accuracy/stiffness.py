@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.accuracy.rods import reached_poses, rod_kinematics
+from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian
+from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -44,7 +45,7 @@ def stiffness(
     Raises `ModelError` if a stiffness is not positive or the robot has no rods. `UnreachableError` if the commands can't be
     reached.
     """
-    kinematics = rod_kinematics(model)
+    kinematics = of_rods(model.kinematics)
     count = len(kinematics.L0)
     rods, drives = (np.asarray(k, dtype=float) for k in (rod, drive))
     shapes = ((rods, count), (drives, model.robot.n_actuators))

@@ -36,13 +36,13 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     ``covariance``: (p, p) covariance of the geometry's parameters.
     """
     robot = geometry.robot
-    if not robot.rods:
+    if not any(p.kind == "carrier_joint" for p in geometry.parameters):
         return ()
     kinematics = RodKinematics(geometry)
     rates = np.array([joint.by_travel(np.zeros(1))[0] for joint in kinematics.seats]) * kinematics.scale[:, None]
     found = []
     for a, actuator in enumerate(robot.actuators):
-        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]
+        carried = list(kinematics.carried(a))
         weight = np.zeros(len(geometry.parameters))
         power = float((rates[carried] ** 2).sum()) if carried else 0.0
         for j, p in enumerate(geometry.parameters):

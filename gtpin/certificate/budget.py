@@ -12,6 +12,7 @@ from gtpin.accuracy.expected import ErrorResponse, expected_of
 from gtpin.certificate.quantity import Missing
 from gtpin.certificate.response import At, ModelPosterior, by_commands
 from gtpin.distributions import norm, t, truncated
+from gtpin.effects.sites import turning_joint
 from gtpin.model.model import root_of
 from gtpin.typing import Floats
 
@@ -225,7 +226,7 @@ def budget(posterior: ModelPosterior, at: At, spreads: Spreads, *, orientation: 
     if r is None:
         rows.append(Contribution("repeatability", None, missing=spreads.why))
     else:
-        unit = "rad" if not model.robot.rods and bool(np.all(model.robot.revolute)) else "m"
+        unit = "rad" if all(turning_joint(model.robot, site) for site in model.robot.sites) else "m"
         rows.append(Contribution("repeatability", r**2 * J @ np.swapaxes(J, 1, 2), r, unit))
         fresh.append(J * r)
     position, turns = spreads.unexplained

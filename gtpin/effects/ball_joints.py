@@ -12,11 +12,10 @@ from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import joints, links
+from gtpin.effects.sites import links, loaded_along
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import drive_sizes, own_load
+from gtpin.effects.smooth import drive_sizes, loads_of
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 FEWEST = 2
@@ -48,6 +47,7 @@ class JointClearance(Effect):
     )
     remedy = "Replace or preload the joint."
     coefficient = ("half_play", "m")
+    acts_at = staticmethod(loaded_along)
     depends_on = ("load",)
     core = (0,)
     of_travel = True
@@ -55,37 +55,20 @@ class JointClearance(Effect):
         "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
     }
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Each rod; each actuated joint of a robot without rods."""
-        return links(robot) or joints(robot)
-
     def untestable(self, at: Situation, site: str) -> Untestable | None:
         """``one_sign``, ``no_load`` or ``no_masses``: play can be observed only where the force changes its sign."""
-        if site in joints(at.robot):
-            if not loaded(at, site):
-                return no_load(at)
-            pushed = int((own_load(at, site)[0] > 0.0).sum())
-            return None if min(pushed, len(at) - pushed) >= FEWEST else Untestable("one_sign")
-        pulled = int((at.force[:, rods_of(at, site)[0]] > 0.0).sum())
+        if not loaded(at, site):
+            return no_load(at)
+        pulled = int((loads_of(at, site)[0] > 0.0).sum())
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The sign of the force, a smooth transition where the force is small, and yielding."""
-        if site in joints(at.robot):
-            load, (mean, wide) = own_load(at, site)
-            spread = max(abs(mean) + wide, 1e-9)
-            sign = np.sign(load)
-            columns = np.stack([sign, np.tanh(load / (0.2 * spread)) - sign, load / spread], axis=1)
-            return along_track(
-                at, site, columns, drive_sizes(at, site, [1.0, MODULATION.soft_clearance, MODULATION.yielding], 1.5e-5)
-            )
-        i = rods_of(at, site)[0]
-        sign = np.sign(at.force[:, i])
-        spread = at.references.force[1][i]
-        soft = np.tanh(at.force[:, i] / (0.2 * spread))
-        columns = np.stack([sign, soft - sign, at.force[:, i] / spread], axis=1)
-        sizes = [1.0, MODULATION.soft_clearance, MODULATION.yielding]
-        return of_lengths(at, [i], columns[:, None, :], unit(sizes, 1.5e-5))
+        rods, (load, mean, spread) = rods_of(at, site), (values[..., 0] for values in loads_of(at, site))
+        scale, sign = spread if rods else np.maximum(np.abs(mean) + spread, 1e-9), np.sign(load)
+        columns = np.stack([sign, np.tanh(load / (0.2 * scale)) - sign, load / scale], axis=1)
+        sizes = drive_sizes(at, site, [1.0, MODULATION.soft_clearance, MODULATION.yielding], 1.5e-5)
+        return of_lengths(at, rods, columns[:, None], sizes) if rods else along_track(at, site, columns, sizes)
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """Half the play, the play, and the further change with the force."""

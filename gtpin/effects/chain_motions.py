@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from gtpin.effects.basis import Basis
+from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
@@ -75,6 +75,16 @@ def levers(at: Situation, site: str) -> Floats:
     return np.asarray(joints - joints.mean(axis=1, keepdims=True))
 
 
+def of_carried(at: Situation, site: str, basis: Basis) -> Floats:
+    """(N, 6, m) motion of a cart by a basis, base frame: shift of the mean of its joints, m, and turn about it, rad, by least
+    squares."""
+    lever, moved = levers(at, site), basis.shifts(joint_frame(at, site).indices)
+    square = np.einsum("nki,nkj->nij", lever, lever)
+    inertia = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
+    moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
+    return np.concatenate([moved.mean(axis=1), np.linalg.pinv(inertia, rcond=1e-9) @ moment], axis=1)
+
+
 def cart_load(at: Situation, site: str) -> tuple[Floats, Floats]:
     """(N, 3) force, N, of the rods on a cart and (N, 3) their moment, N m, about the mean of its joints, base frame."""
     pull = at.joint_loads[:, joint_frame(at, site).indices, :3]
@@ -91,6 +101,17 @@ def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Ba
     # placement frame moved.
     own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
     return Basis(sigma, placements=tuple(own))
+
+
+def lengthened(at: Situation, site: str, strain: Floats, sigma: Floats) -> Basis:
+    """Basis of the growth of a site's k links: strains (N, k, m), relative to their length, of rods and of other links.
+
+    A rod changes its length. Another link grows along the line from its joint to the next joint.
+    """
+    if rods := rods_of(at, site):
+        return of_lengths(at, rods, strain * at.length[:, rods, None], sigma)
+    along = (np.concatenate([reach(at, link), np.zeros(3)]) for link in links_at(at.robot, site))
+    return of_tips(at, site, [way[:, None] * strain[:, None, i] for i, way in enumerate(along)], sigma)
 
 
 def tip_to_joint(at: Situation, link: MovingLink) -> Floats:

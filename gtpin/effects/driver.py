@@ -15,7 +15,7 @@ from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
 from gtpin.effects.effect import Effect
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import joints, links, sliding_carts, turns
+from gtpin.effects.sites import guided, links, turns
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
@@ -37,7 +37,7 @@ def refusal(robot: Robot, site: str, motion: str) -> str | None:
     if site in ("platform", "frame"):
         return f"{site} is no joint, so it has no q" if motion == "q" else None
     if site in robot.sites:
-        if motion == "q" or site in (*joints(robot), *sliding_carts(robot)):
+        if motion == "q" or site in guided(robot):
             return None
         return f"{site} slides no carrier along a track, so that it has its q only"
     if links(robot):

@@ -13,7 +13,7 @@ from gtpin.effects.effect import Effect, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import approach, cosines, own_load
+from gtpin.effects.smooth import approach, cosines, loads_of
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -58,7 +58,7 @@ class JointCompliance(Effect):
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The load, its modulation by stiffening, and hysteresis from friction."""
         j = at.robot.sites.index(site)
-        load, (mean, spread) = own_load(at, site)
+        load, mean, spread = (values[..., 0] for values in loads_of(at, site))
         usual = max(abs(mean) + spread, 1e-9)
         columns = np.stack([load, load * (np.abs(load) / usual - 1.0), np.abs(load) * approach(at, j)], axis=1)
         sizes = [1.0, MODULATION.stiffening, MODULATION.friction]
@@ -82,13 +82,13 @@ LEAST_LOAD = 1e-6
 
 
 def loaded(at: Situation, site: str) -> bool:
-    """Whether a joint has a force along its axis, or a moment about it, at any pose."""
-    load, _ = own_load(at, site)
+    """Whether a rod has a force, or a joint a force along its axis or a moment about it, at any pose."""
+    load = loads_of(at, site)[0]
     return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))
 
 
 def no_load(at: Situation) -> Untestable:
-    """Why a joint carries nothing: ``no_masses`` where no joint carries anything at any pose, else ``no_load``."""
+    """Why a part carries nothing: ``no_masses`` where no joint carries anything at any pose, else ``no_load``."""
     return Untestable("no_load" if at.joint_loads.any() else "no_masses")
 
 

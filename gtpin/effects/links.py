@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
-from gtpin.effects.chain_motions import beam, bending, of_tips, reach, tip_loads, torsion
+from gtpin.effects.chain_motions import beam, bending, lengthened, of_tips, tip_loads, torsion
 from gtpin.effects.effect import ChainWords, Effect, Range, unit
 from gtpin.effects.joints import no_load
 from gtpin.effects.modulation import MODULATION
@@ -79,8 +79,8 @@ class LinkCompliance(Effect):
     }
 
     def untestable(self, at: Situation, site: str) -> Untestable | str | None:
-        """``no_load`` or ``no_masses`` where no link of a robot without rods carries a load."""
-        return None if links(at.robot) or at.joint_loads.any() else no_load(at)
+        """``no_masses`` where no link carries a load."""
+        return None if at.joint_loads.any() else no_load(at)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
         """The common compliance, then its modulation: load, tension or compression, friction, link, and length of a leg."""
@@ -191,21 +191,13 @@ class ThermalLinks(Effect):
         """The common expansion, then its modulation: temperature difference, time, and for robots with rods each link."""
         warm = at.covariate("temp_link") - at.references.temperature
         late = at.time if at.has("time") else np.zeros(len(at))
-        if not links(at.robot):
-            factors = np.stack([warm, warm * np.abs(warm) / 5.0, warm * late], axis=1)
-            twists = []
-            for link in links_at(at.robot, site):
-                along = np.concatenate([reach(at, link), np.zeros(3)])
-                twists.append(along[None, :, None] * factors[:, None, :])
-            return of_tips(at, site, twists, unit([1.0, MODULATION.warming, MODULATION.late], 1.5e-5))
-        rods = rods_of(at, site)
-        growth = warm[:, None] * at.length[:, rods]
-        columns = [growth, growth * np.abs(warm)[:, None] / 5.0, growth * late[:, None]]
-        sizes = [1.0, MODULATION.warming, MODULATION.late]
-        if len(rods) > 1:
-            columns += [growth * (np.arange(len(rods)) == i) for i in range(len(rods))]
-            sizes += [MODULATION.links] * len(rods)
-        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, 8e-6))
+        common = np.stack([warm, warm * np.abs(warm) / 5.0, warm * late], axis=1)
+        rods = len(rods_of(at, site))
+        own = rods if rods > 1 else 0
+        strain = np.repeat(common[:, None], rods or len(links_at(at.robot, site)), axis=1)
+        strain = np.concatenate([strain, warm[:, None, None] * np.eye(strain.shape[1])[None, :, :own]], axis=2)
+        sizes = [1.0, MODULATION.warming, MODULATION.late, *[MODULATION.links] * own]
+        return lengthened(at, site, strain, unit(sizes, 8e-6 if rods else 1.5e-5))
 
     def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
         """The mean expansion, and the standard deviation between links."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.effect import ChainWords, Effect, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import joints, tracks, turns
+from gtpin.effects.sites import joints, tracks, turning_joint
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import drive_sizes
 from gtpin.typing import Floats
@@ -68,7 +68,7 @@ class RackPeriodic(Effect):
     def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
         """Periods to try, so dense that the phase error over the whole track is at most a twelfth of a turn."""
         span = _span(at, site)
-        if _turns(at, site):
+        if turning_joint(at.robot, site):
             longest, shortest = TURN, TURN / MOST_A_TURN
             if span / LEAST_TURNS < shortest:
                 return []
@@ -79,7 +79,7 @@ class RackPeriodic(Effect):
 
     def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         """At a turning joint of a robot without rods: ``LEAST_TURNS`` periods in its range, or ``APART`` from its others."""
-        if not _turns(at, site):
+        if not turning_joint(at.robot, site):
             return super().resolved(at, site, values, others)
         cycles, span = 1.0 / np.asarray(values), _span(at, site)
         if not len(others):
@@ -113,11 +113,6 @@ class RackPeriodic(Effect):
         }
         harmonic = coefficients[6:8]
         return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})
-
-
-def _turns(at: Situation, site: str) -> bool:
-    """Whether a site is a turning joint of a robot without rods."""
-    return turns(at.robot, site) and site in joints(at.robot)
 
 
 def _span(at: Situation, site: str) -> float:

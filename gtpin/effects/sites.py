@@ -27,9 +27,19 @@ def joints(robot: Robot) -> tuple[str, ...]:
     return () if robot.rods else robot.sites
 
 
+def guided(robot: Robot) -> tuple[str, ...]:
+    """Sites of the actuators whose guide or bearing has error motions: joints, and carriers that slide along a track."""
+    return joints(robot) or sliding_carts(robot)
+
+
 def links(robot: Robot) -> tuple[str, ...]:
     """Sites of the rods."""
     return robot.rod_sites
+
+
+def loaded_along(robot: Robot) -> tuple[str, ...]:
+    """Sites with one load, along a rod or along or about a joint's axis: each rod, or each joint with an actuator."""
+    return links(robot) or joints(robot)
 
 
 def the_frame(robot: Robot) -> tuple[str, ...]:
@@ -55,6 +65,11 @@ def links_at(robot: Robot, site: str) -> list[MovingLink]:
 def turns(robot: Robot, site: str) -> bool:
     """Whether a site is an actuator that turns (revolute). False for one that slides (prismatic), and for other sites."""
     return site in robot.sites and robot.actuators[robot.sites.index(site)].revolute
+
+
+def turning_joint(robot: Robot, site: str) -> bool:
+    """Whether a site is a turning joint with an actuator of a robot without rods."""
+    return turns(robot, site) and site in joints(robot)
 
 
 def number(robot: Robot, site: str) -> int:

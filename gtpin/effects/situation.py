@@ -183,6 +183,19 @@ class Situation:
         """(N, k) axial force of each rod, N, tension positive, from gravity of plate, rods and payload and the tool's force."""
         return self.kinematics.rod_forces(self.q, self.poses, *self._tool)
 
+    def rod_shares(self, error: Floats, noise: Floats) -> dict[str, float]:
+        """Each rod's share of errors of the TCP's pose: of the mean squares beyond noise that they are in the rods' lengths.
+
+        The shares sum to 1, or are all zero where noise explains the errors; there are none without rods. ``error``: (N, c) the
+        first c components, base frame, m and rad; others count as zero. ``noise``: (c, c) or (N, c, c) root of its covariance.
+        """
+        if not self.robot.rod_sites:
+            return {}
+        to_rods = np.linalg.inv(self.response[:, :6])[:, :, : error.shape[1]]
+        power = (np.einsum("nkc,nc->nk", to_rods, error) ** 2).mean(axis=0)
+        left = np.maximum(power - ((to_rods @ noise) ** 2).sum(axis=2).mean(axis=0), 0.0)
+        return dict(zip(self.robot.rod_sites, (left / (left.sum() or 1.0)).tolist(), strict=True))
+
     @cached_property
     def _tool(self) -> tuple[Floats | None, Floats | None]:
         """(N, 3) force on the tool, base frame, N, and (N,) payload, kg, where they are given."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.effects.basis import rods_of
-from gtpin.effects.sites import joints, number, turns
+from gtpin.effects.sites import number, turning_joint
 from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rotations import frame_motions
@@ -126,7 +126,7 @@ def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, si
     same number in rad.
     """
     whole = np.asarray(relative, dtype=float) * size
-    return whole / RIM if turns(at.robot, site) and site in joints(at.robot) else whole
+    return whole / RIM if turning_joint(at.robot, site) else whole
 
 
 SLOWEST_LINE = 3.0
@@ -144,7 +144,7 @@ def smooth_orders(at: Situation, j: int, most: int) -> int:
     """Number of cosines over the travel of drive j that count as smooth: ``most``, but for a turning joint of a robot without
     rods only those with at most ``SLOWEST_LINE`` periods per turn, and ``LEAST_ORDERS`` at least.
     """
-    if at.robot.sites[j] not in joints(at.robot) or not at.robot.actuators[j].revolute:
+    if not turning_joint(at.robot, at.robot.sites[j]):
         return most
     return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE / _turns(at, j))))
 
@@ -155,7 +155,7 @@ def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floa
     For a turning joint of a robot without rods, cosines with many periods per turn are smaller: see ``FALL``.
     """
     columns, size = cosines(at.travel[:, j], 1, most, decay)
-    if at.robot.sites[j] not in joints(at.robot) or not at.robot.actuators[j].revolute:
+    if not turning_joint(at.robot, at.robot.sites[j]):
         return columns, size
     rate = np.arange(1, most + 1) * _turns(at, j)
     kept = np.arange(most) < LEAST_ORDERS
@@ -171,21 +171,23 @@ def _turns(at: Situation, j: int) -> float:
 def drive_load(at: Situation, site: str) -> Floats:
     """(N,) (load - mean) / spread of the load on a drive, without unit; mean and spread are over the poses of the fit.
 
-    The load is the mean over the forces of the drive's rods, each scaled in this way. For robots without rods it is the force
-    along the joint's axis or the moment about it.
+    The load is the mean over :func:`loads_of`, each scaled in this way.
     """
-    if site not in joints(at.robot):
-        return np.asarray(at.load[:, rods_of(at, site)].mean(axis=1))
-    load, usual = own_load(at, site)
-    mean, spread = usual
-    return np.asarray((load - mean) / spread)
+    load, mean, spread = loads_of(at, site)
+    return np.asarray(((load - mean) / spread).mean(axis=1))
 
 
-def own_load(at: Situation, site: str) -> tuple[Floats, tuple[float, float]]:
-    """(N,) force along a joint's axis, N, or moment about it, N m, and its mean and spread over the poses of the fit."""
+def loads_of(at: Situation, site: str) -> tuple[Floats, Floats, Floats]:
+    """(N, k) loads at a site, N or N m, and their (k,) means and spreads over the poses of the fit.
+
+    They are the axial forces of the k rods of the site; without rods, the force along a joint's axis or the moment about it.
+    """
+    if rods := rods_of(at, site):
+        mean, spread = at.references.force
+        return at.force[:, rods], mean[rods], spread[rods]
     j = at.robot.sites.index(site)
     (index,), still = at.kinematics.carried(j), np.zeros(3)
     along = at.kinematics.axis(j)
     axis = np.concatenate([still, along] if at.robot.actuators[j].revolute else [along, still])
     mean, spread = (values[index] for values in at.references.joints)
-    return at.joint_loads[:, index] @ axis, (float(mean @ axis), float(np.linalg.norm(spread * axis)))
+    return at.joint_loads[:, [index]] @ axis, np.array([mean @ axis]), np.array([np.linalg.norm(spread * axis)])

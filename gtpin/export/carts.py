@@ -9,14 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import rods_of
+from gtpin.effects.chain_motions import cart_load, of_body, of_carried
 from gtpin.effects.sites import number, sliding_carts
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach
 from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
-from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
@@ -94,7 +93,8 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
         if active.effect.exported_as != "cart_springs":
             continue
         at, axes, index = conditions(model, active), _axes(robot, active.site), robot.sites.index(active.site)
-        moved, loads, came = _motion(active, at, axes), _loads(at, active.site, axes), approach(at, index)
+        moved, came = _motion(active, at, axes), approach(at, index)
+        loads = np.hstack([load @ axes.T for load in cart_load(at, active.site)])
         q, ends = at.q[:, index], (float(robot.lower[index]), float(robot.upper[index]))
         laws = {
             k: give(loads[:, k], moved[:, k], tangent, q, ends, came) for k, tangent in enumerate(_tangents(active))
@@ -222,35 +222,14 @@ def _joint(
 def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
     """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
     axes."""
-    lever = _levers(at, active.site)
-    moved = active.basis(at).shifts(rods_of(at, active.site)) @ active.coefficients
-    shift = moved.mean(axis=1)
-    turned = -np.concatenate([skew(arm) for arm in lever[0]])  # the levers are the same at all poses
-    turn = (moved - shift[:, None]).reshape(len(at), -1) @ np.linalg.pinv(turned, rcond=1e-9).T
-    return np.hstack([shift @ axes.T, turn @ axes.T])
+    moved = of_carried(at, active.site, active.basis(at)) @ active.coefficients
+    return np.hstack([moved[:, :3] @ axes.T, moved[:, 3:] @ axes.T])
 
 
 def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
     """(N, 6) motion of the TCP, m and rad, base frame, by a motion (N, 6) of a cart in its axes, to first order."""
-    shift, turn = motion[:, None, :3] @ axes, motion[:, None, 3:] @ axes
-    rods = rods_of(at, site)
-    carrier_joints = shift + np.cross(turn, _levers(at, site))
-    stretch = np.einsum("nki,nki->nk", at.along[:, rods], carrier_joints)
-    return np.asarray(np.einsum("nik,nk->ni", at.response[:, :6, rods], stretch))
-
-
-def _levers(at: Situation, site: str) -> Floats:
-    """(N, k, 3) vectors from the mean of the rods' joints on a cart to each of them, base frame, m."""
-    joints = at.carrier_joints[:, rods_of(at, site)]
-    return np.asarray(joints - joints.mean(axis=1, keepdims=True))
-
-
-def _loads(at: Situation, site: str, axes: Floats) -> Floats:
-    """(N, 6) force, N, and moment, N m, of the rods on a cart, in its axes."""
-    rods = rods_of(at, site)
-    pull = at.force[:, rods, None] * at.along[:, rods]
-    moment = np.cross(_levers(at, site), pull).sum(axis=1)
-    return np.hstack([pull.sum(axis=1) @ axes.T, moment @ axes.T])
+    twist = np.hstack([motion[:, :3] @ axes, motion[:, 3:] @ axes])
+    return of_body(at, site, twist[..., None], np.ones(1)).displacement(at)[:, :6, 0]
 
 
 def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floats:

@@ -10,9 +10,8 @@ import pinocchio as pin
 
 from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import rods_of
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import own_load
+from gtpin.effects.smooth import loads_of
 from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
@@ -107,12 +106,8 @@ def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floa
 
 def _largest_load(at: Situation, site: str) -> float:
     """Bound of the load on a drive in the fit, N or N m: mean plus ``SPREADS`` standard deviations, summed over its rods."""
-    if not at.robot.rods:
-        mean, spread = own_load(at, site)[1]
-        return abs(mean) + SPREADS * spread
-    rods = rods_of(at, site)
-    middle, spreads = (values[rods] for values in at.references.force)
-    return float((np.abs(middle) + SPREADS * spreads).sum())
+    _, mean, spread = loads_of(at, site)
+    return float((np.abs(mean) + SPREADS * spread).sum())
 
 
 def _over_the_range(model: Model, index: int, at: Situation) -> Situation:

@@ -12,7 +12,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, tip_loads, torsion
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import own_load
+from gtpin.effects.smooth import loads_of
 from gtpin.export.curves import STIFFEST, line
 from gtpin.export.loss import conditions
 from gtpin.export.mechanism import Body, Joint, Mechanism, Spring
@@ -37,7 +37,7 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
     Returns the same as for :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
-    if model.robot.rods or model.robot.constraints:
+    if model.robot.constraints:
         return mechanism, shown
     flexible: dict[str, tuple[MovingLink, float, float]] = {}
     for active in model.effects:
@@ -60,7 +60,7 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
 def _with_soft_drive(mechanism: Mechanism, model: Model, active: ActiveEffect) -> tuple[Mechanism, Floats | None]:
     at = conditions(model, active)
     index = model.robot.sites.index(active.site)
-    load, _ = own_load(at, active.site)
+    load = loads_of(at, active.site)[0][:, 0]
     command = active.basis(at).command
     assert command is not None
     compliance, rest = line(load, command[1] @ active.coefficients, float(active.coefficients[0]))

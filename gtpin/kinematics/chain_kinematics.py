@@ -17,6 +17,7 @@ from gtpin.kinematics.protocol import Bodies, SmallError
 from gtpin.kinematics.rotations import twist_jacobian
 from gtpin.kinematics.statics import joint_loads
 from gtpin.robot.chain import joint_axis
+from gtpin.robot.export import placements_to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -117,6 +118,10 @@ class ChainKinematics:
             place = p.name.rpartition(".")[0]
             link = place.removeprefix("placement[").removeprefix("anchor[").removesuffix("]")
             yield SmallError(COMPONENTS[p.component], link, J[:, :, column], partial(self._stepped, q, column))
+
+    def urdf(self) -> str:
+        """See :func:`~gtpin.robot.export.placements_to_urdf`."""
+        return placements_to_urdf(self.geometry)
 
     def _stepped(self, q: Floats, column: int, step: float) -> Poses:
         """Poses at commands after a step of one parameter of the geometry; raises `ConvergenceError` where the loops open."""

@@ -15,7 +15,6 @@ from gtpin.kinematics.protocol import Bodies
 from gtpin.kinematics.rod_geometry import Turned
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.robot import Robot
@@ -70,9 +69,8 @@ class PinocchioRods(RodKinematics):
 
     @cached_property
     def _posture(self) -> ClosedPosture:
-        robot, there = self.geometry.robot, self.home
-        xml = to_urdf(self.geometry, self.P, self.C0, self.L0, self.v, (there.T[0], there.R[0]))
-        return home(Robot(RobotDescription.parse(xml, source=robot.name), robot.tcp_frame))
+        robot = self.geometry.robot
+        return home(Robot(RobotDescription.parse(self.urdf(), source=robot.name), robot.tcp_frame))
 
     @cached_property
     def _travel_scale(self) -> Floats:

@@ -124,3 +124,6 @@ class Kinematics(Protocol):
 
     def small_errors(self, q: Floats, poses: Poses) -> Iterator[SmallError]:
         """Small errors of each part, one parameter at a time."""
+
+    def urdf(self) -> str:
+        """The URDF of the robot with the geometry, as far as a URDF can represent it."""

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from gtpin.errors import ModelError
 from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.first_guess import FirstGuess
 from gtpin.kinematics.poses import Poses, chunks
@@ -17,6 +18,7 @@ from gtpin.kinematics.rod_geometry import RodGeometry
 from gtpin.kinematics.rod_joints import RodJoint, direction, motion
 from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.statics import rod_forces
+from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
@@ -205,6 +207,13 @@ class RodKinematics(RodGeometry):
                     size = self.geometry.robot.size
                     after = partial(change.poses_after, ends=ends, poses=poses, size=size)
                     yield SmallError(parameter, rod.name, rate, after)
+
+    def urdf(self) -> str:
+        """See :func:`~gtpin.robot.export.to_urdf`; raises `ModelError` if the loops don't close at home."""
+        if not self.home.reached.all():
+            name = self.geometry.robot.name
+            raise ModelError(f"the loops of {name} don't close at home", hint="check the geometry's values")
+        return to_urdf(self.geometry, self.P, self.C0, self.L0, self.v, (self.home.T[0], self.home.R[0]))
 
     def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""

@@ -16,7 +16,6 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.errors import GtpinError, ModelError
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.effect_record import active_effect, record
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import FittedInstrument, Frame, Model
@@ -34,7 +33,6 @@ from gtpin.model.model_file import (
 )
 from gtpin.output.results import results_folder
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.export import placements_to_urdf, to_urdf
 from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
@@ -52,13 +50,7 @@ MOST_UNCERTAIN = 1e3
 
 def calibrated_urdf(model: Model) -> str:
     """URDF of a model's robot with the model's geometry, as far as a URDF can represent it."""
-    geometry = model.geometry
-    if not geometry.robot.rods:
-        return placements_to_urdf(geometry)
-    rods = RodKinematics(geometry)
-    if not rods.home.reached.all():
-        raise ModelError(f"the loops of {geometry.robot.name} don't close at home", hint="check the geometry's values")
-    return to_urdf(geometry, rods.P, rods.C0, rods.L0, rods.v, (rods.home.T[0], rods.home.R[0]))
+    return model.kinematics.urdf()
 
 
 def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:
@@ -243,8 +235,8 @@ def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[st
 def _geometry(robot: Robot, content: ModelFile) -> Geometry:
     # The file gives a tolerance for each parameter; those of the kinds, which a URDF may lack, are not used here.
     tracks = tuple(None if t is None else _track(t) for t in content.tracks)
-    if tracks and len(tracks) != len(robot.rods):
-        raise ModelError(f"{len(tracks)} tracks for {len(robot.rods)} rods")
+    if tracks and len(tracks) != len(robot.rod_sites):
+        raise ModelError(f"{len(tracks)} tracks for {len(robot.rod_sites)} rods")
     full = Geometry.nominal(robot, directions=content.directions, scale=content.scale, arm=content.arm, tracks=tracks)
     unknown = sorted(set(content.parameters) - set(full.names))
     if unknown:
@@ -266,8 +258,7 @@ def _check_values(geometry: Geometry) -> None:
         if abs(deviation) > largest[parameter.unit]:
             what = f"{value:g} {parameter.unit}, where {parameter.nominal:g} is nominal"
             raise ModelError(what, column=f"parameters.{parameter.name}")
-    looped = geometry.robot.rods or geometry.robot.constraints
-    if looped and moved.any() and not kinematics(geometry).home.reached.all():
+    if geometry.robot.constraints and moved.any() and not kinematics(geometry).home.reached.all():
         i = int(np.argmax(np.abs(moved) / geometry.tolerance))
         most = geometry.parameters[i]
         what = f"the loops don't close at home; farthest from nominal, {most.nominal:g}, is this value, {geometry.values[i]:g}"

@@ -202,18 +202,12 @@ def _places(
 ) -> list[tuple[str, str, Floats]]:
     """Coordinates against which an effect of forces, directions or positions is shown."""
     if "load" in own and motion.carried is not None:
-        carried = motion.carried
-        return [(carried.words, carried.unit, at.joint_loads[:, carried.index] @ carried.way)]
+        return [(motion.carried.words, motion.carried.unit, motion.carried.at(at))]
     if "load" in own and motion.rod is not None:
-        return [(f"force in {at.robot.rods[motion.rod].site}", "N", at.force[:, motion.rod])]
-    if "load" in own and active.site in at.robot.sites and at.robot.rods:
-        j = at.robot.sites.index(active.site)
-        rods = [i for i, rod in enumerate(at.robot.rods) if rod.carrier == j]
-        force = (at.force[:, rods, None] * at.along[:, rods]).sum(axis=1) @ at.robot.actuators[j].axis
-        return [(f"force on {active.site} along its track", "N", force)]
+        return [(f"force in {at.robot.rod_sites[motion.rod]}", "N", at.force[:, motion.rod])]
     if "direction" in own and motion.rod is not None:
         angles = np.rad2deg(at.tilt[:, motion.rod] * at.references.direction[1][motion.rod])
-        return [(f"tilt of {at.robot.rods[motion.rod].site}, {k + 1} of 2", "°", angles[:, k]) for k in range(2)]
+        return [(f"tilt of {at.robot.rod_sites[motion.rod]}, {k + 1} of 2", "°", angles[:, k]) for k in range(2)]
     axis = number % 3
     return [(f"TCP along {'xyz'[axis]}", "m", at.poses.T[:, axis])]
 

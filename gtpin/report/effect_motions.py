@@ -9,11 +9,10 @@ import numpy as np
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.basis import Basis, along_track, of_lengths
-from gtpin.effects.chain_motions import beam, joint_frame, tip_to_joint
-from gtpin.effects.sites import links_at
+from gtpin.effects.chain_motions import beam, joint_frame, of_body, of_carried, tip_to_joint
+from gtpin.effects.sites import links_at, tracks, turning_joint
 from gtpin.effects.situation import Situation
 from gtpin.report.words import travel_words
-from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
@@ -25,15 +24,19 @@ SMALLEST = 1e-9
 
 @dataclass(frozen=True)
 class Carried:
-    """The load that does work along a displaced quantity of a robot without rods.
+    """The load that does work along a displaced quantity.
 
-    ``what``: the part on which it acts, and its direction, in words. ``index``, ``way``: index of the placement frame, as
-    in :class:`~gtpin.kinematics.bodies.Bodies`, and (6,) the direction as a twist in this frame.
+    ``what``: the part on which it acts, and its direction, in words. ``indices``, ``way``: indices of the frames that carry it,
+    as in :class:`~gtpin.kinematics.protocol.Bodies`, and (6,) the direction as a twist in these frames.
     """
 
     what: str
-    index: int
+    indices: tuple[int, ...]
     way: Floats
+
+    def at(self, at: Situation) -> Floats:
+        """(N,) the load, N or N m."""
+        return np.asarray(at.joint_loads[:, self.indices].sum(axis=1) @ self.way)
 
     @property
     def words(self) -> str:
@@ -56,7 +59,7 @@ class Motion:
       quantity.
     - ``rod``: index of the rod whose length it is; None for other quantities.
     - ``straightened``: whether geometry absorbs a straight line of the quantity along the track, not only its mean.
-    - ``carried``: for a robot without rods, the load along the quantity; None where there is none.
+    - ``carried``: the load along the quantity, for a cart always along its track; None where there is none.
     """
 
     name: str
@@ -71,10 +74,8 @@ class Motion:
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     """All quantities that an effect displaces by more than a rounding error."""
     basis, site = active.basis(at), active.site
-    if at.robot.rods:
-        found = [*_travel(at, basis), *_carrier_joints(active, at, basis), *_lengths(at, basis)]
-    else:
-        found = [*_travel(at, basis), *placements(at, site, basis)]
+    placed = _of_carrier if tracks(at.robot) else placements
+    found = [*_travel(at, basis), *placed(at, site, basis), *_lengths(at, basis)]
     return [m for m in [*found, *_twist(at, basis)] if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
@@ -83,44 +84,35 @@ def _travel(at: Situation, basis: Basis) -> list[Motion]:
     if basis.command is None:
         return []
     number, columns = basis.command
-    robot = at.robot
-    site, actuator = robot.sites[number], robot.actuators[number]
+    site, turning = at.robot.sites[number], at.robot.actuators[number].revolute
     one = along_track(at, site, np.ones((len(at), 1)), np.ones(1)).displacement(at)[:, :, 0]
-    carried, place = None, "about its axis" if actuator.revolute else "along its axis"
-    if not robot.rods:
-        way = joint_axis(robot.model, actuator.joint_id)
-        carried = Carried(f"{site} {place}", actuator.joint_id - 1, way)
-    unit = "rad" if actuator.revolute else "m"
-    return [Motion(travel_words(robot, site), unit, columns, one, carried=carried)]
+    unit = "rad" if turning else "m"
+    return [Motion(travel_words(at.robot, site), unit, columns, one, carried=_own_load(at, site))]
 
 
-def _carrier_joints(active: ActiveEffect, at: Situation, basis: Basis) -> list[Motion]:
+def _own_load(at: Situation, site: str) -> Carried:
+    """The load about a joint's axis or along it; on a cart the force along its track."""
+    frame, still, turning = joint_frame(at, site), np.zeros(3), turning_joint(at.robot, site)
+    what = f"{site} {'about' if turning else 'along'} its {'track' if tracks(at.robot) else 'axis'}"
+    return Carried(what, frame.indices, np.concatenate([still, frame.axis] if turning else [frame.axis, still]))
+
+
+def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
     """Shifts of a cart along and across its track, and its rotations."""
-    rods = [index for index, _ in basis.placements]
-    if not rods or active.site not in at.robot.sites:
+    frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
+    if frame is None or not frame.indices:
         return []
-    axis = at.robot.actuators[at.robot.sites.index(active.site)].axis
-    axes = (axis, *rotation_axes(axis)[:2])
-    moved, places = basis.shifts(rods), at.carrier_joints[:, rods]
-    lever = places - places.mean(axis=1, keepdims=True)
-    found = []
-    for number, direction in enumerate(axes):
-        where = "along its track" if number == 0 else f"across its track, towards {_towards(direction)}"
-        unit = np.broadcast_to(direction, (len(at), len(rods), 3))
-        columns = np.einsum("nkim,i->nm", moved, direction) / len(rods)
-        found.append(Motion(f"{active.site} {where}", "m", columns, _tcp(at, rods, unit), straightened=number > 0))
-    if len(rods) > 1:
-        inertia = np.einsum("nki,nki->n", lever, lever)[:, None, None] * np.eye(3) - np.einsum(
-            "nki,nkj->nij", lever, lever
-        )
-        moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
-        turn = np.linalg.pinv(inertia, rcond=1e-9) @ moment
-        for number, direction in enumerate(axes):
-            about = "its track (roll)" if number == 0 else f"an axis towards {_towards(direction)}"
-            columns = np.einsum("nim,i->nm", turn, direction)
-            found.append(
-                Motion(f"{active.site} about {about}", "rad", columns, _tcp(at, rods, np.cross(direction, lever)))
-            )
+    across = [f"towards {_towards(direction)}" for direction in frame.across]
+    places = ["along its track", *(f"across its track, {a}" for a in across)]
+    if len(frame.indices) > 1:
+        places += ["about its track (roll)", *(f"about an axis {a}" for a in across)]
+    ways = np.kron(np.eye(2), np.vstack([frame.axis, frame.across]))  # rows: three unit shifts, three unit turns
+    moved, found = of_carried(at, site, basis), []
+    for k, (place, way) in enumerate(zip(places, ways, strict=False)):
+        one = of_body(at, site, np.broadcast_to(way[:, None], (len(at), 6, 1)), np.ones(1)).displacement(at)
+        columns, unit = np.einsum("nim,i->nm", moved, way), "m" if k < 3 else "rad"
+        load = _own_load(at, site)
+        found.append(Motion(f"{site} {place}", unit, columns, one[:, :, 0], straightened=k in (1, 2), carried=load))
     return found
 
 
@@ -128,9 +120,9 @@ def _lengths(at: Situation, basis: Basis) -> list[Motion]:
     if basis.length is None:
         return []
     found = []
-    for i, rod in enumerate(at.robot.rods):
+    for i, rod in enumerate(at.robot.rod_sites):
         one = of_lengths(at, [i], np.ones((len(at), 1, 1)), np.ones(1))
-        found.append(Motion(f"length of {rod.site}", "m", basis.length[:, i], one.displacement(at)[:, :, 0], i))
+        found.append(Motion(f"length of {rod}", "m", basis.length[:, i], one.displacement(at)[:, :, 0], i))
     return found
 
 
@@ -142,12 +134,6 @@ def _twist(at: Situation, basis: Basis) -> list[Motion]:
         Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], np.broadcast_to(np.eye(size)[k], (len(at), size)))
         for k, name in enumerate(FREEDOMS)
     ]
-
-
-def _tcp(at: Situation, rods: list[int], moved: Floats) -> Floats:
-    """(N, 6) motion of the TCP by a motion (N, len(rods), 3) of the carrier joints of some rods."""
-    parts = [at.bodies.response[:, :, i] @ moved[:, k, :, None] for k, i in enumerate(rods)]
-    return np.asarray(np.sum(parts, axis=0)[..., 0])
 
 
 def _towards(direction: Floats) -> str:
@@ -172,7 +158,11 @@ def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
             columns = np.einsum("nim,i->nm", own, way)
             found.append(
                 Motion(
-                    f"{motion} of {owner} {place}", unit, columns, tcp, carried=Carried(f"{owner} {place}", frame, way)
+                    f"{motion} of {owner} {place}",
+                    unit,
+                    columns,
+                    tcp,
+                    carried=Carried(f"{owner} {place}", (frame,), way),
                 )
             )
 

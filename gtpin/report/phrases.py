@@ -73,16 +73,19 @@ def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
 
     ``robot``: the robot: effects of robots without rods have other words.
     """
-    own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
-    one, many = own.clause or effect.clause, own.plural or effect.plural_clause
+    one, many, _ = _words(effect, robot)
     words = many if site == "arm" and many else one
     return (words or f"{effect.title} at {{site}}").replace("{site}", site_words(site))
 
 
 def remedy(effect: Effect, robot: Robot) -> str:
     """What an engineer can do about an effect, as a sentence."""
-    own = "" if robot.rods else effect.of_chains.remedy
-    return own or effect.remedy
+    return _words(effect, robot).remedy
+
+
+def _words(effect: Effect, robot: Robot | None) -> ChainWords:
+    own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
+    return ChainWords(own.clause or effect.clause, own.plural or effect.plural_clause, own.remedy or effect.remedy)
 
 
 def of_robot(paragraphs: list[str], robot: Robot) -> list[str]:

@@ -86,12 +86,12 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     lines = [Line("rod", site, np.stack(pair)) for site, *pair in zip(robot.rod_sites, seats, joints, strict=True)]
     spots, on_base = [], set(range(len(seats)))
     for j, actuator in enumerate(robot.actuators):
-        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == j]
+        carried = list(kinematics.carried(j))
         if not carried:
             continue
         site, middle = actuator.site, seats[carried].mean(axis=0)
         spots.append(Spot(site, middle))
-        own = [i for i, rod in enumerate(robot.rods) if j in (rod.carrier, rod.extension)]
+        own = robot.rods_at(site)
         on_base -= set(own)
         lines += [Line("bracket", site, np.stack([middle, seats[i]])) for i in own]
         if actuator.revolute:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from gtpin.effects.sites import turning_joint
 from gtpin.robot.robot import Robot
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
@@ -38,8 +39,7 @@ def site_words(site: str) -> str:
 
 def travel_words(robot: Robot, site: str) -> str:
     """The motion of an actuator: ``travel of cart2``, ``angle of elbow_joint``."""
-    turning = not robot.rods and robot.actuators[robot.sites.index(site)].revolute
-    return f"{'angle' if turning else 'travel'} of {site}"
+    return f"{'angle' if turning_joint(robot, site) else 'travel'} of {site}"
 
 
 def coordinate_words(name: str) -> str:

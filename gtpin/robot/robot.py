@@ -95,6 +95,12 @@ class Robot(Chain):
         """Names of the rods' sites (``link2a``), in the order of ``rods``."""
         return tuple(rod.site for rod in self.rods)
 
+    @property
+    def rod_tips(self) -> dict[str, tuple[str, int, Floats]]:
+        """By site of a rod: its link, the Pinocchio joint that moves it, and (3,) its free end in that joint's frame, m."""
+        ends = ((rod, *self.anchors[rod.tip]) for rod in self.rods)
+        return {rod.site: (rod.link, joint, np.array(tip.translation)) for rod, joint, tip in ends}
+
     def rods_at(self, site: str) -> list[int]:
         """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""
         actuator = self.sites.index(site) if site in self.sites else -1

@@ -205,20 +205,8 @@ def whose(model: Model) -> str:
 
 
 def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
-    """Each rod's share of the gap, with errors mapped to the rods by the inverse of the closures' Jacobian.
-
-    Orientations that are not measured count as free of errors.
-    """
-    kinematics, robot = model.kinematics, model.robot
-    if not robot.rod_sites:
-        return {}
-    at = Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates)
-    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : error.shape[1]]
+    """Each rod's share of the gap; orientations that are not measured count as free of errors."""
+    at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
     declared = dataset.instrument
     sigma = np.repeat([declared.position_sigma or 0.0, declared.orientation_sigma or 0.0], 3)[: error.shape[1]]
-    power = (np.einsum("nkc,nc->nk", to_rods, error) ** 2).mean(axis=0) - ((to_rods * sigma) ** 2).sum(axis=2).mean(
-        axis=0
-    )
-    power = np.maximum(power, 0.0)
-    total = float(power.sum())
-    return {site: float(p / total) if total > 0.0 else 0.0 for site, p in zip(robot.rod_sites, power, strict=True)}
+    return at.rod_shares(error, np.diag(sigma))

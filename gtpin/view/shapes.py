@@ -60,7 +60,7 @@ def parts(robot: Robot) -> tuple[Shape, ...]:
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
     found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
     # A leg is an actuator and a rod: its name is drawn only once, at its middle.
-    found |= {rod.site: _middle(robot, rod.loop, rod.rod_end) for rod in robot.rods}
+    found |= {site: (joint, tip / 2.0) for site, (_, joint, tip) in robot.rod_tips.items()}
     return tuple(Shape(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
 
@@ -70,21 +70,9 @@ def platform_name(robot: Robot) -> str:
     return str(next((frame.name for frame in bodies), robot.tcp_frame))
 
 
-def rod_tip(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
-    """Number of the Pinocchio joint that moves a rod, and (3,) place of the rod's free end in that joint's frame, m."""
-    constraint = robot.constraints[loop]
-    joint = (constraint.joint1_id, constraint.joint2_id)[end]
-    return int(joint), np.array((constraint.joint1_placement, constraint.joint2_placement)[end].translation)
-
-
 def joint_places(robot: Robot, data: Any, names: Iterable[str]) -> dict[str, Floats]:
     """(3,) where joints are in the base frame, m, by their names, from the placements in a ``pinocchio.Data``."""
     return {name: np.array(data.oMi[robot.model.getJointId(name)].translation) for name in names}
-
-
-def _middle(robot: Robot, loop: int, end: int) -> tuple[int, Floats]:
-    joint, tip = rod_tip(robot, loop, end)
-    return joint, tip / 2.0
 
 
 def robot_as_modelled(model: Model) -> Robot:
@@ -99,25 +87,25 @@ def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
     share of the gap, 0 to 1, by site, which determines its colour. If empty, all shapes keep their colours.
     """
     found = pin.buildGeomFromUrdfString(robot.model, with_its_meshes(robot.description), pin.GeometryType.VISUAL)
-    rods = {rod.link: rod for rod in robot.rods}
+    rods = {link: site for site, (link, *_) in robot.rod_tips.items()}
     drawn = set()
     for shape in found.geometryObjects:
         link = robot.model.frames[shape.parentFrame].name
         if link in rods:
             drawn.add(link)
             if share:
-                shape.meshColor = np.append(of_share(share.get(rods[link].site, 0.0)), 1.0)
-    for link, rod in rods.items():
+                shape.meshColor = np.append(of_share(share.get(rods[link], 0.0)), 1.0)
+    for link, site in rods.items():
         if link not in drawn:
-            found.addGeometryObject(_cylinder(robot, rod.loop, rod.rod_end, rod.site, share))
+            found.addGeometryObject(_cylinder(robot, site, share))
     return found
 
 
-def _cylinder(robot: Robot, loop: int, end: int, site: str, share: Mapping[str, float]) -> Any:
+def _cylinder(robot: Robot, site: str, share: Mapping[str, float]) -> Any:
     """A cylinder for a rod, from the joint that moves it to its free end."""
     import coal
 
-    joint, tip = rod_tip(robot, loop, end)
+    _, joint, tip = robot.rod_tips[site]
     length = float(np.linalg.norm(tip))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
     shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))

@@ -16,37 +16,25 @@ ASKING = frozenset(
         "calibration/checks/recognise.py",
         "calibration/free_target.py",
         "calibration/paper_models.py",
-        "calibration/zeros.py",
-        "certificate/budget.py",
         "comparison/closure_fit.py",
         "comparison/compare.py",
-        "diagnosis/against/measured.py",
-        "diagnosis/hypotheses/hypothesis.py",  # the search is wider on joints, which have many lines: work of the diagnosis
         "diagnosis/hypotheses/hypothesis_set.py",
         "diagnosis/hypotheses/smooth_terms.py",
         "diagnosis/inference/joint_fit.py",
-        "diagnosis/inference/outliers.py",
         "diagnosis/inference/predictive.py",
         "diagnosis/inference/settle.py",
-        "diagnosis/inference/where.py",
         "diagnosis/planning/make_testable.py",
         "diagnosis/planning/trials.py",
         "effects/links.py",  # each rod has its own drive
         "effects/sites.py",  # the vocabulary of sites
         "export/carts.py",  # files have other elements for carts and rods than for joints
-        "export/drives.py",
         "export/loss.py",
         "export/springs.py",
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
-        "model/model_folder.py",
         "report/diagnosis_json.py",
         "report/effect_curves.py",  # words and axes of rods, carts and joints
-        "report/effect_motions.py",
         "report/phrases.py",
-        "report/skeleton.py",
-        "report/words.py",
         "view/scene.py",  # drawings
-        "view/shapes.py",
     }
 )
 """Files that ask a robot for its rods: a list that only becomes shorter."""

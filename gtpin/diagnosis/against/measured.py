@@ -16,6 +16,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.expectation import Conditions
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.sites import turning_joint
 from gtpin.effects.smooth import RIM
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings, single
@@ -156,4 +157,4 @@ def noise_of(dataset: Dataset, model: Model) -> Noise:
 def least_scatter(model: Model) -> float:
     """Smallest noise of each actuator, m or rad, that a check expects."""
     least = PRIORS.least_scatter
-    return least / RIM if not model.robot.rods and bool(np.any(model.robot.revolute)) else least
+    return least / RIM if any(turning_joint(model.robot, site) for site in model.robot.sites) else least

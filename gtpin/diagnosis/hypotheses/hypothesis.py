@@ -153,9 +153,4 @@ def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:
     """The sites that are parts of a site: the links of a cart or of ``arm``."""
-    if site == "arm":
-        return robot.rod_sites
-    if site in robot.sites:
-        actuator = robot.sites.index(site)
-        return tuple(rod.site for rod in robot.rods if actuator in (rod.carrier, rod.extension))
-    return ()
+    return tuple(robot.rod_sites[i] for i in robot.rods_at(site))

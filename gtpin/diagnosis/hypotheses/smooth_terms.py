@@ -13,7 +13,7 @@ from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
 from gtpin.effects.joints import loaded
 from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
-from gtpin.effects.sites import links_at
+from gtpin.effects.sites import guided, links_at, turning_joint
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import (
     cosines,
@@ -50,17 +50,13 @@ def smooth_terms(at: Situation, priors: Priors, scaled: bool = True) -> Terms:
     ``scaled``: whether a testable effect scales all measured positions; the common motion ``scale`` is then left out.
     """
     yield from _of_carts(at, priors)
-    if at.robot.rods:
-        yield from _of_rods(at, priors)
-    else:
-        yield from _of_joints(at, priors)
-        yield from _of_moving_links(at, priors)
+    yield from _of_links(at, priors)
     yield from _of_platform_and_frame(at, priors)
     yield from _of_all_carts(at, priors, scaled)
 
 
 def _of_carts(at: Situation, priors: Priors) -> Terms:
-    """Motions of each actuator along its track, and of carriers of rods across it."""
+    """Motions of what each actuator moves: along its track or about its axis, and all others."""
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, j]
         across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
@@ -71,78 +67,64 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
                 SmoothTerm(site, over, "along"),
                 along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift)),
             )
-        if not at.robot.rods and at.robot.actuators[j].revolute:
+        if turning_joint(at.robot, site):
             # Many lines of a gear can follow a rough function that has no period: it competes with them.
             waves, size = cosines(own, 1, ROUGH, 1.0)
             rough = along_track(at, site, waves, drive_sizes(at, site, size, priors.smooth_shift))
             yield SmoothTerm(site, (f"q{j + 1}",), "rough"), rough
-        if any(rod.carrier == j for rod in at.robot.rods) and not at.robot.actuators[j].revolute:
-            for over, waves, size in _aside_coordinates(at, j, priors):
-                yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
+        for over, waves, size in _aside_coordinates(at, j, priors) if site in guided(at.robot) else ():
+            yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
 
 
 def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
-    """Two shifts across the track and, for a cart with several joints, three rotations about the mean of its joints."""
-    frame, turns = joint_frame(at, site), 3 if len(rods_of(at, site)) > 1 else 0
-    ways = np.zeros((6, 2 + turns))
-    ways[:3, :2], ways[3:, 2:] = frame.across.T, np.eye(3)[:, :turns]
-    sizes = [priors.smooth_shift] * 2 + [priors.smooth_turn] * turns
-    columns = np.broadcast_to(waves[:, None, :], (len(at), len(sizes), waves.shape[1]))
-    return of_joint(at, site, ways, columns, np.outer(sizes, size).ravel())
+    """All motions of what an actuator carries but its own: two shifts and two rotations across its axis, then a shift along an
+    axis that turns, or a rotation about a track. Shifts across alone where rotations move nothing, at a cart's only joint."""
+    frame, turning = joint_frame(at, site), at.robot.actuators[at.robot.sites.index(site)].revolute
+    ways = np.zeros((6, 5))
+    ways[:3, :2] = ways[3:, 2:4] = frame.across.T
+    ways[slice(0, 3) if turning else slice(3, 6), 4] = frame.axis
+    sizes = [
+        *[priors.smooth_shift] * 2,
+        *[priors.smooth_turn] * 2,
+        priors.smooth_shift if turning else priors.smooth_turn,
+    ]
+    w = 2 if len(frame.indices) == 1 and at.bodies.response.shape[3] == 3 else 5
+    columns = np.broadcast_to(waves[:, None, :], (len(at), w, waves.shape[1]))
+    return of_joint(at, site, ways[:, :w], columns, np.outer(sizes[:w], size).ravel())
 
 
-def _of_rods(at: Situation, priors: Priors) -> Terms:
-    """Changes of each rod's length, and of all lengths over the same coordinates with separate coefficients for each rod."""
-    n, every = len(at.robot.rods), all_moves(at)
-    for i, rod in enumerate(at.robot.rods):
-        load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
-        a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
-        parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
-        own: list[tuple[tuple[str, ...], Floats, Floats]] = [
-            (("load",), np.hstack([load, np.sign(at.force[:, i])[:, None]]), np.append(size, 1.0)),
-            (("direction",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])),
-        ]
-        if every is not None:
-            both = np.hstack([every, every * a[:, None], every * b[:, None], every * load[:, :1]])
-            own.append((("approach",), both, np.full(both.shape[1], 0.5)))
+def _of_links(at: Situation, priors: Priors) -> Terms:
+    """Changes of each link over its own coordinates, and of all links with the same functions and coefficients of their own.
+
+    A rod changes its length. The tip of another link shifts and turns relative to its root.
+    """
+    rods = at.robot.rod_sites
+    motion, names = ("length", rods) if rods else ("tip", tuple(link.name for link in links_at(at.robot, "arm")))
+    for k, name in enumerate(names):
+        own = _of_rod(at, k) if rods else (*_loads(at, links_at(at.robot, name)[0].tip), *_approach(at))
         for over, waves, size in (*own, *_conditions(at)):
-            columns = waves[:, None, :]
-            yield SmoothTerm(rod.site, over, "length"), of_lengths(at, [i], columns, priors.smooth_shift * size)
+            yield SmoothTerm(name, over, motion), _changed(at, name, [waves], size, priors)
     for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
-        columns = np.einsum("nm,ij->nimj", waves, np.eye(n)).reshape(len(at), n, -1)
-        sizes = priors.smooth_shift * np.repeat(size, n)
-        yield SmoothTerm("arm", over, "length"), of_lengths(at, list(range(n)), columns, sizes)
+        own_columns = [np.kron(waves, one) for one in np.eye(len(names))]
+        yield SmoothTerm("arm", over, motion), _changed(at, "arm", own_columns, np.repeat(size, len(names)), priors)
 
 
-def _of_joints(at: Situation, priors: Priors) -> Terms:
-    """Smooth shifts and tilts of every joint's axis: all motions of its placement frame except the joint's own motion."""
-    for j, site in enumerate(at.robot.sites):
-        frame, turning = joint_frame(at, site), at.robot.actuators[j].revolute
-        ways = np.zeros((6, 5))
-        ways[:3, :2] = ways[3:, 2:4] = frame.across.T
-        ways[slice(0, 3) if turning else slice(3, 6), 4] = frame.axis
-        last = priors.smooth_shift if turning else priors.smooth_turn
-        sizes = [*[priors.smooth_shift] * 2, *[priors.smooth_turn] * 2, last]
-        for over, waves, size in _aside_coordinates(at, j, priors):
-            columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
-            yield SmoothTerm(site, over, "aside"), of_joint(at, site, ways, columns, np.outer(sizes, size).ravel())
+def _of_rod(at: Situation, i: int) -> Functions:
+    """Functions of a rod's force and direction, and of directions of approach, also multiplied by them."""
+    load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
+    a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
+    parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
+    yield ("load",), np.hstack([load, np.sign(at.force[:, [i]])]), np.append(size, 1.0)
+    yield ("direction",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    if (every := all_moves(at)) is not None:
+        both = np.hstack([every, every * a[:, None], every * b[:, None], every * load[:, :1]])
+        yield ("approach",), both, np.full(both.shape[1], 0.5)
 
 
-def _of_moving_links(at: Situation, priors: Priors) -> Terms:
-    """Smooth shifts and rotations of links' tips relative to their roots: each link by itself, and all links together."""
-    links = links_at(at.robot, "arm")
-    for link in links:
-        for over, waves, size in (*_loads(at, link.tip), *_conditions(at), *_approach(at)):
-            yield SmoothTerm(link.name, over, "tip"), _tips(at, link.name, [waves], size, priors)
-    for over, waves, size in (*_conditions(at), *_approach(at), *_position(at, 2, priors)):
-        # The same functions at every link, with coefficients of its own.
-        count, m = len(links), waves.shape[1]
-        own = [np.einsum("nm,k->nkm", waves, np.eye(count)[i]).reshape(len(at), count * m) for i in range(count)]
-        yield SmoothTerm("arm", over, "tip"), _tips(at, "arm", own, np.tile(size, count), priors)
-
-
-def _tips(at: Situation, site: str, waves: Sequence[Floats], size: Floats, priors: Priors) -> Basis:
-    """Six motions of the tips of a site's links; ``waves`` has the functions (N, m) of each link."""
+def _changed(at: Situation, site: str, waves: Sequence[Floats], size: Floats, priors: Priors) -> Basis:
+    """Changes of a site's links; ``waves`` has the functions (N, m) of each: of a rod's length, or six motions of a tip."""
+    if rods := rods_of(at, site):
+        return of_lengths(at, rods, np.stack(waves, axis=1), priors.smooth_shift * size)
     scale = np.array([priors.smooth_shift] * 3 + [priors.smooth_turn] * 3)
     twists = [np.einsum("ij,nm->nijm", np.eye(6), w).reshape(len(at), 6, -1) for w in waves]
     return of_tips(at, site, twists, np.outer(scale, size).ravel())
@@ -208,7 +190,7 @@ def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
 def _load(at: Situation, j: int, orders: int) -> Functions:
     """Functions of the load along an actuator's track or about its axis."""
     site = at.robot.sites[j]
-    if rods_of(at, site) or (not at.robot.rods and loaded(at, site)):
+    if loaded(at, site):
         yield ("load",), *cosines(np.clip(drive_load(at, site) / 2.0, -1.5, 1.5), 1, orders, 1.0)
 
 

@@ -10,9 +10,9 @@ from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.sites import joints
+from gtpin.effects.sites import loaded_along
 from gtpin.effects.situation import Situation
-from gtpin.effects.smooth import own_load
+from gtpin.effects.smooth import loads_of
 from gtpin.errors import warn
 from gtpin.typing import Floats, Mask
 
@@ -72,8 +72,7 @@ def _coordinates(at: Situation) -> Floats:
     """(N, m) commands, directions of approach, payload, and the loads of rods or joints."""
     names = [*(f"approach{k + 1}" for k in range(at.robot.n_actuators)), "payload"]
     columns = [at.q, *(at.covariate(name)[:, None] for name in names if at.varies(name))]
-    columns += [at.force] if at.robot.rods else [own_load(at, site)[0][:, None] for site in joints(at.robot)]
-    return np.hstack(columns)
+    return np.hstack([*columns, *(loads_of(at, site)[0] for site in loaded_along(at.robot))])
 
 
 def _in_sockets(dataset: Dataset) -> Mask:

@@ -113,7 +113,7 @@ def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[
         guess = rough_guess(proposal.hypotheses, guess)
     else:
         used[:] = True
-    for _ in range(ROUNDS if model.robot.rods else LONG_ROUNDS):
+    for _ in range(LONG_ROUNDS if proposal.hypotheses.long else ROUNDS):
         noise = reestimate_noise(observed, proposal.hypotheses, guess, prepared.declared)
         if not noise.matters:
             break

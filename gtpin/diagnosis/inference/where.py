@@ -11,7 +11,6 @@ from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Gain, HypothesisSet, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.hypotheses.smooth_terms import COMMON
-from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
 from gtpin.typing import Floats, Mask
 
@@ -53,18 +52,11 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     boxes = tuple(
         (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
     )
-    return Where(_rods(design, whitened), _sites(alone), axis, _covariates(alone), boxes)
-
-
-def _rods(design: Design, whitened: Floats) -> dict[str, float]:
-    """Shares of the rods: residual and noise mapped to the rods by the closures' Jacobian. Empty without rods or poses."""
-    at = design.situation
-    if not at.robot.rods or not design.measured.tracked:
-        return {}
-    seen = np.linalg.inv(design.whitening)
-    to_rods = np.linalg.inv(at.response[:, :6])[:, :, : design.components] @ seen
-    power = (np.einsum("nkc,nc->nk", to_rods, whitened) ** 2).mean(axis=0) - (to_rods**2).sum(axis=2).mean(axis=0)
-    return _shares(dict(zip(at.robot.rod_sites, power, strict=True)))
+    rods = {}
+    if design.measured.tracked:
+        noise = np.asarray(np.linalg.inv(design.whitening))
+        rods = design.situation.rod_shares(np.einsum("nij,nj->ni", noise, whitened), noise)
+    return Where(rods, _sites(alone), axis, _covariates(alone), boxes)
 
 
 def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:

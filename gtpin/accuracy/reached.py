@@ -1,20 +1,13 @@
-"""Checks before an accuracy analysis: the robot can reach the poses and, where closures are analysed, has rods."""
+"""A check before an accuracy analysis: the robot can reach the poses."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.kinematics import Kinematics, of_rods
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.model.model import Model
 from gtpin.typing import Floats
-
-
-def rod_kinematics(model: Model) -> RodKinematics:
-    """The closures of a model with rods; raises `ModelError` if its robot has no rods."""
-    return of_rods(model.kinematics)
 
 
 def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
