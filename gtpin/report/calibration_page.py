@@ -133,8 +133,8 @@ def _parameters(c: Calibration) -> Section:
         rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
         content += [
             Heading("Zeros of the drives"),
-            "The zero of a drive is not a separate parameter: a shifted zero moves all joints of its cart or arm equally, and "
-            "is part of their values above. Their common shift, as a shift of the zero:",
+            "The zero of a drive is not a separate parameter: a shifted zero moves all that the drive carries equally, and is "
+            "part of the values above. Their common shift, as a shift of the zero:",
             Table(("drive", "equivalent shift of its zero", "sigma"), rows, (1, 2)),
         ]
     return Section("parameters", "Parameters", content)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from gtpin.calibration.result import Calibration
+from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.report.page import Table
 from gtpin.report.words import quantity, whole
 
 MOVED = 8
 """Number of parameters with the largest changes, which are shown first."""
+SIGNIFICANT = 3.0
+"""Number of sigmas from which a correction of an arm's table is named."""
 
 
 def geometry_tables(calibration: Calibration, model: Model | None = None) -> tuple[Table, Table]:
@@ -37,3 +40,21 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
         rows.append((abs(moved / p.tolerance), row))
     moved_most = sorted(rows, key=lambda pair: -pair[0])[:MOVED]
     return Table(head, [row for _, row in moved_most]), Table(head, [row for _, row in rows])
+
+
+def controller_words(model: Model, folder: str) -> list[str]:
+    """What a controller's table of a serial arm must change, and the command that writes it; empty for other robots.
+
+    ``folder``: that of the model.
+    """
+    moved = [
+        f"{p.name} of {p.site} {'+' if p.correction > 0.0 else ''}{quantity(p.correction, p.unit, p.sigma)}"
+        for p in controller_table(model)
+        if p.site != "tool" and p.name != "beta" and p.determined and abs(p.correction) > SIGNIFICANT * p.sigma
+    ]
+    if not moved:
+        return []
+    return [
+        f"Table of the controller (Denavit-Hartenberg), to add: {', '.join(moved)}. "
+        f"All of it: gtpin export {folder} -o dh.csv --format dh"
+    ]
