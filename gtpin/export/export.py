@@ -182,7 +182,9 @@ def _dh(model: Model) -> str:
     """Rows ``joint parameter unit nominal correction sigma determined``; sigma is blank for a nominal robot."""
     table = controller_table(model)
     if not table:
-        what = f"{model.robot.name} is not a serial arm with all placements, so it has no table of Denavit and Hartenberg"
+        what = (
+            f"{model.robot.name} is not a serial arm with all placements, so it has no table of Denavit and Hartenberg"
+        )
         raise GtpinError(what, hint="write its URDF")
     lines = ["joint,parameter,unit,nominal,correction,sigma,determined"]
     for p in table:

@@ -43,8 +43,8 @@ def dh_parameters(geometry: Geometry, covariance: Floats | None) -> tuple[DhPara
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
     The placements of a calibration are redundant; a table is a smallest set. Its corrections d are those of the calibration
-    with placements V d: of the normal posterior with the mean m and covariance C, ``(V' C^-1 V)^-1 V' C^-1 m``. The place of the
-    first axis in the base frame, which no table has, is identified with them.
+    with placements V d: of the normal posterior with the mean m and covariance C, ``(V' C^-1 V)^-1 V' C^-1 m``. The place of
+    the first axis in the base frame, which no table has, is identified with them.
 
     ``covariance``: (p, p) of the geometry's parameters; None for a nominal geometry.
 

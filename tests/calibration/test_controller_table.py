@@ -47,7 +47,9 @@ def test_the_table_moves_the_tcp_as_the_robot(name: str) -> None:
     q[1:, :n] = rng.uniform(-1.0, 1.0, (3, n))
     found = model.predict(q)
     tables = [by_hand(row[:n], *values) for row in q]
-    poses = [np.block([[R, T[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]) for R, T in zip(found.R, found.T, strict=True)]
+    poses = [
+        np.block([[R, T[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]) for R, T in zip(found.R, found.T, strict=True)
+    ]
     # base * table(q) * tool = pose(q); the base turns about the first axis, the tool is what is left at q = 0.
     base = np.eye(4)
     base[:3, :3] = _first_frame(robot)
