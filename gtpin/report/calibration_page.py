@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.geometry_table import UNTESTED, controller_blocks, geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Section, Table, report
 from gtpin.report.provenance import provenance
@@ -129,7 +129,9 @@ def _parameters(c: Calibration) -> Section:
         Table(moved.head, moved.rows, (1, 2, 3, 4)),
         Fold(f"All {len(every.rows)} parameters", [Table(every.head, every.rows, (1, 2, 3, 4))]),
     ]
-    if c.zeros:
+    arm = controller_blocks(c.model, UNTESTED)
+    content += arm
+    if c.zeros and not arm:
         rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
         content += [
             Heading("Zeros of the drives"),

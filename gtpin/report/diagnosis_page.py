@@ -19,7 +19,7 @@ from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.effect_curves import EffectCurve, curves
 from gtpin.report.embedded import PlotChoice
-from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.geometry_table import controller_blocks, doubt_of, geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Note, Plots, Section, Small, Table, report
@@ -395,5 +395,6 @@ def _parameters(d: Diagnosis) -> Section:
         "The geometric parameters with the largest deviations from nominal. Variance reduction: 1 − (sigma / tolerance)².",
         Table(moved.head, moved.rows, numbers),
         Fold(f"All {len(every.rows)} parameters of the geometry", [Table(every.head, every.rows, numbers)]),
+        *controller_blocks(d.model, doubt_of(d.verdict)),
     ]
     return Section("parameters", "Parameters", content)

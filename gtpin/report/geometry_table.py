@@ -5,7 +5,7 @@ from __future__ import annotations
 from gtpin.calibration.result import Calibration
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
-from gtpin.report.page import Table
+from gtpin.report.page import Block, Heading, Table
 from gtpin.report.words import quantity, whole
 
 MOVED = 8
@@ -42,10 +42,14 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
     return Table(head, [row for _, row in moved_most]), Table(head, [row for _, row in rows])
 
 
-def controller_words(model: Model, folder: str) -> list[str]:
-    """What a controller's table of a serial arm must change, and the command that writes it; empty for other robots.
+UNKNOWN = "What is unknown may be in them too."
+UNTESTED = "Effects may be in them too: gtpin diagnose tests this."
 
-    ``folder``: that of the model.
+
+def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
+    """What to change in a controller's table of a serial arm, and the command that writes it; empty for other robots.
+
+    ``folder``: that of the model. ``doubt``: what else the changes may contain, a sentence.
     """
     moved = [
         f"{p.name} of {p.site} {'+' if p.correction > 0.0 else ''}{quantity(p.correction, p.unit, p.sigma)}"
@@ -54,7 +58,35 @@ def controller_words(model: Model, folder: str) -> list[str]:
     ]
     if not moved:
         return []
-    return [
-        f"Table of the controller (Denavit-Hartenberg), to add: {', '.join(moved)}. "
-        f"All of it: gtpin export {folder} -o dh.csv --format dh"
+    said = f"Add to the controller's table (Denavit-Hartenberg): {', '.join(moved)}."
+    return [" ".join(filter(None, [said, doubt, f"All of it: gtpin export {folder} -o dh.csv --format dh"]))]
+
+
+def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
+    """The table of a serial arm with what to add to it; empty for other robots. ``doubt``: as in `controller_words`."""
+    rows = [
+        [
+            p.site,
+            p.name,
+            whole(f"{p.nominal:.6f} {p.unit}"),
+            quantity(p.correction, p.unit, p.sigma),
+            "" if p.determined else "no",
+        ]
+        for p in controller_table(model)
     ]
+    if not rows:
+        return []
+    words = (
+        "What to add to the parameters of the controller; theta is the zero of a joint. They belong together; one that is not "
+        "determined stays near nominal. Where the controller's a and alpha have the other sign, so have what is added to them."
+    )
+    return [
+        Heading("The controller's table (Denavit-Hartenberg)"),
+        " ".join(filter(None, [words, doubt])),
+        Table(("joint", "parameter", "nominal", "to add", "determined"), rows, (2, 3)),
+    ]
+
+
+def doubt_of(verdict: str) -> str:
+    """What else the geometry of a diagnosis with this verdict may contain."""
+    return UNKNOWN if verdict == "unknown" else ""
