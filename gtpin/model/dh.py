@@ -75,7 +75,7 @@ def controller_table(model: Model) -> tuple[DhParameter, ...]:
 def chain_of(robot: Robot) -> tuple[Actuator, ...]:
     """The actuators that move the TCP of a serial arm, from the base; empty for other robots, and where one has no command."""
     of = {actuator.joint_id: actuator for actuator in robot.actuators}
-    if robot.rods or robot.constraints or not set(robot.moving_joints) <= set(of):
+    if robot.constraints or not set(robot.moving_joints) <= set(of):
         return ()
     return tuple(of[joint] for joint in robot.moving_joints)
 
