@@ -7,6 +7,7 @@ import gtpin
 from gtpin.data import Instrument
 from gtpin.export import export
 from gtpin.model.dh import controller_table
+from gtpin.report.geometry_table import controller_words
 
 A = np.array([0.0, -0.425, -0.39225, 0.0, 0.0, 0.0])
 D = np.array([0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823])
@@ -97,6 +98,10 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
         assert abs(found[key].correction) < 1e-6
     assert {zero.site for zero in calibration.zeros} >= {sites[1], sites[2], sites[3]}
     assert not {zero.site for zero in calibration.zeros} & {sites[0], sites[5]}
+    (words,) = controller_words(calibration.model, "calibrated")
+    assert "theta of elbow_joint +" in words
+    assert "a of shoulder_lift_joint −2" in words
+    assert not [site for site in (sites[0], sites[5]) if site in words]
     (file,) = export(calibration.model, tmp_path / "dh.csv", "dh")
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
     assert rows[0] == ["joint", "parameter", "unit", "nominal", "correction", "sigma", "determined"]
