@@ -53,9 +53,13 @@ def dh_parameters(geometry: Geometry, covariance: Floats | None) -> tuple[DhPara
     rows, V, fixed = _directions(geometry.robot, geometry)
     if covariance is None or not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False) for row in rows)
+    started = np.zeros(V.shape[1])
+    started[-6:] = [
+        p.nominal for p in geometry.parameters if p.kind == "platform"
+    ]  # where a free target was seen at first
     half = np.linalg.solve(covariance, V)
     spread = np.linalg.inv(V.T @ half)
-    found, sigma = spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
+    found, sigma = started + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(np.linalg.inv((V / geometry.tolerance[:, None] ** 2).T @ V)))
     told = zip(rows, found[fixed:], sigma[fixed:], (sigma <= DETERMINED * before)[fixed:], strict=True)
     return tuple(DhParameter(*row, float(c), float(s), bool(known)) for row, c, s, known in told)
@@ -135,7 +139,7 @@ def _directions(robot: Robot, geometry: Geometry) -> tuple[list[tuple[str, str, 
     for k, (joint, twist) in enumerate(motions):
         V[[index["placement", joint, c] for c in range(6)], k] = twist
     tool = [i for i, p in enumerate(geometry.parameters) if p.kind == "platform"]
-    rows += [("tool", p.name.split(".")[-1], p.unit, p.nominal) for p in (geometry.parameters[i] for i in tool)]
+    rows += [("tool", p.name.split(".")[-1], p.unit, 0.0) for p in (geometry.parameters[i] for i in tool)]
     return rows, np.hstack([V, np.eye(len(V))[:, tool]]), len(base)
 
 

@@ -121,7 +121,9 @@ def _parameters(c: Calibration) -> Section:
         kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(reduction))
     means = {f"{kind} ({counted(len(v), 'parameter')})": float(np.mean(v)) for kind, v in kinds.items()}
     moved, every = geometry_tables(c)
+    arm = controller_blocks(c.model, UNTESTED)
     content: list[Block] = [
+        *([*arm, Heading("Placements")] if arm else []),
         "Variance reduction, mean of each kind of parameter: 1 − (sigma / tolerance)²; at 0 % the data give no information "
         "beyond the tolerance.",
         Bars([Bar(kind, float(np.clip(mean, 0.0, 1.0)), percent(mean)) for kind, mean in means.items()]),
@@ -129,8 +131,6 @@ def _parameters(c: Calibration) -> Section:
         Table(moved.head, moved.rows, (1, 2, 3, 4)),
         Fold(f"All {len(every.rows)} parameters", [Table(every.head, every.rows, (1, 2, 3, 4))]),
     ]
-    arm = controller_blocks(c.model, UNTESTED)
-    content += arm
     if c.zeros and not arm:
         rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
         content += [

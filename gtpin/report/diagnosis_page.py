@@ -391,10 +391,11 @@ def _untestable(d: Diagnosis) -> Section:
 def _parameters(d: Diagnosis) -> Section:
     moved, every = geometry_tables(d.baseline, d.model if d.causes else None)
     numbers = (1, 2, 3, 4, 5)
+    arm = controller_blocks(d.model, doubt_of(d.verdict))
     content: list[Block] = [
+        *([*arm, Heading("Placements")] if arm else []),
         "The geometric parameters with the largest deviations from nominal. Variance reduction: 1 − (sigma / tolerance)².",
         Table(moved.head, moved.rows, numbers),
         Fold(f"All {len(every.rows)} parameters of the geometry", [Table(every.head, every.rows, numbers)]),
-        *controller_blocks(d.model, doubt_of(d.verdict)),
     ]
     return Section("parameters", "Parameters", content)

@@ -42,6 +42,8 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
     return Table(head, [row for _, row in moved_most]), Table(head, [row for _, row in rows])
 
 
+STEADY = 1e-3
+"""Share of its sigma below which a correction is written as zero."""
 UNKNOWN = "What is unknown may be in them too."
 UNTESTED = "Effects may be in them too: gtpin diagnose tests this."
 
@@ -68,9 +70,9 @@ def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
         [
             p.site,
             p.name,
-            whole(f"{p.nominal:.6f} {p.unit}"),
-            quantity(p.correction, p.unit, p.sigma),
-            "" if p.determined else "no",
+            quantity(p.correction if abs(p.correction) > STEADY * p.sigma else 0.0, p.unit, p.sigma),
+            "" if p.determined else "not determined",
+            whole(f"{p.nominal:z.6f} {p.unit}"),
         ]
         for p in controller_table(model)
     ]
@@ -83,7 +85,7 @@ def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
     return [
         Heading("The controller's table (Denavit-Hartenberg)"),
         " ".join(filter(None, [words, doubt])),
-        Table(("joint", "parameter", "nominal", "to add", "determined"), rows, (2, 3)),
+        Table(("joint", "parameter", "to add", "", "nominal"), rows, (2, 4)),
     ]
 
 
