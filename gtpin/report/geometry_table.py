@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtpin.calibration.result import Calibration
-from gtpin.model.dh import controller_table
+from gtpin.model.dh import DhParameter, controller_table
 from gtpin.model.model import Model
 from gtpin.report.page import Block, Heading, Table
 from gtpin.report.words import quantity, whole
@@ -43,7 +43,7 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
 
 
 STEADY = 1e-3
-"""Share of its sigma below which a correction is written as zero."""
+"""Share of its sigma below which a correction that is not determined is zero."""
 UNKNOWN = "What is unknown may be in them too."
 UNTESTED = "Effects may be in them too: gtpin diagnose tests this."
 
@@ -66,16 +66,7 @@ def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
 
 def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
     """The table of a serial arm with what to add to it; empty for other robots. ``doubt``: as in `controller_words`."""
-    rows = [
-        [
-            p.site,
-            p.name,
-            quantity(p.correction if abs(p.correction) > STEADY * p.sigma else 0.0, p.unit, p.sigma),
-            "" if p.determined else "not determined",
-            whole(f"{p.nominal:z.6f} {p.unit}"),
-        ]
-        for p in controller_table(model)
-    ]
+    rows = [[p.site, p.name, _to_add(p), whole(f"{p.nominal:z.6f} {p.unit}")] for p in controller_table(model)]
     if not rows:
         return []
     words = (
@@ -85,8 +76,14 @@ def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
     return [
         Heading("The controller's table (Denavit-Hartenberg)"),
         " ".join(filter(None, [words, doubt])),
-        Table(("joint", "parameter", "to add", "", "nominal"), rows, (2, 4)),
+        Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3)),
     ]
+
+
+def _to_add(p: DhParameter) -> str:
+    if not p.determined and not abs(p.correction) > STEADY * p.sigma:
+        return "not determined"
+    return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (hardly determined)")
 
 
 def doubt_of(verdict: str) -> str:
