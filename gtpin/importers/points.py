@@ -34,6 +34,8 @@ Angle = Literal["rad", "deg"]
 ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
 
 IGNORED = "-"
+MOST_TURNS = 3
+"""Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
 COMMENTS = ("//", "#", "%")
 """Beginnings of comment lines: // in SpatialAnalyzer's exports, the others in files of other programs."""
 
@@ -175,6 +177,10 @@ def read_commands(
     head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
     if "q1" in (name.strip() for name in head.split(",")):
         found = Commands.read(file, len(revolute))
+        if angle is None and (np.abs(found.q[:, revolute]) > MOST_TURNS * 2.0 * np.pi).any():
+            raise DatasetError(
+                "commands of joints that turn look like degrees", file=file, hint="add --angle deg, or rad"
+            )
         return replace(found, q=found.q * np.where(revolute, ANGLES[angle or "rad"], 1.0))
     separator: Separator = "semicolon" if ";" in head else "tab" if "\t" in head else "comma"
     commands = [f"q{i}" for i in range(1, len(revolute) + 1)]

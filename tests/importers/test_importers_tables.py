@@ -45,8 +45,10 @@ def test_joint_values_are_read_as_a_controller_logs_them(write: Write) -> None:
         found = read_commands(write("joints.csv", text), "ur5", "mm", angle="deg", decimal_comma=comma)
         np.testing.assert_allclose(found.q, q)
         assert list(found.pose) == (["1", "2"] if comma else ["p1", "p2"])
-    with pytest.raises(DatasetError, match="--angle deg"):
-        read_commands(write("joints.csv", logged), "ur5", "mm")
+    for text in (logged, own):
+        with pytest.raises(DatasetError, match="--angle deg"):
+            read_commands(write("joints.csv", text), "ur5", "mm")
+    assert read_commands(write("joints.csv", own), "ur5", "mm", angle="rad").q.max() == 180.0
     with pytest.raises(DatasetError, match="has 7 columns, and linear_delta has 3 actuators"):
         read_commands(write("joints.csv", logged), "linear_delta", "mm", angle="deg")
 
