@@ -1,4 +1,4 @@
-"""Zeros of the drives, which are not parameters of a calibration: a shifted zero moves all joints of a carrier equally."""
+"""Zeros of the drives, which are not parameters of a calibration: a shifted zero moves all that its drive carries."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model.dh import controller_table
+from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
@@ -27,7 +29,10 @@ class Zero:
 
 
 def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]:
-    """The equivalent zero of every actuator that carries joints of rods, by least squares over their motions.
+    """The equivalent zero of every actuator.
+
+    Of a serial arm: those that the data determine, ``theta`` (``d`` of what slides) of :mod:`~gtpin.model.dh`. Of a robot with
+    rods, those of the actuators that carry joints of rods, by least squares over their motions.
 
     A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its position by the command: along
     the track, or about the arm's axis. From deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
@@ -37,7 +42,10 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     """
     robot = geometry.robot
     if not any(p.kind == "carrier_joint" for p in geometry.parameters):
-        return ()
+        slide = {a.site for a in robot.actuators if not a.revolute}
+        table = controller_table(Model(geometry, covariance=covariance))
+        zeros = (p for p in table if p.name == ("d" if p.site in slide else "theta") and p.determined)
+        return tuple(Zero(p.site, p.correction, p.sigma, p.unit) for p in zeros)
     kinematics = RodKinematics(geometry)
     rates = np.array([joint.by_travel(np.zeros(1))[0] for joint in kinematics.seats]) * kinematics.scale[:, None]
     found = []

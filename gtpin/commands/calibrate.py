@@ -24,6 +24,7 @@ from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
+from gtpin.report.geometry_table import UNTESTED, controller_words
 
 
 def calibrate(
@@ -64,5 +65,6 @@ def calibrate(
             )
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
+    table = "".join(f"\n{words}\n" for words in controller_words(calibration.model, str(output), UNTESTED))
     written = f"\nWritten: {', '.join(str(output / name) for name in CALIBRATION)}\nOpen {output / 'report.html'}"
-    tell(result, shown.terminal() + written, as_json)
+    tell(result, shown.terminal() + table + written, as_json)

@@ -31,6 +31,7 @@ from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
 from gtpin.report.diagnosis_page import sure_corrections
+from gtpin.report.geometry_table import controller_words, doubt_of
 from gtpin.report.health import HealthPresentation
 from gtpin.report.history import history as history_of
 
@@ -101,6 +102,7 @@ def diagnose(
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
     text = rendered(
         shown.terminal(),
+        *controller_words(found.model, str(output), doubt_of(found.verdict)),
         *corrections_hint(found, output),
         f"Written: {written}",
         f"Open {output / 'report.html'}",

@@ -14,7 +14,7 @@ from gtpin.data import Commands, Dataset, Instrument
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.importers.matched import Match
-from gtpin.importers.points import Angle, Length, Separator, read_points
+from gtpin.importers.points import Angle, Length, Separator, read_commands, read_points
 from gtpin.importers.ros_poses import read_ros_poses
 from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.importers.touches import Touches, write_touches
@@ -222,7 +222,12 @@ def points(
     ] = None,
     commands: Annotated[
         Path | None,
-        typer.Option("--commands", help="Table with the columns pose, q1 .. qn, SI units.", show_default=False),
+        typer.Option(
+            "--commands",
+            help="Table with the columns pose, q1 .. qn, SI units; or joint values as a controller logs them: pose or "
+            "nothing, then a column for each joint.",
+            show_default=False,
+        ),
     ] = None,
     match: Annotated[
         Match | None,
@@ -245,7 +250,9 @@ def points(
         separator,
         unit,
         angle=angle,
-        commands=None if commands is None else _commands(commands, robot, tcp),
+        commands=None
+        if commands is None
+        else read_commands(commands, robot, unit, angle=angle, decimal_comma=decimal_comma, tcp=tcp),
         match=match,
         within=within,
         header=header,

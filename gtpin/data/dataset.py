@@ -66,8 +66,8 @@ class Dataset(Shown):
     covariates
         By name, (N,) each: `session` as ids, everything else as float64 in SI units (temperatures in degC).
     instrument, conditions, tolerance
-        The sections with these names in dataset.toml: sigmas and frame of the instrument, the reference temperature, and
-        tolerances of the geometry.
+        The sections with these names in dataset.toml, also as dicts: sigmas and frame of the instrument, the reference
+        temperature, and tolerances of the geometry.
     tcp
         The link whose pose is measured; None for the robot's own TCP.
     actuators
@@ -144,6 +144,8 @@ class Dataset(Shown):
             "robot": description.robot,
             "tcp": description.tcp,
             "actuators": description.actuators,
+            "instrument": description.instrument,
+            "conditions": description.conditions,
             "drivers": tuple(Driver(**table.model_dump()) for table in description.driver),
             "tolerance": dict(description.tolerance),
             "row": rows.line,

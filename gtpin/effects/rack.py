@@ -74,7 +74,9 @@ class RackPeriodic(Effect):
                 return []
         else:
             longest, shortest = min(LONGEST, span / 3.0), SHORTEST
-        frequencies = np.arange(1.0 / longest, 1.0 / shortest, 1.0 / (6.0 * span))
+        step = 1.0 / (6.0 * span)
+        # One step beyond the shortest: a scan refines its best value between the neighbours.
+        frequencies = np.arange(1.0 / longest, 1.0 / shortest + 2.0 * step, step)
         return [float(1.0 / f) for f in frequencies]
 
     def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:

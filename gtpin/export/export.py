@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
@@ -27,13 +28,14 @@ from gtpin.export.tables import (
     printer_files,
 )
 from gtpin.export.text import numbers, xml_text
+from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.robot import Robot
 
-Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "klipper", "reprapfirmware"]
+Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
 """Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables.TablesFor`."""
 SUFFIXES: dict[str, Format] = {
@@ -84,7 +86,8 @@ def export(
         (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's
         macro, and a height map in the same folder).
     form
-        The format, if the suffix does not determine it; ``grid`` (a table over commands and temperatures) has no suffix.
+        The format, if the suffix does not determine it; ``grid`` (a table over commands and temperatures) and ``dh`` (the
+        parameters of Denavit and Hartenberg of a serial arm, with their corrections) have no suffix.
     session
         Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
     tables
@@ -136,6 +139,8 @@ def texts(
     if tables is not None:
         what = f"{form} takes no box, temperatures, firmware or controller"
         raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
+    if form == "dh":
+        return Export({file.name: _dh(model)}, tuple(name for name in left_out(model) if "@" in name))
     if form in ("csv", "linuxcnc"):
         return _corrections(model, file, form, session)
     urdf = calibrated_urdf(model)
@@ -171,6 +176,22 @@ def _corrections(model: Model, file: Path, form: Format, session: str | None) ->
     else:
         files = {f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}
     return Export(files, missing, notes=left_of_drives(model, carried, session))
+
+
+def _dh(model: Model) -> str:
+    """Rows ``joint parameter unit nominal correction sigma determined``; sigma is blank for a nominal robot."""
+    table = controller_table(model)
+    if not table:
+        what = (
+            f"{model.robot.name} is not a serial arm with all placements, so it has no table of Denavit and Hartenberg"
+        )
+        raise GtpinError(what, hint="write its URDF")
+    lines = ["joint,parameter,unit,nominal,correction,sigma,determined"]
+    for p in table:
+        sigma = f"{p.sigma:.9f}" if isfinite(p.sigma) else ""
+        known = "yes" if p.determined else "no"
+        lines.append(f"{p.site},{p.name},{p.unit},{p.nominal:z.9f},{p.correction:z.9f},{sigma},{known}")
+    return "\n".join(lines) + "\n"
 
 
 def _format(file: Path) -> Format:

@@ -8,8 +8,8 @@ order are in the file, so the user gives both.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -34,6 +34,8 @@ Angle = Literal["rad", "deg"]
 ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
 
 IGNORED = "-"
+MOST_TURNS = 3
+"""Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
 COMMENTS = ("//", "#", "%")
 """Beginnings of comment lines: // in SpatialAnalyzer's exports, the others in files of other programs."""
 
@@ -53,20 +55,27 @@ class NamedColumns:
 
 
 def read_named_columns(
-    file: Path, names: list[str], separator: Separator, *, header: int = 0, decimal_comma: bool = False
+    file: Path,
+    names: list[str],
+    separator: Separator,
+    *,
+    header: int = 0,
+    decimal_comma: bool = False,
+    needed: Sequence[str] = POSITION,
 ) -> NamedColumns:
     """Read a table.
 
-    ``file``: a text file; blank lines and lines that begin with ``//``, ``#`` or ``%`` are ignored. ``names``: names of the
+    ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
+    row are ignored. ``names``: names of the
     columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for a column
     that is ignored. ``separator``: separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of
     them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
-    is a comma.
+    is a comma. ``needed``: names that must be there.
 
     Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
     number must be.
     """
-    wanted = _wanted(names, separator, decimal_comma)
+    wanted = _wanted(names, separator, decimal_comma, needed)
     rows: list[int] = []
     poses: list[str] = []
     cells: dict[str, list[float]] = {name: [] for name in wanted if name != "pose"}
@@ -78,6 +87,8 @@ def read_named_columns(
             what = f"the row has {len(texts)} columns, and {len(names)} are named"
             hint = f"name all columns in their order, '{IGNORED}' for those that are not wanted; the separator is a {separator}"
             raise DatasetError(what, file=file, row=row, hint=hint)
+        if not rows and not any(_is_number(text) for text in texts):
+            continue  # names of columns
         for name, place in wanted.items():
             text = texts[place].strip()
             if name == "pose":
@@ -96,7 +107,11 @@ def read_named_columns(
     return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
 
 
-def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict[str, int]:
+def _is_number(text: str) -> bool:
+    return not math.isnan(number(text.strip().replace(",", ".", 1)))
+
+
+def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed: Sequence[str]) -> dict[str, int]:
     """Index, from 0, of each column that is used, by its name."""
     found: dict[str, int] = {}
     for place, name in enumerate(names):
@@ -106,7 +121,7 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool) -> dict
             what = f"the column {name} is named twice" if name else "a column without a name"
             raise DatasetError(what, column="columns", hint=f"name each once, and '{IGNORED}' what is not wanted")
         found[name] = place
-    missing = [name for name in POSITION if name not in found]
+    missing = [name for name in needed if name not in found]
     turned = [name for name in ORIENTATION if name in found]
     missing += [name for name in ORIENTATION if turned and name not in found]
     if missing:
@@ -138,6 +153,53 @@ def commands_among(names: Iterable[str]) -> list[str]:
         if name != f"q{place}":
             raise DatasetError(f"no column is named q{place}", column="columns", hint="name q1 .. qn without a gap")
     return found
+
+
+def read_commands(
+    file: Path | str,
+    robot: str,
+    unit: Length,
+    *,
+    angle: Angle | None = None,
+    decimal_comma: bool = False,
+    tcp: str | None = None,
+) -> Commands:
+    """Read the commands of a list of points: gtpin's own table, or joint values as a controller logs them.
+
+    ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``; or, under any names, a
+    column of poses or none, and one for each actuator, in order, between semicolons, tabs or commas. Their units are ``unit``
+    and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.importers.points.read_named_columns`.
+
+    Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
+    """
+    file = Path(file)
+    revolute = load_robot(robot, tcp).revolute
+    head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
+    if "q1" in (name.strip() for name in head.split(",")):
+        found = Commands.read(file, len(revolute))
+        if angle is None and (np.abs(found.q[:, revolute]) > MOST_TURNS * 2.0 * np.pi).any():
+            raise DatasetError(
+                "commands of joints that turn look like degrees", file=file, hint="add --angle deg, or rad"
+            )
+        return replace(found, q=found.q * np.where(revolute, ANGLES[angle or "rad"], 1.0))
+    separator: Separator = "semicolon" if ";" in head else "tab" if "\t" in head else "comma"
+    commands = [f"q{i}" for i in range(1, len(revolute) + 1)]
+    count = len(head.split(SIGNS[separator]))
+    if count not in (len(commands), len(commands) + 1):
+        what = f"the table has {count} columns, and {robot} has {len(commands)} actuators"
+        raise DatasetError(
+            what, file=file, row=1, hint="give pose, q1 .. qn, or one column for each, after one of poses or none"
+        )
+    names = ["pose", *commands][-count:]
+    table = read_named_columns(file, names, separator, decimal_comma=decimal_comma, needed=commands)
+    q = np.column_stack([table.values[name] for name in commands]) * _scale(robot, tcp, len(commands), unit, angle)
+    numbered = np.array([str(number) for number in range(1, len(q) + 1)], dtype=object)
+    return Commands(numbered if table.pose is None else table.pose, q, row=table.row, file=file)
+
+
+def _first_line(file: Path) -> str:
+    """The first line that is no comment."""
+    return next((line for line in text_lines(file) if line.strip() and not line.lstrip().startswith(COMMENTS)), "")
 
 
 def read_points(

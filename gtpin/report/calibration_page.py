@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.geometry_table import UNTESTED, controller_blocks, geometry_tables
 from gtpin.report.instruments_table import fit_table, unknowns_table
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Section, Table, report
 from gtpin.report.provenance import provenance
@@ -122,7 +122,9 @@ def _parameters(c: Calibration) -> Section:
         kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(reduction))
     means = {f"{kind} ({counted(len(v), 'parameter')})": float(np.mean(v)) for kind, v in kinds.items()}
     moved, every = geometry_tables(c)
+    arm = controller_blocks(c.model, UNTESTED)
     content: list[Block] = [
+        *([*arm, Heading("Placements")] if arm else []),
         "Variance reduction, mean of each kind of parameter: 1 − (sigma / tolerance)²; at 0 % the data give no information "
         "beyond the tolerance.",
         Bars([Bar(kind, float(np.clip(mean, 0.0, 1.0)), percent(mean)) for kind, mean in means.items()]),
@@ -130,12 +132,12 @@ def _parameters(c: Calibration) -> Section:
         Table(moved.head, moved.rows, (1, 2, 3, 4)),
         Fold(f"All {len(every.rows)} parameters", [Table(every.head, every.rows, (1, 2, 3, 4))]),
     ]
-    if c.zeros:
+    if c.zeros and not arm:
         rows = [[z.site, quantity(z.value, z.unit), quantity(z.sigma, z.unit)] for z in c.zeros]
         content += [
             Heading("Zeros of the drives"),
-            "The zero of a drive is not a separate parameter: a shifted zero moves all joints of its cart or arm equally, and "
-            "is part of their values above. Their common shift, as a shift of the zero:",
+            "The zero of a drive is not a separate parameter: a shifted zero moves all that the drive carries equally, and is "
+            "part of the values above. Their common shift, as a shift of the zero:",
             Table(("drive", "equivalent shift of its zero", "sigma"), rows, (1, 2)),
         ]
     return Section("parameters", "Parameters", content)

@@ -11,8 +11,8 @@ from gtpin.report.unseen_words import grouped
 HEAVY = 1.5
 """Chi-square per degree of freedom above which heavy tails get a warning."""
 ZEROS = """\
-The zero of a drive is not a separate parameter: a shifted zero moves all joints of its cart or arm equally, and is part of
-the cart_joint or arm_joint values above. Their common shift, as a shift of the zero (at drive position 0)"""
+The zero of a drive is not a separate parameter: a shifted zero moves all that the drive carries equally, and is part of
+the values above. Their common shift, as a shift of the zero (at drive position 0)"""
 """Explanation of the drives' zeros in the report."""
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""

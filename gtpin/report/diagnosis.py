@@ -97,7 +97,9 @@ class DiagnosisPresentation(Presentation):
         gap, size = self.diagnosis.gap, gap_words(self.diagnosis.gap)
         what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
         if not self.diagnosis.causes:
-            return [f"{what}: {size.before}, of which noise is {size.floor}."]
+            taken = self.diagnosis.noise_source == "residuals"
+            floor = f"{size.floor} is taken as noise" if taken else f"noise is {size.floor}"
+            return [f"{what}: {size.before}, of which {floor}."]
         lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise alone {size.floor}."]
         if gap.shrinkage is not None and gap.interval is not None:
             low, high = map(percent, gap.interval)

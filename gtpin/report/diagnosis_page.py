@@ -19,7 +19,7 @@ from gtpin.report.curve_plots import curve_notes, curve_plots, reach
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.effect_curves import EffectCurve, curves
 from gtpin.report.embedded import PlotChoice
-from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.geometry_table import controller_blocks, doubt_of, geometry_tables
 from gtpin.report.instruments_table import gap_table, unknowns_table
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Lead, Note, Plots, Section, Small, Table, report
@@ -391,7 +391,9 @@ def _untestable(d: Diagnosis) -> Section:
 def _parameters(d: Diagnosis) -> Section:
     moved, every = geometry_tables(d.baseline, d.model if d.causes else None)
     numbers = (1, 2, 3, 4, 5)
+    arm = controller_blocks(d.model, doubt_of(d.verdict))
     content: list[Block] = [
+        *([*arm, Heading("Placements")] if arm else []),
         "The geometric parameters with the largest deviations from nominal. Variance reduction: 1 − (sigma / tolerance)².",
         Table(moved.head, moved.rows, numbers),
         Fold(f"All {len(every.rows)} parameters of the geometry", [Table(every.head, every.rows, numbers)]),

@@ -105,7 +105,8 @@ def assumed(d: Diagnosis) -> list[str]:
     """A sentence where the noise is an assumption, and what gap could hide in it."""
     if d.noise_source != "residuals":
         return []
-    size = gap_words(d.gap).after
+    words = gap_words(d.gap)
+    size = words.floor if d.verdict == "unknown" else words.after  # what is unknown is more than noise
     return [
         f"That {size} are noise is an assumption: no sigma was declared, and too few poses were visited repeatedly. "
         "An error of up to this size that differs from pose to pose could hide in it: declare the instrument's sigma, or "
@@ -150,7 +151,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
         look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
     elif d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
-        moved = "everything that the instrument measures" if site == "frame" else site_words(site)
+        moved = "the instrument or the machine's base" if site == "frame" else site_words(site)
         headline = sentence(f"{what} moves {moved} with {coordinate_words(coordinates)}: don't compensate it by name")
         look = f"Look for what could move {moved} with {coordinate_words(coordinates)}; the plots below show how."
     else:

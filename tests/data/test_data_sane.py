@@ -32,6 +32,15 @@ def day(seed=11, **columns):
     return Dataset("r", pose, q, position, covariates=covariates | columns, instrument=Instrument())
 
 
+def test_sections_of_dataset_toml_may_be_dicts():
+    data = day()
+    found = replace(data, instrument={"frame": "free", "target": "free"}, conditions={"reference_temperature": 22.0})
+    assert found.instrument == Instrument(frame="free", target="free")
+    assert found.conditions == Conditions(reference_temperature=22.0)
+    with pytest.raises(DatasetError, match=r"instrument\.frame.*write .robot. or .free."):
+        replace(data, instrument={"frame": "base"})
+
+
 def spoilt(column, value, rows):
     data = day()
     values = data.covariates[column].copy()

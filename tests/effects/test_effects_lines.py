@@ -64,6 +64,15 @@ def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart
     assert not beside.all()
 
 
+def test_the_fastest_line_has_a_value_on_either_side_between_which_a_scan_refines_it() -> None:
+    at = situation()
+    a_turn = 2.0 * np.pi / np.array(RackPeriodic().nonlinear_values(at, SITE))
+    step = np.pi / 3.0 / float(np.ptp(at.q[:, 0]))  # a sixth of a period over the range
+    near = np.abs(a_turn - 202.0) < 1.001 * step  # two for each turn of a strain wave gear of ratio 101
+    assert (a_turn[near] <= 202.0).any()
+    assert (a_turn[near] > 202.0).any()
+
+
 def test_smooth_deviations_have_ever_smaller_parts_beyond_three_periods_a_turn() -> None:
     at = situation()
     _, size = smooth_cosines(at, 0, 14, 1.2)

@@ -13,7 +13,7 @@ from printed import POINTS, ROS, ROS2
 import gtpin
 from gtpin.data import Commands
 from gtpin.errors import DatasetError
-from gtpin.importers.points import read_points
+from gtpin.importers.points import read_commands, read_points
 from gtpin.importers.ros_poses import read_ros_poses
 
 Write = Callable[[str, str], Path]
@@ -33,6 +33,31 @@ def test_points_have_the_commands_of_the_pose_of_their_name(write: Write) -> Non
     np.testing.assert_array_equal(dataset.q, given.q[[1, 0, 1]])
     np.testing.assert_allclose(dataset.position[0], [1.2034512, -0.87712, 0.4550031], rtol=1e-12)
     assert (dataset.instrument.frame, dataset.instrument.target) == ("free", "free")
+
+
+def test_joint_values_are_read_as_a_controller_logs_them(write: Write) -> None:
+    q = np.radians([[90, 0, -45.5, 1, 2, 180], [10, 20, 30, 40, 50, 60]])
+    degrees = [",".join(f"{v:.4f}" for v in row) for row in np.degrees(q)]
+    logged = f"Point,Base,Shoulder,Elbow,Wrist 1,Wrist 2,Wrist 3\np1,{degrees[0]}\np2,{degrees[1]}\n"
+    own = f"pose,q1,q2,q3,q4,q5,q6\np1,{degrees[0]}\np2,{degrees[1]}\n"
+    unnamed = "\n".join(line.replace(",", ";").replace(".", ",") for line in degrees)
+    for text, comma in ((logged, False), (own, False), (f"{unnamed}\n", True)):
+        found = read_commands(write("joints.csv", text), "ur5", "mm", angle="deg", decimal_comma=comma)
+        np.testing.assert_allclose(found.q, q)
+        assert list(found.pose) == (["1", "2"] if comma else ["p1", "p2"])
+    for text in (logged, own):
+        with pytest.raises(DatasetError, match="--angle deg"):
+            read_commands(write("joints.csv", text), "ur5", "mm")
+    assert read_commands(write("joints.csv", own), "ur5", "mm", angle="rad").q.max() == 180.0
+    with pytest.raises(DatasetError, match="has 7 columns, and linear_delta has 3 actuators"):
+        read_commands(write("joints.csv", logged), "linear_delta", "mm", angle="deg")
+
+
+def test_a_line_of_names_before_the_first_row_is_no_row(write: Write) -> None:
+    file = write("points.csv", "Point,X [mm],Y [mm],Z [mm]\np1,1.0,2.0,3.0\n")
+    dataset = read_points(file, "ur5", ["pose", "x", "y", "z"], "comma", "mm", commands=commands(["p1"]), match="pose")
+    np.testing.assert_allclose(dataset.position, [[1e-3, 2e-3, 3e-3]])
+    assert list(dataset.row) == [2]
 
 
 def test_rows_have_the_commands_of_their_order_if_there_are_as_many(write: Write) -> None:
@@ -178,7 +203,7 @@ def test_a_topic_without_poses_is_refused(write: Write) -> None:
     ("text", "told"),
     [
         (POINTS.replace(".", ","), "decimal-comma"),
-        ("Collection Group Name X Y Z\n" + POINTS, "header"),
+        ("SpatialAnalyzer version 3 X Y Z\n" + POINTS, "header"),
         (POINTS.replace("-870.5600", "lost"), "correct the row"),
     ],
 )

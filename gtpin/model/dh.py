@@ -1,0 +1,153 @@
+"""The parameters of Denavit and Hartenberg of a serial arm, and what a calibration changes of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from gtpin.model.model import Model
+from gtpin.robot.chain import Actuator
+from gtpin.robot.geometry import Geometry
+from gtpin.robot.robot import Robot
+from gtpin.typing import Floats
+
+PARALLEL = 1e-6
+"""Sine of the angle between two axes below which they are parallel."""
+DETERMINED = 0.5
+"""Largest sigma, relative to its prior, of a parameter that the data determine: three quarters of its variance are gone."""
+
+
+@dataclass(frozen=True)
+class DhParameter:
+    """One parameter of an arm's table.
+
+    ``site``: the joint, or ``tool``. ``name``: ``theta`` (the angle at command 0), ``d``, ``a``, ``alpha``, and ``beta``, a
+    rotation about the frame's y axis, in the place of ``d`` where the next axis is parallel (Hayati); of the tool ``x`` to
+    ``rz`` in the TCP frame. ``nominal``, ``correction``, ``sigma``: m or rad, as ``unit`` says; ``sigma`` is NaN for a nominal
+    geometry. ``determined``: whether the data determine it; all corrections belong together.
+    """
+
+    site: str
+    name: str
+    unit: str
+    nominal: float
+    correction: float
+    sigma: float
+    determined: bool
+
+
+def dh_parameters(geometry: Geometry, covariance: Floats | None) -> tuple[DhParameter, ...]:
+    """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
+
+    The placements of a calibration are redundant; a table is a smallest set. Its corrections d are those of the calibration
+    with placements V d: of the normal posterior with the mean m and covariance C, ``(V' C^-1 V)^-1 V' C^-1 m``. The place of
+    the first axis in the base frame, which no table has, is identified with them.
+
+    ``covariance``: (p, p) of the geometry's parameters; None for a nominal geometry.
+
+    ``geometry``: of a serial arm, with six parameters for each joint and the TCP.
+    """
+    rows, V, fixed = _directions(geometry.robot, geometry)
+    if covariance is None or not geometry.deviation.any():
+        return tuple(DhParameter(*row, 0.0, np.nan, False) for row in rows)
+    started = np.zeros(V.shape[1])
+    started[-6:] = [
+        p.nominal for p in geometry.parameters if p.kind == "platform"
+    ]  # where a free target was seen at first
+    half = np.linalg.solve(covariance, V)
+    spread = np.linalg.inv(V.T @ half)
+    found, sigma = started + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
+    before = np.sqrt(np.diag(np.linalg.inv((V / geometry.tolerance[:, None] ** 2).T @ V)))
+    told = zip(rows, found[fixed:], sigma[fixed:], (sigma <= DETERMINED * before)[fixed:], strict=True)
+    return tuple(DhParameter(*row, float(c), float(s), bool(known)) for row, c, s, known in told)
+
+
+def controller_table(model: Model) -> tuple[DhParameter, ...]:
+    """The table of a model, as :func:`dh_parameters`; empty where the robot is not a serial arm, or lacks placements."""
+    geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
+    if not chain or len(geometry.parameters) != 6 * (len(chain) + 1):
+        return ()
+    if model.joint_covariance is not None:
+        size = len(geometry.parameters)
+        covariance = model.joint_covariance[:size, :size]
+    return dh_parameters(geometry, covariance)
+
+
+def chain_of(robot: Robot) -> tuple[Actuator, ...]:
+    """The actuators that move the TCP of a serial arm, from the base; empty for other robots, and where one has no command."""
+    of = {actuator.joint_id: actuator for actuator in robot.actuators}
+    if robot.constraints or not set(robot.moving_joints) <= set(of):
+        return ()
+    return tuple(of[joint] for joint in robot.moving_joints)
+
+
+def _directions(robot: Robot, geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
+    """The rows of the table; (p, f + r) motion of the geometry's parameters by f of the base, then by each row; and f."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
+    rows: list[tuple[str, str, str, float]] = []
+    motions: list[tuple[int, Floats]] = []
+    index = {(p.kind, p.owner, p.component): i for i, p in enumerate(geometry.parameters)}
+
+    def add(site: str, name: str, value: float, joint: int, twist: Any) -> None:
+        rows.append((site, name, "rad" if name in ("theta", "alpha", "beta") else "m", value))
+        motions.append((joint, np.asarray(data.oMi[joint].actInv(twist).vector)))
+
+    actuators = chain_of(robot)
+    first = actuators[0]
+    across = np.linalg.svd(first.axis[None])[2][1:]
+    base = [pin.Motion(e, np.zeros(3)) for e in across] + [_about(e, first.origin) for e in across]
+    motions += [(first.joint_id, np.asarray(data.oMi[first.joint_id].actInv(m).vector)) for m in base]
+    x_before: Floats | None = None
+    origin = first.origin - first.axis * (first.origin @ first.axis)  # the foot of the base frame's origin
+    for own, after in zip(actuators, [*actuators[1:], None], strict=True):
+        z = own.axis
+        if after is None:
+            if own.revolute:
+                add(own.site, "theta", 0.0, own.joint_id, _about(z, own.origin))
+            else:
+                add(own.site, "d", 0.0, own.joint_id, pin.Motion(z, np.zeros(3)))
+            break
+        normal, parallel = np.cross(z, after.axis), False
+        between = after.origin - origin
+        if np.linalg.norm(normal) > PARALLEL:
+            x = normal / np.linalg.norm(normal)
+            d = float(np.cross(between, after.axis) @ normal / (normal @ normal))
+        else:
+            parallel, d = True, 0.0
+            x = between - z * (between @ z)
+            x = x / np.linalg.norm(x) if np.linalg.norm(x) > PARALLEL else _x_across(z, x_before)
+        if x_before is not None and x @ x_before < -PARALLEL:
+            x = -x  # theta at command 0 is between -90 and 90 degrees
+        theta = 0.0 if x_before is None else float(np.arctan2(np.cross(x_before, x) @ z, x_before @ x))
+        foot = origin + d * z
+        a = float((after.origin - foot) @ x)
+        alpha = float(np.arctan2(np.cross(z, after.axis) @ x, z @ after.axis))
+        origin, x_before = foot + a * x, x
+        if own.revolute or not parallel:
+            add(own.site, "theta", theta, own.joint_id, _about(z, own.origin))
+        if not parallel or not own.revolute:
+            add(own.site, "d", d, own.joint_id, pin.Motion(z, np.zeros(3)))
+        add(own.site, "a", a, after.joint_id, pin.Motion(x, np.zeros(3)))
+        add(own.site, "alpha", alpha, after.joint_id, _about(x, origin))
+        if parallel:
+            add(own.site, "beta", 0.0, after.joint_id, _about(np.cross(z, x), origin))
+    V = np.zeros((len(geometry.parameters), len(motions)))
+    for k, (joint, twist) in enumerate(motions):
+        V[[index["placement", joint, c] for c in range(6)], k] = twist
+    tool = [i for i, p in enumerate(geometry.parameters) if p.kind == "platform"]
+    rows += [("tool", p.name.split(".")[-1], p.unit, 0.0) for p in (geometry.parameters[i] for i in tool)]
+    return rows, np.hstack([V, np.eye(len(V))[:, tool]]), len(base)
+
+
+def _about(axis: Floats, point: Floats) -> Any:
+    """The twist of a rotation about a line."""
+    return pin.Motion(np.cross(point, axis), axis)
+
+
+def _x_across(z: Floats, x: Floats | None) -> Floats:
+    """A direction across an axis: x if there is one."""
+    return np.asarray(np.linalg.svd(z[None])[2][1]) if x is None else x
