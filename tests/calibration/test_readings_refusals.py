@@ -60,11 +60,14 @@ def named(folder: Path, *seen: Seen) -> DatasetError:
     """What is said of readings that no fit explains as they stand, and any fit with the mistake corrected."""
     dataset = read(folder / "set", *seen)
     checks = ReadingChecks(dataset, gtpin.Model(gtpin.Geometry.nominal(ROBOT)))
-    (_, _, near), given = checks.rows, None
-    with pytest.raises(DatasetError) as caught:  # a distance is refused where the problem is made
-        given = checks.problem.measured
+
+    def check() -> None:
+        given, (_, _, near) = checks.problem.measured, checks.rows  # a distance is refused where the problem is made
         fits = lambda some, i: None if some is given else Misfit.of(some, near, i)  # noqa: E731
         check_readable(dataset, given, near, reach_of(checks.nominal.geometry), fits)
+
+    with pytest.raises(DatasetError) as caught:
+        check()
     assert caught.value.hint
     return caught.value
 
