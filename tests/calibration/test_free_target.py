@@ -116,9 +116,9 @@ TURNER = """<robot name="turner"><link name="base"/><link name="arm"/><joint nam
 
 
 def measured_in(robot: gtpin.Robot, order: list[int], *, frame: Literal["robot", "free"]) -> Dataset:
-    """Thirty poses of a nominal robot whose target sits elsewhere, quaternions with their columns in another order."""
+    """Sixty poses of a nominal robot whose target sits elsewhere, quaternions with their columns in another order."""
     rng = np.random.default_rng(6)
-    q = rng.uniform(-1.5, 1.5, (30, robot.n_actuators))
+    q = rng.uniform(-1.5, 1.5, (60, robot.n_actuators))
     X = pin.SE3(pin.exp3(rng.standard_normal(3)), 0.1 * rng.standard_normal(3))
     F = pin.SE3(pin.exp3(rng.standard_normal(3)), 3.0 * rng.standard_normal(3))
     F = F if frame == "free" else pin.SE3.Identity()
@@ -128,7 +128,7 @@ def measured_in(robot: gtpin.Robot, order: list[int], *, frame: Literal["robot",
     wxyz = np.array([np.roll(pin.Quaternion(M.rotation).coeffs(), 1) for M in seen])
     return Dataset(
         robot=robot.name,
-        pose=np.arange(30),
+        pose=np.arange(60),
         q=q,
         position=np.array([M.translation for M in seen]),
         orientation=wxyz[:, order],
