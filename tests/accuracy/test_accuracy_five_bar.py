@@ -68,6 +68,7 @@ def test_a_length_moves_the_tool_as_in_the_closed_form(model: gtpin.Model) -> No
         assert found == pytest.approx(1e3 * sum(np.linalg.norm(m, axis=1).sum() for m in moved), rel=1e-5), name
 
 
+@pytest.mark.slow
 def test_the_expected_error_is_that_of_machines_of_the_closed_form(model: gtpin.Model) -> None:
     q = commands(10)
     names, sigma = list(model.geometry.names), 1e-4
@@ -80,6 +81,7 @@ def test_the_expected_error_is_that_of_machines_of_the_closed_form(model: gtpin.
     assert found.p95 == pytest.approx(np.quantile(lengths, 0.95), rel=0.05)
 
 
+@pytest.mark.slow
 def test_where_a_free_instrument_saw_the_machine_is_no_error_of_it(model: gtpin.Model) -> None:
     """Both drives moved and turned alike are the machine elsewhere: an error in the base frame, none for a free instrument."""
     names, q = list(model.geometry.names), commands(30)
@@ -96,6 +98,7 @@ def test_where_a_free_instrument_saw_the_machine_is_no_error_of_it(model: gtpin.
     assert gtpin.analyse(there, q).expected.position.mean < 1e-8
 
 
+@pytest.mark.slow
 def test_a_calibrated_planar_machine_has_one_map(model: gtpin.Model) -> None:
     off = np.random.default_rng(0).normal(0.0, 5e-4, len(model.geometry.names))
     space = space_of(gtpin.Model(model.geometry.with_values(model.geometry.values + off)), commands(5))

@@ -51,6 +51,7 @@ def test_the_equivalent_zero_is_found_and_its_sigma_holds(found):
     assert_chi2(float(np.sum(np.square(z))), len(z))
 
 
+@pytest.mark.slow
 def test_it_is_in_the_files_next_to_the_keys_that_were_there(found):
     told = json.loads(json.dumps(found[0][2].to_json()))
     zeros = {zero["site"]: zero for zero in told["equivalent_zeros"]}

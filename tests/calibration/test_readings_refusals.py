@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from virtual_gantry import Gantry, draw
+from virtual_gantry import ROBOT, Gantry, draw
 from virtual_instruments import Seen, bed, cup, laser, level, read, wire
 
 import gtpin
-from gtpin.calibration.checks.readable_readings import check_sockets
+from gtpin.calibration.checks.of_readings import ReadingChecks
+from gtpin.calibration.checks.readable_readings import Misfit, check_readable, check_sockets
+from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 MACHINE = draw(np.random.default_rng(7))
@@ -54,6 +56,22 @@ def refused(folder: Path, *seen: Seen, instruments: tuple[type, ...] = ()) -> Gt
     return caught.value
 
 
+def named(folder: Path, *seen: Seen) -> DatasetError:
+    """What is said of readings that no fit explains as they stand, and any fit with the mistake corrected."""
+    dataset = read(folder / "set", *seen)
+    checks = ReadingChecks(dataset, gtpin.Model(gtpin.Geometry.nominal(ROBOT)))
+
+    def check() -> None:
+        given, (_, _, near) = checks.problem.measured, checks.rows  # a distance is refused where the problem is made
+        fits = lambda some, i: None if some is given else Misfit.of(some, near, i)  # noqa: E731
+        check_readable(dataset, given, near, reach_of(checks.nominal.geometry), fits)
+
+    with pytest.raises(DatasetError) as caught:
+        check()
+    assert caught.value.hint
+    return caught.value
+
+
 OTHER_UNITS: dict[str, tuple[Callable[[float], Seen], str, str]] = {
     "ranges": (lambda f: WIRE.reading(**columns(WIRE, f, "range")), "wire.csv", "range looks like"),
     "stations": (lambda f: WIRE.saying(stations=places(WIRE, "stations", f)), "dataset.toml", "stations look like"),
@@ -89,12 +107,30 @@ OTHER_UNITS: dict[str, tuple[Callable[[float], Seen], str, str]] = {
 }
 
 
+FITTED = (
+    ("ranges", "micrometres"),
+    ("stations", "inches"),
+    ("stations hardly known", "centimetres"),
+    ("ranges and stations", "inches"),
+    ("heights", "micrometres"),
+    ("planes", "micrometres"),
+    ("a tip", "millimetres"),
+    ("targets", "millimetres"),
+    ("positions", "micrometres"),
+    ("sockets", "centimetres"),
+    ("a distance", "inches"),
+)
+"""Mistakes that are refused by a whole calibration, which fits the readings as they stand for seconds: each kind, each unit."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("name", OTHER_UNITS)
-def test_another_unit_is_named_and_where(tmp_path, name, unit):
+@pytest.mark.parametrize(
+    ("name", "unit", "said"),
+    [*((name, unit, named) for unit in UNITS for name in OTHER_UNITS), *((*pair, refused) for pair in FITTED)],
+)
+def test_another_unit_is_named_and_where(tmp_path, name, unit, said):
     make, file, looks = OTHER_UNITS[name]
-    error = refused(tmp_path, make(UNITS[unit]))
+    error = said(tmp_path, make(UNITS[unit]))
     assert isinstance(error, DatasetError)
     assert Path(str(error.file)).name == file
     assert f"{looks} {unit}" in str(error)
@@ -109,23 +145,23 @@ def test_a_target_in_millimetres_is_named_where_the_frame_could_take_most_of_it_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", ["millimetres", "inches"])
-def test_another_unit_of_one_of_several_instruments_is_named(tmp_path, unit):
+@pytest.mark.parametrize(("unit", "said"), [("millimetres", refused), ("inches", named)])
+def test_another_unit_of_one_of_several_instruments_is_named(tmp_path, unit, said):
     wrong, file, looks = OTHER_UNITS["heights"]
-    error = refused(tmp_path, WIRE, LEVEL, wrong(UNITS[unit]), LASER)
+    error = said(tmp_path, WIRE, LEVEL, wrong(UNITS[unit]), LASER)
     assert Path(str(error.file)).name == file
     assert f"bed: {looks} {unit}" in error.what
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("side", ["heights", "normals"])
-def test_a_plane_touched_from_below_is_named(tmp_path, side):
+@pytest.mark.parametrize(("side", "said"), [("heights", refused), ("normals", named)])
+def test_a_plane_touched_from_below_is_named(tmp_path, side, said):
     if side == "heights":
         wrong = GAUGE.reading(**columns(GAUGE, -1.0, "height"))
     else:
         planes = {k: v | {"normal": [-x for x in v["normal"]]} for k, v in GAUGE.said["planes"].items()}
         wrong = GAUGE.saying(planes=planes)
-    error = refused(tmp_path, wrong)
+    error = said(tmp_path, wrong)
     assert "other side of the plane" in error.what
     assert (Path(str(error.file)).name, error.column) == ("bed.csv", "height")
 
@@ -139,16 +175,16 @@ def test_tilts_of_another_unit_are_named(tmp_path, unit, factor):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("looks", "x", "y", "signs"),
+    ("looks", "x", "y", "signs", "said"),
     [
-        ("have the other sign", "tilt_x", "tilt_y", (-1.0, -1.0)),
-        ("are swapped", "tilt_y", "tilt_x", (1.0, 1.0)),
-        ("quarter turn", "tilt_y", "tilt_x", (1.0, -1.0)),
+        ("have the other sign", "tilt_x", "tilt_y", (-1.0, -1.0), named),
+        ("are swapped", "tilt_y", "tilt_x", (1.0, 1.0), named),
+        ("quarter turn", "tilt_y", "tilt_x", (1.0, -1.0), refused),
     ],
 )
-def test_tilts_along_other_axes_are_named(tmp_path, looks, x, y, signs):
+def test_tilts_along_other_axes_are_named(tmp_path, looks, x, y, signs, said):
     wrong = LEVEL.reading(tilt_x=signs[0] * LEVEL.columns[x], tilt_y=signs[1] * LEVEL.columns[y])
-    assert looks in refused(tmp_path, wrong).what
+    assert looks in said(tmp_path, wrong).what
 
 
 def test_a_range_below_0_is_named_by_its_row(tmp_path):

@@ -203,6 +203,7 @@ def test_wrong_datasets_are_refused_and_leave_nothing(strong, tmp_path):
         assert said in refused(tmp_path, "diagnose", given, "-o", tmp_path / out)
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_leaves_nothing(run, again, strong, tmp_path, tree, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

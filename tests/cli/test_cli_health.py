@@ -58,6 +58,7 @@ def test_a_plan_is_a_table_that_predict_reads_and_is_repeatable(run, folder, tmp
     assert poses.code == 0, poses.err
 
 
+@pytest.mark.slow
 def test_compare_with_a_model_and_a_dataset_names_the_command_that_is_meant(run, folder, tmp_path):
     words = run("compare", folder / "model", folder / "today", "-o", tmp_path / "o").failed()
     assert "gtpin diagnose" in words

@@ -38,7 +38,7 @@ def moved(dataset: Dataset, rows: np.ndarray, offset: np.ndarray) -> Dataset:
     return replace(dataset, position=position, orientation=orientation)
 
 
-@pytest.mark.parametrize(("seed", "most"), [(1, None), (2, None), (3, None), (1, 120), (2, 120)])
+@pytest.mark.parametrize(("seed", "most"), [(1, None), (2, None), (1, 120)])
 def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(seed, most, monkeypatch):
     """Of the 200 poses, a search takes all, or ``most``."""
     if most:
@@ -73,8 +73,7 @@ def test_a_good_visit_to_a_pose_of_which_another_is_set_aside_stays_in_use():
     assert set(good) <= set(shown.dataset.row.tolist())
 
 
-@pytest.mark.parametrize("absurd", [False, True])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("seed", "absurd"), [(1, False), (2, False), (3, True)])
 def test_poses_that_are_off_at_random_are_set_aside(seed, absurd):
     """Few poses, so that a search finds an explanation for each of them; one may be off by a metre."""
     rng = np.random.default_rng(seed)
@@ -119,11 +118,10 @@ def geometry(of: SearchState, prepared: Prepared, **changed: object) -> np.ndarr
     return model.geometry.values / model.geometry.tolerance
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(seed, monkeypatch):
+def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        prepared = prepare(heavy_tailed(seed), gtpin.load_robot("gantry_tau"))
+        prepared = prepare(heavy_tailed(1), gtpin.load_robot("gantry_tau"))
     whole = settled(prepared)
     assert (whole.everything.weight != 1.0).any()  # the tails are found
     monkeypatch.setattr(settling, "MOST_POSES", PART)
@@ -135,7 +133,7 @@ def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(see
     assert off < 0.3 * alike
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_pit_of_a_track_is_unknown_there_and_neither_set_aside_nor_a_step(seed):
     """A bell of a fiftieth of the travel: most poses do not see it, and those that do stand together."""
     dataset = make_case(seed, effects=[], poses=200).dataset

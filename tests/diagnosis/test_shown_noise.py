@@ -64,7 +64,7 @@ def test_scatter_beyond_the_declared_noise_is_unknown_and_visits_are_proposed():
 
 
 def test_scatter_that_repeats_at_each_pose_is_no_noise():
-    found = gtpin.diagnose(measured(3, scatter=1.2e-4, visits=3, poses=60))
+    found = gtpin.diagnose(measured(3, scatter=1.2e-4, visits=2, poses=45))
     assert found.verdict == "unknown"
 
 

@@ -52,13 +52,14 @@ def called(group: Any, words: list[str]) -> list[str]:
 
 def test_every_command_in_the_documents_is_one_that_gtpin_takes() -> None:
     seen: set[str] = set()
+    group = typer.main.get_command(gtpin.cli.app)
     for page in PAGES:
         for line in "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if "gtpin" not in {Path(word).name for word in words}:
                 continue
             start = next(i for i, word in enumerate(words) if Path(word).name == "gtpin")
-            seen |= {*called(typer.main.get_command(gtpin.cli.app), words[start + 1 :])}
+            seen |= {*called(group, words[start + 1 :])}
     assert seen >= {"demo", "diagnose", "calibrate", "predict", "simulate"}
 
 

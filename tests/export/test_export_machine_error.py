@@ -35,6 +35,7 @@ def test_an_interval_has_95_percent_of_random_machines() -> None:
     assert np.mean((low <= real) & (real <= high)) == pytest.approx(0.95, abs=0.015)
 
 
+@pytest.mark.slow
 def test_what_the_data_leave_open_is_what_drawn_machines_do(drawn_of: Callable[[str], Drawn]) -> None:
     """Geometry and an effect with a posterior of their own, in the base frame."""
     drawn = drawn_of("linear_delta")
@@ -52,6 +53,7 @@ def test_what_the_data_leave_open_is_what_drawn_machines_do(drawn_of: Callable[[
     assert doubt.rms(np.zeros_like(plain))[0] == pytest.approx(np.sqrt(np.mean(power)), rel=0.1)
 
 
+@pytest.mark.slow
 def test_settings_change_only_where_the_data_determine_them(drawn_of: Callable[[str], Drawn], tmp_path: Path) -> None:
     model = drawn_of("linear_delta").model
     nothing_learned = replace(model, covariance=np.diag(model.geometry.tolerance**2))

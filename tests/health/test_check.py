@@ -260,6 +260,7 @@ def test_data_that_can_be_no_check_of_a_model_are_refused(change, words):
         gtpin.diagnose(change(later(case, 1)), against=model)
 
 
+@pytest.mark.slow
 def test_a_robot_beside_an_earlier_model_is_refused():
     case, model = machine(21)
     with pytest.raises(gtpin.GtpinError, match="against alone"):

@@ -10,7 +10,10 @@ from gtpin.report.health import advice
 from gtpin.report.history import history
 from gtpin.report.words import length
 
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning"),  # a later day holds conditions constant
+]
 
 
 @pytest.fixture(scope="module")

@@ -70,6 +70,7 @@ def test_json_lists_unknowns_errors_of_each_instrument_and_what_cant_be_seen(cal
     assert all(direction["words"].endswith(".") for direction in content["unobservable"])
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_readings_names_the_cause_and_the_gap_of_each_instrument(diagnosis: gtpin.Diagnosis) -> None:
     assert [(cause.effect, cause.site) for cause in diagnosis.causes] == [("backlash", "cart2")]
     gap = diagnosis.to_json()["gap"]

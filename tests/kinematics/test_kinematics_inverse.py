@@ -10,6 +10,7 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import exp, log
 
 
+@pytest.mark.slow
 def test_commands_come_back_from_positions_over_the_whole_range(
     machine: Machine, loaded: gtpin.Robot, closures: RodKinematics
 ) -> None:

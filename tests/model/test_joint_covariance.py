@@ -18,6 +18,7 @@ def diagnosed():
     return case, gtpin.diagnose(case.dataset)
 
 
+@pytest.mark.slow
 def test_blocks_of_the_joint_covariance_are_those_of_geometry_and_effects(diagnosed):
     _, found = diagnosed
     model, p = found.model, len(found.model.geometry.parameters)

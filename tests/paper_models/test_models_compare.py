@@ -40,12 +40,14 @@ def held(position: np.ndarray, pose: np.ndarray | None = None) -> Held:
     return Held(1, np.arange(len(position)), pose.astype(str).astype(object), position, None, None, None, (False,) * 6)
 
 
+@pytest.mark.slow
 def test_the_table_has_the_columns_of_the_contract_and_a_row_for_each_model(compared: Comparison):
     table = compared.table()
     assert list(table.columns) == COLUMNS
     assert table["model"].tolist() == [1, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_all_models_are_judged_on_the_same_poses_those_within_the_measured_range(
     dataset: Dataset, compared: Comparison
 ):
@@ -56,6 +58,7 @@ def test_all_models_are_judged_on_the_same_poses_those_within_the_measured_range
     assert set(compared.table()["poses"]) == {inside.sum()}
 
 
+@pytest.mark.slow
 def test_the_figures_are_those_of_the_errors(compared: Comparison):
     for row, one in zip(compared.table().itertuples(), compared.held, strict=True):
         assert row.mean_um == pytest.approx(1e6 * np.mean(one.position))
@@ -64,6 +67,7 @@ def test_the_figures_are_those_of_the_errors(compared: Comparison):
         assert row.orientation_rms_mrad == pytest.approx(1e3 * np.sqrt(np.mean(one.orientation**2)))
 
 
+@pytest.mark.slow
 def test_the_model_that_the_machine_is_of_predicts_within_the_noise_and_the_others_do_not(compared: Comparison):
     rms = compared.table().set_index("model")["rms_um"]
     assert rms[4] < 2.0 * np.sqrt(3.0) * 1e6 * NOISE  # measured poses have noise of their own

@@ -77,6 +77,7 @@ def page(found: Diagnosis) -> str:
     return diagnosis_page(found, found.dataset)
 
 
+@pytest.mark.slow
 def test_the_joint_is_named(found: Diagnosis) -> None:
     assert [(c.effect, c.site) for c in found.causes] == [("joint_compliance", SITE)]
     value = found.causes[0].parameters["compliance"]
@@ -84,6 +85,7 @@ def test_the_joint_is_named(found: Diagnosis) -> None:
     assert value.unit == "rad/(N m)"
 
 
+@pytest.mark.slow
 def test_the_page_draws_the_arm_with_its_joints_and_rings_the_cause(page: str) -> None:
     drawing = re.search(r'<svg class="drawing".*?</svg>', page, re.DOTALL)
     assert drawing is not None
@@ -93,6 +95,7 @@ def test_the_page_draws_the_arm_with_its_joints_and_rings_the_cause(page: str) -
     assert sum("--accent" in circle.get("style", "") for circle in shapes.iter("circle")) == 1
 
 
+@pytest.mark.slow
 def test_the_page_speaks_of_no_carts_tracks_or_rods(page: str) -> None:
     body = re.sub(r"<(script|style|svg).*?</\1>", "", page[page.index("<body") :], flags=re.DOTALL)
     words = unescape(re.sub(r"<[^>]+>", " ", body))
@@ -100,6 +103,7 @@ def test_the_page_speaks_of_no_carts_tracks_or_rods(page: str) -> None:
     assert f"The drive of {SITE} deflects under its load." in words
 
 
+@pytest.mark.slow
 def test_the_curve_is_the_joints_angle_over_the_moment_that_it_carries(found: Diagnosis) -> None:
     residuals = Residuals.of(found.dataset, found.baseline, found.model, found.set_aside_rows)
     (curve,) = curves(found.model.effects[0], residuals)
@@ -114,6 +118,7 @@ def test_the_curve_is_the_joints_angle_over_the_moment_that_it_carries(found: Di
     assert 0.3 * arms.mean() < curve.lever <= arms.max()
 
 
+@pytest.mark.slow
 def test_where_has_no_rods(found: Diagnosis) -> None:
     where = found.to_json()["where"]
     assert where["rod"] == {}
@@ -140,6 +145,7 @@ def test_the_skeleton_goes_through_the_joints_to_the_tcp() -> None:
     np.testing.assert_array_equal(ends[-1][1], machine.tcp)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "told"), [("urdf", "does not hold"), ("sdf", "does not hold"), ("xml", "holds")])
 def test_a_diagnosed_arm_is_exported_and_what_is_left_out_is_told(
     found: Diagnosis, ending: str, told: str, tmp_path: Path
@@ -149,6 +155,7 @@ def test_a_diagnosed_arm_is_exported_and_what_is_left_out_is_told(
     assert (tmp_path / f"arm.{ending}").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_an_exported_urdf_has_the_calibrated_geometry(found: Diagnosis, tmp_path: Path) -> None:
     calibrated = found.baseline.model
     export(calibrated, tmp_path / "arm.urdf")
@@ -158,6 +165,7 @@ def test_an_exported_urdf_has_the_calibrated_geometry(found: Diagnosis, tmp_path
     np.testing.assert_allclose(other.minus(one), 0.0, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_corrected_commands_bring_the_arm_where_its_program_meant_it(found: Diagnosis) -> None:
     q, known = found.dataset.q[:6], {n: v[:6] for n, v in found.dataset.covariates.items()}
     meant = found.baseline.model.kinematics.forward(q)
@@ -178,6 +186,7 @@ def test_a_periodic_deviation_of_a_joint_becomes_a_table_of_corrections(tmp_path
     assert np.sqrt(np.mean((off - off.mean() - (wanted - wanted.mean())) ** 2)) < 0.1 * AMPLITUDE
 
 
+@pytest.mark.slow
 def test_what_does_not_move_along_a_joint_is_no_table(found: Diagnosis) -> None:
     assert correctable(found.model) == ()
 
@@ -200,6 +209,7 @@ def test_comparing_the_papers_models_is_refused_in_one_line(folder: Path) -> Non
         compare(gtpin.Dataset.read(folder))
 
 
+@pytest.mark.slow
 def test_an_arm_has_a_still_image(found: Diagnosis, folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     from gtpin.view.gap import gap_of

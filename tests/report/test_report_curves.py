@@ -16,6 +16,8 @@ from gtpin.report.residual_columns import column, columns, fit_along
 from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, residual_figure
 from gtpin.report.residuals import Residuals
 
+pytestmark = pytest.mark.slow  # one diagnosis
+
 PERIOD, AMPLITUDE, SIGMA = 0.1, 3e-5, 2e-6
 
 

@@ -80,6 +80,7 @@ def accuracy() -> Accuracy:
     return found
 
 
+@pytest.mark.slow
 def test_an_accuracy_page_tells_the_errors_to_expect_and_the_parameter_that_makes_most(accuracy):
     told = text(sensitivity_page(accuracy, seed=5))
     expected = accuracy.expected.position

@@ -85,6 +85,7 @@ def test_the_same_diagnosis_makes_the_same_page(findings):
     assert of(findings["explained"]) == of(findings["explained"])
 
 
+@pytest.mark.slow
 def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
     monkeypatch.setattr(page, "plotly_js", lambda kinds: None)
     whole = of(findings["explained"])
@@ -95,6 +96,7 @@ def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_t
     assert "<script" not in whole
 
 
+@pytest.mark.slow
 def test_a_robots_name_is_text(findings, monkeypatch):
     found = findings["none"]
     monkeypatch.setattr(found.diagnosis.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")

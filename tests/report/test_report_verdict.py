@@ -23,6 +23,7 @@ def words(found) -> str:
     return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
 
 
+@pytest.mark.slow
 def test_without_a_cause_nothing_is_to_be_compensated(findings):
     said = words(findings["none"])
     assert said.startswith("Nothing but noise is left")
@@ -50,6 +51,7 @@ def test_directions_that_nothing_shows_are_one_sentence():
     assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
 
 
+@pytest.mark.slow
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     found = findings["none"].diagnosis
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
@@ -58,6 +60,7 @@ def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     assert "no compensation is needed" not in said
 
 
+@pytest.mark.slow
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     found = findings["explained"]
     said = verdict(found.diagnosis)
@@ -70,6 +73,7 @@ def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     assert "poses that it was not fitted to" in words(found)
 
 
+@pytest.mark.slow
 def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     said = verdict(findings["ambiguous"].diagnosis).headline.replace("\u00a0", " ")
     assert said.startswith("Drive error at cart2 (open; ")
@@ -77,11 +81,13 @@ def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     assert "(60 %), or smooth, rms 12.3 µm (40 %)." in said
 
 
+@pytest.mark.slow
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"].diagnosis).headline
     assert said == ("Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name.")
 
 
+@pytest.mark.slow
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     found = findings["unknown"].diagnosis
     lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
@@ -89,6 +95,7 @@ def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     assert "don't compensate it by name" in verdict(lost).headline
 
 
+@pytest.mark.slow
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     found = replace(findings["unknown"].diagnosis, causes=findings["explained"].diagnosis.causes)
     first, second = verdict(found).headline.splitlines()
@@ -97,6 +104,7 @@ def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     assert verdict(found).badge == "1 certain, 1 unknown"
 
 
+@pytest.mark.slow
 def test_two_causes_are_both_named(findings):
     found = findings["explained"].diagnosis
     half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
@@ -117,6 +125,7 @@ def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
     assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"
 
 
+@pytest.mark.slow
 def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     found = findings["explained"].diagnosis
     said = words(
@@ -126,6 +135,7 @@ def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     assert "of the gap's power beyond noise" not in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
 def test_every_verdict_has_a_badge_and_advice(findings, kind):
     said = verdict(findings[kind].diagnosis)
@@ -134,6 +144,7 @@ def test_every_verdict_has_a_badge_and_advice(findings, kind):
     assert said.headline.endswith(".")
 
 
+@pytest.mark.slow
 def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
     found = findings["explained"].diagnosis
     cause = found.causes[0]
@@ -151,6 +162,7 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     assert "makes no difference" not in advice
 
 
+@pytest.mark.slow
 def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     found = findings["explained"].diagnosis
     cause = found.causes[0]
@@ -163,6 +175,7 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert "20 %" not in said
 
 
+@pytest.mark.slow
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"].diagnosis
     lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
@@ -173,6 +186,7 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     assert "could be" not in " ".join(verdict(found).advice)
 
 
+@pytest.mark.slow
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
     found = findings["none"].diagnosis
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)

@@ -63,6 +63,7 @@ def test_the_instrument_has_one_name():
     assert "the instrument drifts" in clause(effects_by_id()["tracker_drift"], "frame")
 
 
+@pytest.mark.slow
 def test_a_dataset_that_was_not_read_is_told_by_the_digests_of_the_files_that_it_is_written_to(single, tmp_path):
     assert single.dataset.path is None
     single.dataset.write(tmp_path / "data")

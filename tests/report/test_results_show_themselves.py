@@ -17,6 +17,8 @@ from gtpin.cli import app
 from gtpin.comparison.compare import compare
 from gtpin.report import figure as figures
 
+pytestmark = pytest.mark.slow  # a diagnosis, a comparison of models
+
 RESULTS = ("dataset", "poses", "calibration", "diagnosis", "accuracy", "comparison")
 LINES, LETTERS = 8, 700
 """A short form: lines, and letters."""
@@ -80,7 +82,6 @@ def test_tables_hold_what_the_results_hold(results):
     assert estimate.interval == (estimate.value - 1.96 * estimate.sigma, estimate.value + 1.96 * estimate.sigma)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["calibration", "diagnosis", "comparison"])
 def test_save_writes_what_the_command_writes(results, folder, tmp_path, name):
     command = {"calibration": "calibrate", "diagnosis": "diagnose", "comparison": "compare"}[name]
@@ -106,7 +107,6 @@ def test_save_does_not_overwrite_what_others_wrote(results, tmp_path):
     assert (tmp_path / "report.html").read_text() == "mine"
 
 
-@pytest.mark.slow
 def test_poses_and_accuracy_are_saved_as_their_commands_write_them(results, tmp_path):
     results["poses"].save(tmp_path / "poses.csv")
     table = pd.read_csv(tmp_path / "poses.csv", dtype=str)  # numbers exactly as written, by any pandas
@@ -136,7 +136,6 @@ FIGURES = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method", "options"), FIGURES)
 def test_a_plot_is_a_figure_with_data_and_a_title(results, name, method, options):
     from plotly.graph_objects import Figure
@@ -177,7 +176,6 @@ WRONG = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method", "options", "hint"), WRONG)
 def test_a_plot_of_what_is_not_there_names_what_is(results, name, method, options, hint):
     with pytest.raises(gtpin.GtpinError, match=hint):

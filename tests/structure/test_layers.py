@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -66,9 +67,16 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
+@cache
+def nodes(file: Path) -> tuple[ast.stmt, ...]:
+    """The imports and the classes of a file."""
+    wanted = (ast.Import, ast.ImportFrom, ast.ClassDef)
+    return tuple(node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, wanted))
+
+
 def imports_of(file: Path) -> Iterator[str]:
     """The package's modules that a file imports, at its top, in a function or for types."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in nodes(file):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in MODULES)
         elif isinstance(node, ast.ImportFrom):
@@ -77,7 +85,9 @@ def imports_of(file: Path) -> Iterator[str]:
                 yield from [name for name in (whole, node.module or "") if name in MODULES][:1]
 
 
-IMPORTED = {module: tuple(imports_of(file)) for module, file in MODULES.items()}
+@cache
+def imported() -> dict[str, tuple[str, ...]]:
+    return {module: tuple(imports_of(file)) for module, file in MODULES.items()}
 
 
 def place(module: str) -> str:
@@ -88,7 +98,7 @@ def place(module: str) -> str:
 def test_a_layer_imports_only_what_stands_below_it() -> None:
     wrong = [
         f"{module} imports {other}"
-        for module, others in IMPORTED.items()
+        for module, others in imported().items()
         for other in others
         if place(module) and place(other) and place(module) != place(other)
         if HEIGHT[place(other)] >= HEIGHT[place(module)]
@@ -98,14 +108,14 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
 
 def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:
     """Below the kinematics stand files, tables and the description of a robot; those import nothing higher."""
-    others = {other for module, names in IMPORTED.items() if ".bench.simulator" in module for other in names}
+    others = {other for module, names in imported().items() if ".bench.simulator" in module for other in names}
     outside = {place(other) for other in others if not other.startswith("gtpin.bench.simulator")}
     assert "robot" in outside  # the search went outside
     assert all(HEIGHT[name] < HEIGHT["kinematics"] for name in outside), outside
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:
-    arrows = {module: {*others} - {module} for module, others in IMPORTED.items()}
+    arrows = {module: {*others} - {module} for module, others in imported().items()}
     tuple(TopologicalSorter(arrows).static_order())  # raises CycleError
 
 
@@ -124,7 +134,7 @@ def test_every_result_that_is_shown_has_a_presentation() -> None:
     shown = {
         node.name
         for file in MODULES.values()
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for node in nodes(file)
         if isinstance(node, ast.ClassDef) and any(getattr(base, "id", "") == "Shown" for base in node.bases)
     }
     assert shown <= set(PRESENTATIONS)

@@ -43,12 +43,14 @@ def few(public: PublicSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_cases_are_made_again_bit_for_bit(public: PublicSet, few: Path) -> None:
     # Of 100 cases, another processor has a last digit of its own in one.
     other = list(changed(public, few, SOME))
     assert len(other) <= 1, f"the plant makes other cases than those that were published: {other}"
 
 
+@pytest.mark.slow
 def test_a_changed_digit_is_noticed(public: PublicSet, few: Path) -> None:
     file = few / CASES / SOME[0] / "commands.csv"
     text = file.read_text()
@@ -68,6 +70,7 @@ def test_the_sets_five_bar_is_that_of_the_examples() -> None:
     assert (FILE.parent / "five_bar.urdf").read_bytes() == (ROOT / "examples/loops/five_bar.urdf").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_solver_sees_no_truth(few: Path) -> None:
     for name in SOME:
         files = {file.name for file in (few / CASES / name).iterdir()}
@@ -77,6 +80,7 @@ def test_a_solver_sees_no_truth(few: Path) -> None:
         assert not [effect for effect in truth.effects if effect.effect in said]
 
 
+@pytest.mark.slow
 def test_a_truth_has_a_row_for_each_command_that_is_predicted(few: Path) -> None:
     for name in SOME:
         truth = Truth.model_validate_json((few / TRUTHS / f"{name}.json").read_bytes())
@@ -86,6 +90,7 @@ def test_a_truth_has_a_row_for_each_command_that_is_predicted(few: Path) -> None
             assert len(one.values) == len(pd.read_csv(few / CASES / name / f"commands-{one.name}.csv"))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.GtpinWarning")  # commands-wire.csv is no table of the dataset
 def test_stations_at_held_out_commands_are_those_of_the_truth(few: Path) -> None:
     """Stations are known to 0.1 m (1 sigma) or better; with another station in its place, a range is further off."""
@@ -132,6 +137,7 @@ def test_the_command_makes_a_case_and_scores_an_answer(tmp_path: Path) -> None:
     assert score["by_case"]["ur5-tracker-01"]["verdict"] == "unknown"
 
 
+@pytest.mark.slow
 def test_a_truth_that_was_edited_is_noticed(public: PublicSet, few: Path) -> None:
     file = few / TRUTHS / f"{SOME[1]}.json"
     content = file.read_bytes()
