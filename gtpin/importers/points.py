@@ -160,7 +160,8 @@ def read_points(
 
     ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
     see :func:`~gtpin.importers.points.read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
-    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
+    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn; must be given
+    where the list has them, and is rad by default in ``commands``.
     ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
     :func:`~gtpin.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
     and a free target.
@@ -192,7 +193,8 @@ def read_points(
         assert match is not None
         time = table.values.get("time")
         at = matched(commands, match, file=file, row=table.row, pose=table.pose, time=time, within=within)
-        q, pose = commands.q[at], commands.pose[at]
+        q = commands.q[at] * _scale(robot, tcp, commands.n_actuators, "m", angle or "rad")
+        pose = commands.pose[at]
         covariates = {name: values[at] for name, values in commands.covariates.items()} | covariates
     turned = ORIENTATION[0] in table.values
     return Dataset(

@@ -34,6 +34,7 @@ from gtpin.report.verdict import (
     could_be,
     gap_words,
     may_hide,
+    missing_columns,
     not_recorded,
     questions,
     verdict,
@@ -89,7 +90,7 @@ class DiagnosisPresentation(Presentation):
         count = sum(not candidate.testable for candidate in d.candidates)
         if count:
             many = f"{count} of {len(d.candidates)} candidates"
-            parts.append(f"{many} can't be tested with these data; the report gives the reasons.")
+            parts.append(f"{many} can't be tested with these data{missing_columns(d)}; the report gives the reasons.")
         return Group(*parts)
 
     def _gap(self) -> list[str]:
@@ -97,7 +98,9 @@ class DiagnosisPresentation(Presentation):
         gap, size = self.diagnosis.gap, gap_words(self.diagnosis.gap)
         what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
         if not self.diagnosis.causes:
-            return [f"{what}: {size.before}, of which noise is {size.floor}."]
+            supposed = self.diagnosis.noise_source == "residuals"
+            noise = f"{size.floor} is taken as noise" if supposed else f"noise is {size.floor}"
+            return [f"{what}: {size.before}, of which {noise}."]
         lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise alone {size.floor}."]
         if gap.shrinkage is not None and gap.interval is not None:
             low, high = map(percent, gap.interval)

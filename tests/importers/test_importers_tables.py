@@ -56,6 +56,16 @@ def test_decimal_commas_semicolons_and_degrees_are_read_as_they_are_named(write:
     np.testing.assert_allclose(dataset.covariates["temp_frame"], [20.5])
 
 
+def test_degrees_of_a_table_of_commands_are_converted_too(write: Write) -> None:
+    given = commands(["p1", "p2"])
+    degrees = Commands(given.pose, np.degrees(given.q))
+    for angle, table in (("deg", degrees), ("rad", given), (None, given)):
+        dataset = read_points(
+            write("points.txt", POINTS), "ur5", NAMES, "space", "mm", angle=angle, commands=table, match="pose"
+        )
+        np.testing.assert_allclose(dataset.q, given.q[[0, 1, 0]], rtol=1e-12)
+
+
 def test_lengths_among_the_commands_have_the_unit_of_lengths(write: Write) -> None:
     robot = gtpin.load_robot("linear_delta")
     assert not robot.revolute.any()
