@@ -15,7 +15,7 @@ from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_
 from gtpin.accuracy.rods import rod_kinematics
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
-from gtpin.errors import ModelError
+from gtpin.errors import ModelError, check_kind
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
@@ -159,6 +159,7 @@ def analyse(
     >>> found.q.shape
     (2, 3)
     """
+    check_kind(model, Model)
     q = default_commands(model, seed=seed) if q is None else q
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
     found = sensitivity(model, q, sigmas=sigmas)

@@ -218,11 +218,16 @@ def points(
     unit: Annotated[Length, typer.Option("--unit", help="Of lengths.", show_default=False)],
     separator: Annotated[Separator, typer.Option("--separator", help="Between columns.", show_default=False)],
     angle: Annotated[
-        Angle | None, typer.Option("--angle", help="Unit of commands that are angles; in --commands by default rad.", show_default=False)
+        Angle | None,
+        typer.Option(
+            "--angle", help="Unit of commands that are angles; in --commands by default rad.", show_default=False
+        ),
     ] = None,
     commands: Annotated[
         Path | None,
-        typer.Option("--commands", help="Table with the columns pose, q1 .. qn; m, and the unit of --angle.", show_default=False),
+        typer.Option(
+            "--commands", help="Table with the columns pose, q1 .. qn; m, and the unit of --angle.", show_default=False
+        ),
     ] = None,
     match: Annotated[
         Match | None,

@@ -9,9 +9,9 @@ import numpy as np
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import Drawing, alone, scatter, titled
+from gtpin.report.figure import Drawing, alone, scatter
 from gtpin.report.palette import SCALE, ZERO
-from gtpin.report.poses import VIEWS
+from gtpin.report.poses import VIEWS, map_layout
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
@@ -148,7 +148,4 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
         x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in (a, b))
         look = {"color": ZERO, "width": 1.2}
         traces.insert(0, scatter("lines", x, y, line=look, hoverinfo="skip", connectgaps=False))
-    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", showlegend=False, margin={"t": 10})
-    layout["xaxis"]["constrain"] = "domain"
-    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    return Drawing(traces, layout)
+    return Drawing(traces, map_layout(T, view, showlegend=False, margin={"t": 10}))

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from gtpin.kinematics.poses import Poses
 
 VIEWS = ("xy", "xz", "yz")
+FLAT = 0.1
+"""Positions whose extent along an axis is less than this fraction of the largest one have one tick there: others overlap."""
 """Pairs of axes of a map of positions."""
 
 
@@ -82,6 +84,18 @@ def position_map(
     x, y = (T[:, "xyz".index(axis)] for axis in view)
     told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
     told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
-    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)")
-    layout["yaxis"]["scaleanchor"] = "x"
-    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], layout).figure(), title)
+    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], map_layout(T, view)).figure(), title)
+
+
+def map_layout(T: Floats, view: str, **more: Any) -> dict[str, Any]:
+    """The layout of a map of positions (N, 3), m, over the two axes of ``view``, in equal scales."""
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", **more)
+    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    layout["xaxis"]["constrain"] = "domain"
+    extent = np.ptp(T, axis=0)
+    for axis, name in zip(("xaxis", "yaxis"), view, strict=True):
+        k = "xyz".index(name)
+        if extent[k] < FLAT * extent.max():
+            middle = float(T[:, k].mean())
+            layout[axis] |= {"tickvals": [middle], "ticktext": [f"{round(middle, 3) + 0.0:g}"]}
+    return layout

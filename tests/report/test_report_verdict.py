@@ -27,6 +27,17 @@ def test_without_a_cause_nothing_is_to_be_compensated(findings):
     assert "no compensation is needed" in said
 
 
+def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(findings):
+    found = findings["none"].diagnosis
+    lacks = replace(found.candidates[0], testable=False, reason=Untestable("missing", "approach1"))
+    supposed = replace(found, noise_source="residuals", candidates=(lacks, *found.candidates[1:]))
+    said = verdict(supposed)
+    assert "Nothing but noise" not in said.headline
+    assert f"{1e6 * found.gap.after:.3g}\u00a0µm" in said.headline
+    assert "no compensation is needed" not in " ".join(said.advice)
+    assert "approach1" in " ".join(said.advice)
+
+
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     found = findings["none"].diagnosis
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
