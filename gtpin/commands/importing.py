@@ -219,15 +219,11 @@ def points(
     separator: Annotated[Separator, typer.Option("--separator", help="Between columns.", show_default=False)],
     angle: Annotated[
         Angle | None,
-        typer.Option(
-            "--angle", help="Unit of commands that are angles; in --commands by default rad.", show_default=False
-        ),
+        typer.Option("--angle", help="Unit of commands that are angles. [--commands: rad]", show_default=False),
     ] = None,
     commands: Annotated[
         Path | None,
-        typer.Option(
-            "--commands", help="Table with the columns pose, q1 .. qn; m, and the unit of --angle.", show_default=False
-        ),
+        typer.Option("--commands", help="Table with pose, q1 .. qn; m, rad or --angle.", show_default=False),
     ] = None,
     match: Annotated[
         Match | None,

@@ -13,8 +13,8 @@ import pinocchio as pin
 import pytest
 
 import gtpin
-from gtpin.export import export
 from gtpin.errors import ClosureError, ModelError, UnreachableError
+from gtpin.export import export
 from gtpin.kinematics.rotations import log
 from gtpin.robot.library import urdf_path
 
