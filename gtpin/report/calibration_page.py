@@ -22,6 +22,7 @@ from gtpin.report.residual_sections import (
 )
 from gtpin.report.residuals import Residuals
 from gtpin.report.sketch import drawing
+from gtpin.report.unseen_words import unseen_first
 from gtpin.report.words import counted, joined, percent, quantity, whole
 
 UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
@@ -151,7 +152,7 @@ def _unseen(c: Calibration) -> Section:
         content = [
             "Directions of the geometry that are hardly observable with these data. Their values are the prior means, and "
             "change no prediction near the measured poses.",
-            *c.words,
+            *unseen_first(c.words, c.remedies, SHOWN),
             Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),
         ]
     if pairs := [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.report.quality import cannot_judge, error_of, noise_words, scatters
+from gtpin.report.unseen_words import unseen_first
 
 HEAVY = 1.5
 """Chi-square per degree of freedom above which heavy tails get a warning."""
@@ -119,9 +120,7 @@ def _unobservable(c: Calibration) -> str:
         lines.append(
             f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
         )
-    lines += [f"  {sentence}" for sentence in c.words[:SHOWN]]
-    if len(directions) > SHOWN:
-        lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
+    lines += [f"  {sentence}" for sentence in unseen_first(c.words, c.remedies, SHOWN)]
     indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())
     lines.append(f"Observability indices: {indices}")
     return "\n".join(lines)

@@ -40,6 +40,13 @@ def unseen_words(
     )
 
 
+def unseen_first(words: Sequence[str], remedies: Sequence[Remedy | None], most: int) -> list[str]:
+    """At most this number of sentences, those that name a measurement first, and how many more there are."""
+    order = sorted(range(len(words)), key=lambda i: remedies[i] is None)
+    more = len(words) - most
+    return [words[i] for i in order[:most]] + ([f"And {more} more in calibration.json."] if more > 0 else [])
+
+
 def _remedy(remedy: Remedy | None) -> str:
     if remedy is None:
         return "No usual measurement at these poses would show it: it hardly moves the platform there."
