@@ -1,7 +1,8 @@
 """Whether exported corrections tell the machine's error: said and realised on simulated machines of a linear delta.
 
 Each machine is drawn from the tolerances. Its printer probes a mesh of 7 x 7, or a tracker measures 40 poses; the correction of
-the calibrated model is then used on the machine, whose error is exact here.
+the calibrated model is then used on the machine, whose error is exact here. From touches, a shift or turn on the
+bed is no error.
 
     python examples/machines/exported_corrections.py [MACHINES]
 
@@ -24,7 +25,7 @@ from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import Drives, Towers, drives_of
 from gtpin.data import Instrument
 from gtpin.export import Box
-from gtpin.export.machine_error import open_directions
+from gtpin.export.machine_error import on_the_bed, open_directions
 from gtpin.export.tables import printer_correction
 from gtpin.importers.touches import Touches, write_touches
 
@@ -51,7 +52,7 @@ def touched(truth: gtpin.Model, per_side: int, rng: np.random.Generator, folder:
         xyz[:, 2] -= truth.predict(firmware.commands(xyz)).T[:, 2] - BOX.origin[2]
     xyz[:, 2] += TOUCH * rng.standard_normal(len(xyz))
     rows = np.arange(1, len(xyz) + 1)
-    touches = Touches(Path("mesh"), rows, rows.astype(str).astype(object), position=xyz)
+    touches = Touches(Path("mesh"), rows, rows.astype(str).astype(object), position=xyz, bed=True)
     write_touches(touches, folder, "linear_delta", origin=BOX.origin.tolist(), sigma=TOUCH)
     return gtpin.Dataset.read(folder)
 
@@ -69,8 +70,9 @@ def of_printer(truth: gtpin.Model, model: gtpin.Model, drives: Drives | None) ->
     machine, _ = machine_at(model)
     found = printer_correction(model, [machine], NOMINAL, BOX, drives)
     points = BOX.fill(512)
-    there = truth.predict(found.controller.commands(found.tables[0].applied(points))).T - BOX.origin
-    return (*found.left[0].doubt.rms(found.left[0].after), rms(found.left[0].after), rms(there - points))
+    left = found.left[0]
+    errors = truth.predict(found.controller.commands(found.tables[0].applied(points))).T - BOX.origin - points
+    return *left.doubt.rms(left.after), rms(left.after), rms(on_the_bed(errors, points) if left.standing else errors)
 
 
 def of_commands(truth: gtpin.Model, model: gtpin.Model, *, grid: bool) -> tuple[float, ...]:

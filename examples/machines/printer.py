@@ -17,6 +17,8 @@ from gtpin.robot.sketch import Carrier, Rod, Sketch
 
 HOME = 0.05
 """Height of the nozzle over the bed at home, m."""
+SHORTEST = 5.0
+"""Radius, mm, below which it looks like metres."""
 ABOVE = 0.60
 """Travel of the carriages over home, m; below it they go down to the bed."""
 
@@ -61,7 +63,10 @@ def sketch(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=f"{__doc__.splitlines()[0]} Lengths are millimetres.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
     parser.add_argument("--radius", type=float, required=True, help="delta_radius, R of M665")
     parser.add_argument("--arms", type=float, nargs="+", required=True, help="arm_length of each tower, or one for all")
     parser.add_argument("--angles", type=float, nargs=3, default=[210.0, 330.0, 90.0], help="of the towers, degrees")
@@ -75,6 +80,8 @@ def main(arguments: list[str] | None = None) -> None:
     arms = given.arms * 3 if len(given.arms) == 1 else given.arms
     if len(arms) != 3 or min(arms) <= given.radius:
         parser.error("give one arm or three, longer than the radius")
+    if given.radius < SHORTEST:
+        parser.error(f"a radius of {given.radius:g} mm looks like metres; give millimetres")
     found = sketch(
         given.radius / 1e3,
         [arm / 1e3 for arm in arms],

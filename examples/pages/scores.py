@@ -157,15 +157,22 @@ def worlds() -> str:
     found = _record("worlds.json")
     lines = ["| | " + " | ".join(found) + " |", "|---" * (len(found) + 1) + "|"]
     for words, key, of in (
+        (
+            "effect unlisted, others leave > 250 of it: verdict `unknown`",
+            "unknown, of own form",
+            "unlisted, of own form",
+        ),
         ("effect unlisted, E > 63: verdict `unknown`", "unknown", "unlisted"),
         ("cases with a false cause of 0.9 or more", "false, sure", "cases"),
         ("of these, not the mechanism's textbook name at its site", "another name", "cases"),
         ("listed effect, E > 63: in a class", "class holds", "listed"),
         ("told as a description at its site", "described", "listed"),
+        ("others leave > 63 of it: right alone, 0.9 or more", "alone, sure, of own form", "listed, of own form"),
         ("right alone, 0.9 or more", "alone, sure", "listed"),
         ("no effect: `none`", "no effect, none", "no effect"),
     ):
-        lines.append(f"| {words} | " + " | ".join(f"{column[key]} of {column[of]}" for column in found.values()) + " |")
+        cells = (f"{column[key]} of {column[of]}" if key in column else "" for column in found.values())
+        lines.append(f"| {words} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

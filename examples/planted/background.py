@@ -41,7 +41,7 @@ def series(real: Path, work: Path) -> Iterator[tuple[str, Dataset]]:
         dataset = Dataset.read(folder)
         if len(dataset) > ROWS:
             dataset = dataset.take(np.sort(np.random.default_rng(0).permutation(len(dataset))[:ROWS]))
-        if dataset.readings is None and dataset.instrument.frame == "free":  # nobody measured where the target sits
+        if dataset.instrument.frame == "free":  # nobody measured where the target sits
             dataset = replace(dataset, instrument=dataset.instrument.model_copy(update={"target": "free"}))
         yield name, dataset
 
@@ -82,7 +82,7 @@ class Background:
 
     @property
     def sockets(self) -> bool:
-        return self.dataset.readings is not None
+        return not self.dataset.readings.tracked
 
     def lever(self, poses: Poses, model: Model) -> Array:
         """(N, 3) from the predicted frame to the target: of a tracker the frame itself, of sockets the ball."""

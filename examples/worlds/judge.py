@@ -4,7 +4,8 @@ With ``--record FILE NAME`` the sums are added to a JSON file, of which docs/bli
 
 An effect is demanded from an energy of 63 on (gtpin's own bound of what it promises to see); a weaker one may be named or not.
 Confidence is a probability of 0.9 or more. A cause is false where its effect and site are no part of the truth: "near" where it
-is the name that the mechanism has at distance 0, at its site, and "another" else.
+is the name that the mechanism has at distance 0, at its site, and "another" else. "Of own form" are listed effects of which
+other effects of the catalogue leave 63 or more, and unlisted ones of which they leave 250 or more (left.py).
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from typing import Any
 
 from mechanisms import MECHANISMS
 
-DEMANDED, SURE = 63.0, 0.9
+DEMANDED, UNLIKE, SURE = 63.0, 250.0, 0.9
 HEAD = ("listed", "class holds", "alone, sure", "unlisted", "unknown", "cases", "false, sure", "another name")
+OWN = ("listed, of own form", "alone, sure, of own form", "unlisted, of own form", "unknown, of own form")
 LISTED = {m.name: m.listed for m in MECHANISMS}
 Row = dict[str, int]
 
@@ -43,6 +45,8 @@ def judged(case: dict[str, Any], diagnosis: dict[str, Any]) -> tuple[Row, list[s
         for c in sure
         if name(c) not in allowed
     ]
+    apart = [e for e in listed if e.get("left", 0.0) >= DEMANDED]
+    strange = any(e.get("left", 0.0) >= UNLIKE for e in effects if e not in listed)
     row = {
         "listed": len(listed),
         "class holds": sum(any(name(e) in k for k in classes) for e in listed),
@@ -52,13 +56,17 @@ def judged(case: dict[str, Any], diagnosis: dict[str, Any]) -> tuple[Row, list[s
         "cases": 1,
         "false, sure": int(bool(false)),
         "another name": int(any("another" in text for text in false)),
+        "listed, of own form": len(apart),
+        "alone, sure, of own form": sum(name(e) in alone for e in apart),
+        "unlisted, of own form": int(strange),
+        "unknown, of own form": int(strange and diagnosis["verdict"] == "unknown"),
     }
     return row, false
 
 
-def total(rows: Iterable[Row]) -> Row:
+def total(rows: Iterable[Row], keys: tuple[str, ...] = HEAD) -> Row:
     found = list(rows)
-    return {key: sum(row[key] for row in found) for key in HEAD}
+    return {key: sum(row[key] for row in found) for key in keys}
 
 
 def table(title: str, groups: dict[str, list[Row]]) -> list[str]:
@@ -131,7 +139,7 @@ def record(folder: Path, outs: list[Path]) -> Row:
         more["described"] += sum(name(e) in told for e in case["effects"] if e["energy"] >= DEMANDED)
         more["no effect"] += not case["acts"]
         more["no effect, none"] += not case["acts"] and diagnosis["verdict"] == "none"
-    return total(rows) | more
+    return total(rows, HEAD + OWN) | more
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Draw the cases of a half and write them: ``python worlds.py FOLDER --seed N [--rods 40] [--arms 20]``.
 
 Each case is a folder NAME (a dataset of gtpin) and NAME.truth.json, of a tracker's cases NAME.truth.csv too: the poses without
-noise at the commands that were left out (NAME/commands.csv). FOLDER/worlds.json tells mechanism, distance and energy.
+noise at the commands that were left out (NAME/commands.csv). FOLDER/worlds.json tells mechanism, distance and energy, and
+NAME.moved.npy, of a tracker's cases, how each effect moves the measured poses (for left.py).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import pandas as pd
 from arms import ARMS, Arm
 from energy import Absorption, Instrument, Ranges, Tracker
 from mechanisms import MECHANISMS, Campaign, Machine, Mechanism
-from motion import Array
+from motion import Array, Motion, Poses, seen
 from numpy.typing import NDArray
 from rods import GantryTau
 from scipy.spatial.transform import Rotation
@@ -123,12 +124,14 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
     motion = absorption.still
     found: list[dict[str, Any]] = []
     told: list[dict[str, Any]] = []
+    parts: list[Motion] = []
     for act in acts:
         k, where = site(machine, act.mechanism, rng)
         for effect, form, share in act.mechanism.forms(act.distance):
             shape = act.mechanism.shape(machine, c, k, form, rng)
             scaled, energy = absorption.scaled(shape, share * act.energy, LARGEST)
             motion = motion.plus(scaled)
+            parts.append(scaled)
             found.append({"effect": effect, "site": where, "energy": round(energy, 1)})
         told.append({"mechanism": act.mechanism.name, "distance": act.distance, "site": where, "asked": act.energy})
     truth = [t for t in found if t["energy"] >= SEEN]
@@ -152,6 +155,10 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
     else:
         head = write_tracker(case, gauge, table, exact, out, rng)
         save(exact_table(table[out], exact[0][out], exact[1][out]), folder / f"{name}.truth.csv", 10)
+        station = np.array(machine.station)
+        still = seen(machine.poses(c.q, g, absorption.still), absorption.still, station)
+        moved = [difference(seen(machine.poses(c.q, g, part), part, station), still) for part in parts]
+        np.save(folder / f"{name}.moved.npy", np.array(moved).reshape(-1, len(c.q), 6)[:, ~out])
     robot = machine.robot
     if isinstance(machine, Arm):
         robot = "robot.urdf"
@@ -159,6 +166,11 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
     (case / "dataset.toml").write_text(head.replace("ROBOT", robot))
     (folder / f"{name}.truth.json").write_text(json.dumps({"effects": truth}, indent=1) + "\n")
     return {"robot": machine.robot, "instrument": type(gauge).__name__, "acts": told, "effects": found}
+
+
+def difference(one: Poses, other: Poses) -> Array:
+    """(N, 6) shifts, m, and rotation vectors, rad, of poses from others, base frame."""
+    return np.hstack([one[0] - other[0], Rotation.from_matrix(one[1] @ other[1].transpose(0, 2, 1)).as_rotvec()])
 
 
 def save(table: pd.DataFrame, file: Path, digits: int) -> None:

@@ -200,7 +200,7 @@ def _calibrated(
     geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
     nominal = Model(geometry, solver=kinematics)
     data = prepared(dataset, nominal)
-    checks = PoseChecks(data, nominal, doubt) if dataset.readings is None else ReadingChecks(data, nominal)
+    checks = PoseChecks(data, nominal, doubt) if dataset.readings.tracked else ReadingChecks(data, nominal)
     usable, kept, near = checks.rows
     problem = checks.problem
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None

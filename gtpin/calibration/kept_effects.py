@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect, lasts, part_of_turn, warn_of_extrapolation
-from gtpin.errors import ConvergenceError, DatasetError, ModelError, unheard, warn
+from gtpin.errors import ConvergenceError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -42,11 +42,10 @@ def with_kept_effects(
     effects that are left out, effects that count as zero outside the angles of their fit, and effects that are
     extrapolated.
     """
-    if dataset.readings is not None:
-        raise DatasetError(
-            "effects of a model can be kept for poses of one tracker only",
-            hint="leave the model out, or diagnose these readings",
-        )
+    dataset.refuse_readings(
+        "effects of a model can be kept for poses of one tracker only",
+        "leave the model out, or diagnose these readings",
+    )
     kept = tuple(active for active in effects if lasts(active, robot))
     if left_out := ", ".join(active.name for active in effects if active not in kept):
         warn(f"not kept: {left_out}, which say nothing of another day")

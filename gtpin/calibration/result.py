@@ -19,7 +19,6 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.unseen_remedies import Remedy, remedies
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
-from gtpin.data.instrument_tables import TrackerTable
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown, up_of
 from gtpin.instruments.readings import Readings
@@ -403,9 +402,10 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.learned < UNSEEN]
     model = replace(point.model, covariance=covariance, solver="arrays", unexplained=unexplained)
+    instrument = whole.instrument
     if measured.tracked:
         conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
-        model = replace(model, fit=conditions)
+        model, instrument = replace(model, fit=conditions), _as_used(problem, instrument)
     return Calibration(
         model=replace(model, instruments=readings.fitted),
         covariance=covariance,
@@ -422,7 +422,7 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask)
         iterations=settled.steps,
         residual=left,
         residual_before=before,
-        instrument=_as_used(problem, whole.instrument),
+        instrument=instrument,
         dataset=whole,
         by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
         unknowns=readings.unknowns,
@@ -433,13 +433,9 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask)
 
 
 def _as_used(problem: Problem, instrument: Instrument) -> Instrument:
-    """The description of a lone tracker with the sigmas and the frame that the fit used; as it was for other instruments."""
-    table = problem.measured.rows.tables[0]
-    if not problem.measured.tracked or not isinstance(table, TrackerTable):
-        return Instrument()
-    frame = "free" if problem.free_frame else instrument.frame
-    used = {"position_sigma": table.position_sigma, "orientation_sigma": table.orientation_sigma, "frame": frame}
-    return instrument.model_copy(update=used)
+    """The description of a lone tracker with the sigmas and the frame that the fit used."""
+    sigmas = problem.measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})
+    return instrument.model_copy(update=sigmas | {"frame": "free" if problem.free_frame else instrument.frame})
 
 
 def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
@@ -466,7 +462,7 @@ def _by_instrument(
     part = readings.take(some)
     for i, one in enumerate(readings.instruments):
         count = max(len(np.unique(readings.rows.line[readings.rows.of == i])), 1)
-        units = dict.fromkeys(c.unit for c in one.components if c.shown or not one.name)
+        units = dict.fromkeys(c.unit for c in one.components if c.shown)
         for unit in units:
             before, after, noise = (readings.rms(i, values, unit) for values in errors)
             yield InstrumentFit(one.name, one.kind, count, before, after, noise, unit, part.rms(i, out, unit))

@@ -115,12 +115,10 @@ def certify(
 
 
 def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> None:
-    if dataset.readings is not None:
-        raise DatasetError(
-            "a certificate takes the positions of one tracker, and other instruments' readings are none",
-            file=dataset.path,
-            hint="measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",
-        )
+    dataset.refuse_readings(
+        "a certificate takes the positions of one tracker, and other instruments' readings are none",
+        "measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",
+    )
     if instrument is not None and not 0.0 < instrument < np.inf:
         raise ModelError(f"an instrument's uncertainty of {instrument:g} m", hint="give a positive number of metres")
     if model is None:

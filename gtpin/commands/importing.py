@@ -72,11 +72,11 @@ arms and the end stops; none determines angles of towers or scales:
 
 7 (DELTA_CALIBRATE): 0.0, too few for a calibration
 
-9 (mesh of 3 x 3): 0.0, too few
+13 (mesh of 5 x 5 on a round bed): 2.4, too few
 
-25 (5 x 5): 10.9; 0.4, 2.4, 1.4
+29 (mesh of 7 x 7): 16.8; 0.38, 2.4, 0.79
 
-49 (7 x 7): 34.3; 0.36, 2.4, 1.4
+49 (mesh of 9 x 9): 36.3; 0.37, 2.4, 0.79
 
 For the shipped linear_delta, a sigma of 10 um of a touch. Probe a mesh of 7 x 7: klipper-mesh, rrf-heightmap.
 

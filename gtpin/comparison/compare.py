@@ -88,12 +88,10 @@ def compare(
     check_kind(dataset, Dataset)
     check_kind(robot, Robot, type(None))
     given = dataset
-    if dataset.readings is not None:
-        raise DatasetError(
-            "models are compared by measured poses, and these are readings of other instruments",
-            file=dataset.path,
-            hint="calibrate each by itself: gtpin calibrate --model 1 ...",
-        )
+    dataset.refuse_readings(
+        "models are compared by measured poses, and these are readings of other instruments",
+        "calibrate each by itself: gtpin calibrate --model 1 ...",
+    )
     robot = robot_of(dataset) if robot is None else robot
     if not robot.rods:
         raise ModelError(

@@ -10,6 +10,9 @@ import numpy as np
 from gtpin.errors import GtpinError
 from gtpin.typing import Floats
 
+LARGEST = 10.0
+"""Coordinate, m, above which a box looks like one in millimetres. Assumed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Box:
@@ -26,12 +29,16 @@ class Box:
     def of(ends: Sequence[float], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> Box:
         """The box with the ends x0, x1, y0, y1, z0, z1, m.
 
-        Raises `GtpinError` if a number is not finite, or x1, y1 or z1 is not larger than x0, y0 or z0.
+        Raises `GtpinError` if a number is not finite or looks like millimetres, or x1, y1 or z1 is not larger than x0, y0 or
+        z0.
         """
         low, high = np.array(ends, dtype=float).reshape(3, 2).T
         zero = np.array(origin, dtype=float)
         if not (np.isfinite(np.concatenate([low, high, zero])).all() and (high > low).all()):
             raise GtpinError("this is no box", column="box", hint="give x0 x1 y0 y1 z0 z1, m, the smaller one first")
+        if np.abs(np.concatenate([low, high])).max() > LARGEST:
+            what = f"a box that ends at {np.abs(np.concatenate([low, high])).max():g} m looks like millimetres"
+            raise GtpinError(what, column="box", hint="give x0 x1 y0 y1 z0 z1 in m")
         return Box(low, high, zero)
 
     def grid(self, x: int, y: int, z: int) -> Floats:

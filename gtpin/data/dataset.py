@@ -26,7 +26,7 @@ from gtpin.data.description import (
 )
 from gtpin.data.files import check_folder, find_table, read_table, write_table
 from gtpin.data.ids import Ids, codes
-from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.read_instruments import is_second, read_instruments
@@ -85,8 +85,9 @@ class Dataset(Shown):
     unusable
         Names of recorded covariates that were removed from ``covariates`` because their values are impossible.
     readings
-        The rows of the instruments of a dataset of schema 2; None where the dataset has the poses of one tracker. With
-        readings, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the base frame.
+        The rows of the instruments. Those of a lone tracker, which has no name, are always ``position`` and ``orientation``.
+        For other instruments, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the
+        base frame.
     warnings
         Texts of the warnings when it was read: results repeat them.
     trusted
@@ -125,7 +126,7 @@ class Dataset(Shown):
     row: NDArray[np.int64] = field(default_factory=unnumbered)
     file: Path | None = None
     unusable: frozenset[str] = frozenset()
-    readings: InstrumentRows | None = None
+    readings: InstrumentRows = POSES
     warnings: tuple[str, ...] = ()
     trusted: bool = False
 
@@ -152,6 +153,9 @@ class Dataset(Shown):
             raise DatasetError(what, file=self.file, column=f"q{q.shape[1]}", hint="give one for each, q1 .. qn")
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        if self.readings.tracked:
+            read = InstrumentRows.of_poses(self.position, self.orientation, self.row, self.instrument, self.file)
+            object.__setattr__(self, "readings", read)
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -163,16 +167,7 @@ class Dataset(Shown):
 
     def place(self, index: int) -> tuple[Path | None, int]:
         """File, and line in it, of the row with this index (counted from 0)."""
-        return self.rows.place(index)
-
-    @cached_property
-    def rows(self) -> InstrumentRows:
-        """What was measured, as rows of instruments: ``readings``, or the poses of one tracker, which has no name."""
-        if self.readings is not None:
-            return self.readings
-        rows = InstrumentRows.of_tracker(self.position, self.orientation, self.row)
-        declared = {key: getattr(self.instrument, key) for key in ("position_sigma", "orientation_sigma", "station")}
-        return replace(rows, tables=(rows.tables[0].model_copy(update=declared),), files=(self.file,))
+        return self.readings.place(index)
 
     @property
     def robot_reference(self) -> str | Path:
@@ -191,6 +186,11 @@ class Dataset(Shown):
         """The commands and covariates without what was measured."""
         return Commands(self.pose, self.q, self.covariates, self.row, self.file)
 
+    def refuse_readings(self, what: str, hint: str) -> None:
+        """Raise `DatasetError` unless these are the poses of one tracker; ``what``: what readings can't be used for."""
+        if not self.readings.tracked:
+            raise DatasetError(what, file=self.path, hint=hint)
+
     def told(self, texts: Iterable[str]) -> tuple[str, ...]:
         """Texts of its own warnings and of others, each once; files are named without the folder that holds the dataset."""
         folder = "" if self.path is None else f"{self.path}{os.sep}"
@@ -208,11 +208,6 @@ class Dataset(Shown):
         """
         if isinstance(rows, np.ndarray) and rows.dtype == bool and rows.shape == (len(self),) and rows.all():
             return self
-        readings = None if self.readings is None else self.readings.take(rows)
-        if (
-            readings is not None and (readings.component < 0).all()
-        ):  # rows by component refer to distances by their number
-            readings = readings.without_unvisited()
         return replace(
             self,
             pose=self.pose[rows],
@@ -221,7 +216,7 @@ class Dataset(Shown):
             orientation=None if self.orientation is None else self.orientation[rows],
             covariates={name: values[rows] for name, values in self.covariates.items()},
             row=self.row[rows],
-            readings=readings,
+            readings=self.readings.take(rows).without_unvisited(),
         )
 
     def in_order(self) -> Dataset:
@@ -231,9 +226,8 @@ class Dataset(Shown):
         """
         keys = [codes(values)[0] for values in self.covariates.values()]
         measured = self.position if self.orientation is None else np.hstack([self.position, self.orientation])
-        if self.readings is not None:
-            return self.take(np.lexsort([self.readings.component, self.row, *keys, self.visits]))
-        return self.take(np.lexsort([*keys, *measured.T[::-1], self.visits]))
+        # Rows of equal values are equal in all but their lines; readings of one pose have one ``position``.
+        return self.take(np.lexsort([self.readings.component, self.row, *keys, *measured.T[::-1], self.visits]))
 
     @classmethod
     def read(cls, path: Path | str, instruments: Iterable[type[Any]] = ()) -> Dataset:
@@ -257,13 +251,7 @@ class Dataset(Shown):
         taken = {"pose", *POSITION, *ORIENTATION}
         rows: dict[str, Any]
         if is_second(values):
-            contents = read_instruments(path, {kind.kind: kind for kind in instruments})
-            common, one = contents.description.common, contents.as_tracker()
-            instrument, position, orientation = one or (Instrument(), np.zeros((len(contents.pose), 3)), None)
-            rows = {"pose": contents.pose, "q": contents.q, "position": position, "orientation": orientation}
-            rows |= {"covariates": contents.covariates, "instrument": instrument}
-            rows |= {"row": contents.rows.line, "file": contents.rows.files[0]} if one else {"file": path}
-            rows["readings"] = None if one else contents.rows
+            common, rows = read_instruments(path, {kind.kind: kind for kind in instruments})
         else:
             common = describe(values, path / "dataset.toml")
             file = find_table(path, "poses") or path / "poses.csv"
@@ -307,18 +295,13 @@ class Dataset(Shown):
                 refuse_foreign(folder, names, force, DatasetError)
         description, sections = self._description(self._robot_seen_from(folder)), []
         tables: dict[str, dict[str, Column]] = {}
-        if self.readings is None:
-            measured = dict(zip(POSITION, self.position.T, strict=True))
-            if self.orientation is not None:
-                measured |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
-            tables["poses"] = self._columns(slice(None), measured)
-        else:
-            for index, one in enumerate(self.readings.tables):
-                mine = self.readings.rows_of(index)
-                if len(mine):  # an instrument without rows is left out
+        for index, one in enumerate(self.readings.tables):
+            mine = self.readings.rows_of(index)
+            if len(mine):  # an instrument without rows is left out
+                tables[one.name or "poses"] = self._columns(mine, self.readings.columns_of(index))
+                if one.name:  # [instrument] describes a lone tracker
                     sections.append(written(one.model_copy(update={"file": None})))
-                    tables[one.name] = self._columns(mine, self.readings.columns_of(index))
-        there = [f"{one.name}.{suffix}" for one in self.readings.tables for suffix in SUFFIXES] if self.readings else []
+        there = [f"{name}.{suffix}" for name in self.readings.names for suffix in SUFFIXES]
         with results_folder(folder, (*FILES, *tables_there(folder), *there), force=force, kind=DatasetError) as new:
             write_description(new / "dataset.toml", description, sections)
             for name, columns in tables.items():
@@ -349,7 +332,7 @@ class Dataset(Shown):
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
 
-    def _columns(self, rows: NDArray[np.intp] | slice, measured: Mapping[str, Column]) -> dict[str, Column]:
+    def _columns(self, rows: NDArray[np.intp], measured: Mapping[str, Column]) -> dict[str, Column]:
         """The columns of a table of some rows: ids, commands, what was measured, and covariates."""
         return {
             "pose": self.pose[rows],

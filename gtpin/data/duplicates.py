@@ -113,7 +113,7 @@ def copies(dataset: Dataset) -> NDArray[np.bool_]:
     their scatter between visits; or every row of the table is there twice, or three times, and so on.
     """
     time = [dataset.covariates["time"]] if "time" in dataset.covariates else []
-    readings = dataset.rows
+    readings = dataset.readings
     found = np.zeros(len(dataset), dtype=bool)
     for index in range(len(readings.tables)):
         mine = readings.rows_of(index)

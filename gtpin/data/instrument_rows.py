@@ -1,4 +1,4 @@
-"""What the instruments of a dataset of schema 2 read: their tables' rows, one after the other."""
+"""What the instruments of a dataset read: their tables' rows, one after the other."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtpin.data.description import Instrument
 from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
@@ -44,13 +45,30 @@ class InstrumentRows:
     kinds: Mapping[str, type[Any]] = field(default_factory=dict)
 
     @staticmethod
-    def of_tracker(T: Floats, quaternions: Floats | None, line: NDArray[np.int64]) -> InstrumentRows:
-        """Poses that a tracker without a name has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,)."""
+    def of_poses(
+        T: Floats,
+        quaternions: Floats | None,
+        line: NDArray[np.int64],
+        instrument: Instrument | None = None,
+        file: Path | None = None,
+    ) -> InstrumentRows:
+        """Poses that a lone tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
         columns = dict(zip(POSITION, T.T, strict=True))
         if quaternions is not None:
             columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
-        table, of = TrackerTable.model_construct(name="", kind="tracker"), np.zeros(len(T), dtype=np.int64)
-        return InstrumentRows((table,), (None,), of, line, columns, np.full(len(T), -1), ({},))
+        declared = {} if instrument is None else instrument.model_dump(exclude={"frame", "target"})
+        table, of = TrackerTable.model_construct(name="", kind="tracker", **declared), np.zeros(len(T), dtype=np.int64)
+        return InstrumentRows((table,), (file,), of, line, columns, np.full(len(T), -1), ({},))
+
+    @property
+    def tracked(self) -> bool:
+        """Whether these are the poses of a lone tracker, which has no name: their frame is that of the model."""
+        return not self.tables[0].name
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the instruments, in their order; none for a lone tracker."""
+        return tuple(table.name for table in self.tables if table.name)
 
     def __len__(self) -> int:
         return len(self.of)
@@ -69,8 +87,10 @@ class InstrumentRows:
         """The same rows without sockets that none of them visits: their ids, and the known distances that they have.
 
         Points that dataset.toml declares with ``socket_sigma`` stay. Of more known distances than rows, the first stay: each
-        is assigned to a row.
+        is assigned to a row. Rows of single components refer to distances by their number: nothing is left out of them.
         """
+        if (self.component >= 0).any():
+            return self
         tables, known = list(self.tables), list(self.known)
         for i, table in enumerate(self.tables):
             if not isinstance(table, SocketTable) or "socket" not in self.columns:
@@ -121,3 +141,7 @@ class InstrumentRows:
     def place(self, row: int) -> tuple[Path | None, int]:
         """File and line of a row."""
         return self.files[self.of[row]], int(self.line[row])
+
+
+POSES = InstrumentRows.of_poses(np.empty((0, 3)), None, np.empty(0, dtype=np.int64))
+"""Poses of a lone tracker, before a dataset gives them."""

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gtpin.data.checks import CheckedRows
-from gtpin.data.description import SECOND, Instrument, read_toml
+from gtpin.data.description import SECOND, Description, Instrument, read_toml
 from gtpin.data.files import read_table
-from gtpin.data.ids import Ids
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.second_schema import (
-    SecondDescription,
     TablePart,
     columns_beside,
     covariates_of,
@@ -34,51 +31,13 @@ SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
 """Columns of a tracker's own sigmas, per row."""
 
 
-@dataclass(frozen=True)
-class InstrumentContents:
-    """A folder of schema 2: its description, and the N rows of all tables, one table after the other.
-
-    ``pose``: (N,) ids. ``q``: (N, n) commands, m or rad. ``covariates``: (N,) each, by name.
-    """
-
-    description: SecondDescription
-    pose: Ids
-    q: Floats
-    covariates: dict[str, Column]
-    rows: InstrumentRows
-
-    def as_tracker(self) -> tuple[Instrument, Floats, Floats | None] | None:
-        """The instrument, positions and quaternions of a dataset of one tracker whose target is the TCP or free.
-
-        None for other datasets. Such data could be written in schema 1 too.
-        """
-        table = self.rows.tables[0]
-        if len(self.rows.tables) > 1 or not isinstance(table, TrackerTable):
-            return None
-        if isinstance(table.target, tuple) or table.targets or table.target_sigma or "sx" in self.rows.columns:
-            return None
-        if len(self.rows.known[0].get("target", ())) > 1:
-            return None
-        instrument = Instrument(
-            position_sigma=table.position_sigma or table.sigma,
-            orientation_sigma=table.orientation_sigma,
-            frame=table.frame,
-            target=table.target or "tcp",
-            station=table.station,
-        )
-        position = np.column_stack([self.rows.columns[name] for name in POSITION])
-        turned = "qw" in self.rows.columns
-        quaternions = np.column_stack([self.rows.columns[name] for name in ORIENTATION]) if turned else None
-        return instrument, position, quaternions
-
-
 def is_second(values: Mapping[str, object]) -> bool:
     """Whether a dataset.toml is of schema 2."""
     return values.get("schema") == SECOND
 
 
-def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentContents:
-    """Read a dataset folder of schema 2.
+def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Description, dict[str, Any]]:
+    """Read a dataset folder of schema 2: its description, and by name what a ``Dataset`` takes of the N rows of all tables.
 
     ``kinds``: the user's own classes of instruments, by kind; each has its ``Table``.
 
@@ -115,13 +74,43 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> InstrumentCo
         ),
         kinds=dict(kinds),
     )
-    pose = np.concatenate([part.pose for part in parts])
-    contents = InstrumentContents(
-        description, pose, np.concatenate([part.q for part in parts]), covariates_of(toml, parts), rows
-    )
-    if contents.as_tracker() is None:
+    found = {"pose": np.concatenate([part.pose for part in parts]), "q": np.concatenate([part.q for part in parts])}
+    covariates, measured = covariates_of(toml, parts), _poses(rows)
+    if measured is None:
         _warn_of_stations(toml, tables)
-    return contents
+        measured = {"position": np.zeros((len(rows), 3)), "file": path, "readings": rows}
+    return description.common, {**found, "covariates": covariates, **measured}
+
+
+def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
+    """What a ``Dataset`` takes of the poses of one tracker whose target is the TCP or free; None for other rows.
+
+    Such data could be written in schema 1 too.
+    """
+    table = rows.tables[0]
+    if len(rows.tables) > 1 or not isinstance(table, TrackerTable):
+        return None
+    if isinstance(table.target, tuple) or table.targets or table.target_sigma or "sx" in rows.columns:
+        return None
+    if len(rows.known[0].get("target", ())) > 1:
+        return None
+    instrument = Instrument(
+        position_sigma=table.position_sigma or table.sigma,
+        orientation_sigma=table.orientation_sigma,
+        frame=table.frame,
+        target=table.target or "tcp",
+        station=table.station,
+    )
+    position = np.column_stack([rows.columns[name] for name in POSITION])
+    turned = "qw" in rows.columns
+    quaternions = np.column_stack([rows.columns[name] for name in ORIENTATION]) if turned else None
+    return {
+        "position": position,
+        "orientation": quaternions,
+        "instrument": instrument,
+        "row": rows.line,
+        "file": rows.files[0],
+    }
 
 
 def _part(file: Path, table: InstrumentTable, beside: set[str]) -> TablePart:

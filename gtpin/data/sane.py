@@ -173,7 +173,7 @@ def _bounded(dataset: Dataset) -> Iterator[Bound]:
     yield "conditions.reference_temperature", dataset.conditions.reference_temperature, TEMPERATURE, hint
     for kind, value in dataset.tolerance.items():
         yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"
-    for i, table in enumerate(() if dataset.readings is None else dataset.readings.tables):
+    for i, table in enumerate(dataset.readings.tables):
         for name in ("sigma", "position_sigma", "orientation_sigma"):
             sigma = getattr(table, name, None)
             if sigma is not None:

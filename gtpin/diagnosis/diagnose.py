@@ -170,9 +170,8 @@ def diagnose(
             found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report)
         else:
             check_same_robot(against.robot, trusted)
-            geometry, earlier = against.geometry, against
-            if trusted.readings is not None:  # with the passive joints measured that encoders read
-                earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
+            geometry = against.geometry
+            earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
             scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))

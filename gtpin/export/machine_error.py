@@ -10,9 +10,12 @@ import numpy as np
 from gtpin.accuracy.expected import placed_best
 from gtpin.certificate.held_against import prior_sizes
 from gtpin.certificate.response import At, ModelPosterior, by_unknowns
+from gtpin.compensation.box import Box
 from gtpin.compensation.machine import CompensatedMachine, machine_at
+from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.errors import ModelError
 from gtpin.export.loss import postures
+from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 
@@ -22,6 +25,8 @@ LEAST = 1e-8
 """Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
 INTERVAL = (0.025, 0.975)
 """Quantiles of the intervals."""
+UNITS = {"angle": ("deg", float(np.degrees(1.0))), "scale": ("per mille", 1e3)}
+"""Units in messages, and factors to them, of those dimensions of a delta that are no lengths."""
 DETERMINED = 0.5
 """Smallest share of a setting's prior variance that the data must take away, or the setting is left alone. Assumed: with less,
 the setting would follow the tolerances more than the measurements."""
@@ -48,10 +53,20 @@ class OpenDirections:
         return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
 
 
-def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> OpenDirections | None:
+def on_the_bed(errors: Floats, xyz: Floats) -> Floats:
+    """Errors (N, 3, ...) at points xyz (N, 3), m, without what the best shift along x and y and turn about z explain."""
+    F = frame_motions(xyz - xyz.mean(axis=0))[:, :3, [0, 1, 5]].reshape(-1, 3)
+    flat = errors.reshape(len(F), -1)
+    return np.asarray((flat - F @ np.linalg.lstsq(F, flat, rcond=None)[0]).reshape(errors.shape))
+
+
+def open_directions(
+    machine: CompensatedMachine, whole: Model, q: Floats, *, standing: bool = False
+) -> OpenDirections | None:
     """What the data leave open at commands q (N, n); None where the uncertainty of the geometry is not known.
 
     ``whole``: the model with its instrument. Where the instrument was free, the place of the machine is no error.
+    ``standing``: neither is the place of a print on its bed.
     """
     if machine.model.covariance is None:
         return None
@@ -59,7 +74,8 @@ def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> Ope
     moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
     if not whole.frame.is_base:
         moved = placed_best(moved, at.plain)
-    return OpenDirections(moved[:, :3], left.position if left is not None and left.noise_known else 0.0)
+    moved = on_the_bed(moved[:, :3], at.plain.T) if standing else moved[:, :3]
+    return OpenDirections(moved, left.position if left is not None and left.noise_known else 0.0)
 
 
 def left_of_commands(model: Model, q: Floats) -> tuple[str, ...]:
@@ -94,6 +110,26 @@ def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Float
     return np.asarray(power[1] <= (1.0 - DETERMINED) * power[0])
 
 
+def changed_dimensions(
+    machine: CompensatedMachine, drives: Drives, towers: Towers, free: Mask, box: Box
+) -> tuple[str, ...]:
+    """A message on the changes of those dimensions of a delta that are ``free``, each with 1 sigma where it is known.
+
+    ``drives``: with the present dimensions. ``towers``: the new ones.
+    """
+    fit, sigma = TowerFit.of(machine, drives, box), None
+    if machine.model.covariance is not None:
+        moved = by_unknowns(machine.model, _at(machine, fit.needed))[:, :3] @ ModelPosterior(machine.model).root
+        gain = fit.response(free)[1]
+        sigma = np.linalg.norm(gain @ moved.reshape(gain.shape[1], -1), axis=1)
+    words, change = [], towers.values - drives.towers.values
+    for k in np.flatnonzero(free):
+        unit, factor = UNITS.get(DIMENSIONS[k].split()[0], ("mm", 1e3))
+        doubt = "" if sigma is None else f" +- {factor * sigma[k]:.2g}"
+        words.append(f"{DIMENSIONS[k]} by {factor * change[k]:+.3f}{doubt} {unit}")
+    return (f"changes {', '.join(words)}{'' if sigma is None else ' (1 sigma)'}",) if words else ()
+
+
 def _at(machine: CompensatedMachine, q: Floats) -> At:
     return At.of(machine.model, q, machine.columns(len(q)))
 
@@ -105,6 +141,19 @@ class Left:
     before: Floats
     after: Floats
     doubt: OpenDirections | None = None
+    standing: bool = False
+    """Whether a shift and a turn on the bed is no error."""
+
+    def size(self, xyz: Floats) -> str:
+        """Text with the relative error of lengths in x and y, per cent, at points xyz (N, 3), m."""
+        xy = xyz[:, :2] - xyz[:, :2].mean(axis=0)
+
+        def scale(errors: Floats) -> Floats:
+            return np.asarray(100.0 * np.einsum("ni,ni...->...", xy, errors[:, :2]) / (xy**2).sum())
+
+        open_ = "" if self.doubt is None else f"1 sigma {np.linalg.norm(scale(self.doubt.moved)):.2g} %; "
+        after, before = scale(self.after), scale(self.before)
+        return f"leaves lengths of parts in x and y off by {after:+.2f} % ({open_}before {before:+.2f} %)"
 
     @property
     def is_nothing(self) -> bool:
@@ -120,10 +169,12 @@ class Left:
                 f"leaves {_um(_rms(self.after))} of {_um(_rms(self.before))} um of the TCP's error in {where}"
                 f" (z: {_um(_rms(self.after[:, 2:]))} of {_um(_rms(self.before[:, 2:]))} um)"
             )
-        return f"leaves {machine_words(self.doubt, self.after, self.before, where)}"
+        return f"leaves {machine_words(self.doubt, self.after, self.before, where, standing=self.standing)}"
 
 
-def machine_words(doubt: OpenDirections, after: Floats, before: Floats | None, where: str) -> str:
+def machine_words(
+    doubt: OpenDirections, after: Floats, before: Floats | None, where: str, *, standing: bool = False
+) -> str:
     """The expected error of a machine, um, with the parts of the file and of the data, from (N, 3) errors of its model, m.
 
     ``before``: the errors without the file; None where they are not known.
@@ -132,8 +183,9 @@ def machine_words(doubt: OpenDirections, after: Floats, before: Floats | None, w
     of = "" if before is None else f" of {_um(doubt.rms(before)[0])}"
     up = f"z: {_um(doubt.rms(after, slice(2, 3))[0])}"
     up += "" if before is None else f" of {_um(doubt.rms(before, slice(2, 3))[0])}"
+    up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
     return (
-        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up} um): the file "
+        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}): the file "
         f"can't hold {_um(_rms(after))} um, and the data leave {_um(doubt.rms(np.zeros_like(after))[0])} um open"
     )
 

@@ -16,7 +16,16 @@ from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
 from gtpin.compensation.towers import DIMENSIONS, Drives, TowerController, TowerFit, Towers, drives_of
 from gtpin.errors import GtpinError, ModelError
-from gtpin.export.machine_error import Left, both_approaches, by_parts, check_any, determined, open_directions
+from gtpin.export.machine_error import (
+    Left,
+    both_approaches,
+    by_parts,
+    changed_dimensions,
+    check_any,
+    determined,
+    on_the_bed,
+    open_directions,
+)
 from gtpin.importers.klipper import TOWERS, tower_dimensions
 from gtpin.importers.klipper_config import needed, read_config
 from gtpin.importers.rrf import read_rrf_delta
@@ -95,6 +104,7 @@ class PrinterCorrection:
     """The corrections of a printer's firmware for a machine under one or several temperatures.
 
     ``towers``, ``controller``: the new dimensions of a delta, None where they do not change, and the firmware with them.
+    ``changes``: a message on their changes.
     ``tables``, ``left``: for each temperature the tables, and the errors that they leave. ``alone``: settings that stay as they
     are, because the data do not determine them. ``notes``, ``absent``: messages on single effects, and names of those that move
     nothing.
@@ -107,6 +117,7 @@ class PrinterCorrection:
     alone: tuple[str, ...]
     notes: tuple[str, ...]
     absent: tuple[str, ...]
+    changes: tuple[str, ...] = ()
 
 
 def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
@@ -132,6 +143,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
         model, machines, believed, box, None if present is None else present.drives, undetermined=wanted.undetermined
     )
     notes = [some.words("the box", at.temperatures) for at, some in zip(machines, found.left, strict=True)]
+    notes += [found.left[0].size(box.fill(POINTS)), *found.changes]
     if found.alone:
         notes.append(f"leaves alone what the data do not determine: {', '.join(found.alone)}")
     title = f"{robot.name}, for a controller with {_kinematics(wanted, present)}"
@@ -164,7 +176,9 @@ def printer_correction(
     ``undetermined``: whether settings change that the data do not determine.
     """
     plain, first = ModelController(believed, box.origin), machines[0]
-    chosen = _chosen(first, plain, drives, box, everything=undetermined)
+    shown = _shown(first, plain, drives, box)
+    chosen = shown | undetermined
+    standing = not shown[[D + PARTS.index("offset x"), D + PARTS.index("offset y")]].any()
 
     def corrected(part: CompensatedMachine) -> tuple[Towers | None, Controller]:
         """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""
@@ -180,7 +194,11 @@ def printer_correction(
         points, approach = box.fill(POINTS), both_approaches(POINTS)
         before = there(part, plain, box, points, approach) - points
         after = there(part, controller, box, table.applied(points), approach) - points
-        return Left(before, after, None if whole is None else open_directions(part, whole, plain.commands(points)))
+        if standing:
+            before, after = on_the_bed(before, points), on_the_bed(after, points)
+        q = plain.commands(points)
+        doubt = None if whole is None else open_directions(part, whole, q, standing=standing)
+        return Left(before, after, doubt, standing)
 
     def left_alone(part: CompensatedMachine) -> Left:
         controller = corrected(part)[1]
@@ -193,15 +211,14 @@ def printer_correction(
     words, absent = by_parts(parts(machines[-1], believed), left_alone)
     names = (*(DIMENSIONS if drives is not None else [""] * D), *PARTS)
     alone = tuple(name for name, used in zip(names, chosen, strict=True) if name and not used)
-    return PrinterCorrection(towers, controller, tables, remains, alone, words, absent)
+    changes = () if drives is None or towers is None else changed_dimensions(first, drives, towers, chosen[:D], box)
+    return PrinterCorrection(towers, controller, tables, remains, alone, words, absent, changes)
 
 
-def _chosen(
-    machine: CompensatedMachine, plain: Controller, drives: Drives | None, box: Box, *, everything: bool
-) -> Mask:
-    """Which dimensions of a delta, and which ``PARTS`` of the tables, shall change: those that the data determine."""
+def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None, box: Box) -> Mask:
+    """Which dimensions of a delta, and which ``PARTS`` of the tables, the data determine."""
     free = np.ones(D + len(PARTS), dtype=bool)
-    if everything or machine.model.covariance is None:
+    if machine.model.covariance is None:
         return free
     if drives is None:
         xyz = box.grid(*GRID)

@@ -22,13 +22,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 def refuse_readings(dataset: Dataset) -> None:
-    """Refuse a check that is not by the poses of one tracker: a history has position errors.
-
-    Raises `GtpinError` if it is a dataset of schema 2.
-    """
-    if dataset.readings is not None:
-        what = "a history has position errors, and these are readings of other instruments"
-        raise GtpinError(what, file=dataset.file, hint="leave --history out")
+    """Raise `DatasetError` unless a check is by the poses of one tracker: a history has position errors."""
+    what = "a history has position errors, and these are readings of other instruments"
+    dataset.refuse_readings(what, "leave --history out")
 
 
 class HistoryPart(BaseModel):

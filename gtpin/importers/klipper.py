@@ -7,6 +7,7 @@ github.com/Klipper3d/klipper.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,9 @@ ANGLES = (210.0, 330.0, 90.0)
 """Klipper's default angles of the towers about the middle of the bed, from the x axis, degrees."""
 FULL_STEPS = 200.0
 """Klipper's default number of full steps per turn."""
+
+STRAIGHT = ("cartesian", "corexy")
+"""Kinematics whose commands are x, y and z."""
 
 _HEIGHT = re.compile(r"height(\d+)")
 _OTHER = re.compile(r"(?:manual_height|distance)\d+")
@@ -64,6 +68,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
         position=MILLIMETRE * _positions(sections, travel, file, row),
         travel=MILLIMETRE * travel,
         height=MILLIMETRE * np.array([option.number() for option in heights]),
+        bed=True,
     )
 
 
@@ -209,7 +214,21 @@ def read_klipper_mesh(
         raise DatasetError(
             "no point of the mesh is on the bed", file=file, column="mesh_radius", hint="check its unit, mm"
         )
-    return touched(file, rows, xyz, offset)
+    return replace(touched(file, rows, xyz, offset), carriages=_carriages(sections, np.array(xyz), file))
+
+
+def _carriages(sections: Sections, xyz: Floats, file: Path) -> Floats | None:
+    """(N, 3) heights of the carriages of a delta, m, for nozzles at xyz (N, 3), mm; of a machine whose axes are straight, xyz
+    itself; None where the file does not tell."""
+    kinematics = sections.get("printer", {}).get("kinematics")
+    if kinematics is not None and kinematics.text in STRAIGHT:
+        return MILLIMETRE * xyz
+    if kinematics is None or kinematics.text != "delta" or "arm_length" not in sections.get(TOWERS[0], {}):
+        return None
+    radius, arms, _, angles = tower_dimensions(sections, file)
+    foot = radius * np.column_stack([np.cos(np.radians(angles)), np.sin(np.radians(angles))])
+    squares = arms**2 - ((xyz[:, None, :2] - foot) ** 2).sum(axis=2)
+    return MILLIMETRE * (xyz[:, 2:] + np.sqrt(squares)) if (squares > 0.0).all() else None
 
 
 def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float, float]:

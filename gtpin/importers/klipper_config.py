@@ -5,7 +5,8 @@ The form is that of Klipper's klippy/configfile.py: an INI file, comments after 
 each after ``#*#``. An option that is in both parts has the value of the first part (``_strip_duplicates`` in configfile.py).
 
 Includes are those of ``_resolve_include`` there: FILES is relative to the folder of the file that includes, and may be a
-pattern (``*``, ``?``, ``[...]``) that fits no file; a file without a pattern must be there, and no file may include itself.
+pattern (``*``, ``?``, ``[...]``) that fits no file; no file may include itself. Klipper stops where a file without a pattern is
+missing; here it is a warning, because a copied printer.cfg often lacks what only the printer's computer has (mainsail.cfg).
 Unlike Klipper, gtpin reads files below the folder of the configuration only, and no message has text of an included file:
 a configuration that somebody else wrote could name any file of the machine.
 """
@@ -19,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, warn
 from gtpin.importers.lines import decimal, text_lines
 
 SAVED = "#*#"
@@ -81,10 +82,10 @@ Sections = Mapping[str, Mapping[str, Option]]
 
 
 def read_config(file: Path, without: Path | None = None) -> Sections:
-    """Read a configuration with the files that it includes; ``without``: but for this one, which may be missing.
+    """Read a configuration with the files that it includes; ``without``: but for this one.
 
-    Raises `DatasetError` if a line has another format, or an included file is missing, outside the folder, or includes
-    itself.
+    Raises `DatasetError` if a line has another format, or an included file is outside the folder, or includes itself. Warns if
+    an included file is missing.
     """
     reader = _Reader(file.parent, None if without is None else os.path.abspath(without))
     reader.read(file)
@@ -117,7 +118,7 @@ class _Reader:
         section: str | None = None
         into, last = self.found, ""
         self.above.append(os.path.abspath(file))
-        for row, line in enumerate(text_lines(file), 1):
+        for row, line in enumerate(text_lines(file, may_be_empty=len(self.above) > 1), 1):
             if line.startswith(SAVED):
                 if into is self.found:
                     section = None
@@ -160,8 +161,8 @@ class _Reader:
         # glob's, not pathlib's: it takes any pattern, and ** as *, as Klipper does.
         names = sorted(glob.glob(os.path.join(glob.escape(str(file.parent)), wanted)))
         if not names and not glob.has_magic(wanted) and os.path.abspath(here) != self.without:
-            what = f"the included file {wanted[:200]} is missing"
-            raise DatasetError(what, file=file, row=row, column="include", hint="put it there: Klipper needs it too")
+            what = f"the included file {wanted[:200]!r} is missing, and left out"
+            warn(f"{file}, row {row}: {what}: put it there if it has a mesh, or settings of [printer] or a stepper")
         for name in names:
             path = os.path.abspath(name)
             if path == self.without:

@@ -17,13 +17,14 @@ SHOWN = 40
 _BLOCK = re.compile(r"\s*(if|elif|else|while)\b", re.IGNORECASE)
 
 
-def text_lines(file: Path) -> list[str]:
+def text_lines(file: Path, *, may_be_empty: bool = False) -> list[str]:
     """The lines of a text file in UTF-8, with or without BOM, any line ending; line i is element i - 1.
 
-    Raises `DatasetError` if the file is missing, is no regular file, is larger than 100 MB, empty, no text, or not UTF-8.
+    Raises `DatasetError` if the file is missing, is no regular file, is larger than 100 MB, no text, or not UTF-8; or if it is
+    empty, unless it may be.
     """
     data = read_bytes(file, most=LARGEST_TEXT).removeprefix(codecs.BOM_UTF8)
-    if not data.strip():
+    if not data.strip() and not may_be_empty:
         raise DatasetError("the file is empty", file=file, hint="export it again")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise DatasetError("the file is UTF-16", file=file, hint="save it as UTF-8")

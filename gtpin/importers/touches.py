@@ -20,7 +20,7 @@ from gtpin.data.instrument_tables import written
 from gtpin.data.names import command_names
 from gtpin.data.second_schema import describe_second
 from gtpin.data.table import Column
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, warn
 from gtpin.importers.matched import check_ranges
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics, kinematics
@@ -45,8 +45,12 @@ FREE, WHOLE = 3, 6
 ALIKE = 0.05
 """Largest root mean square (rms) difference of the nominal robot's commands from the recorded travel, over the rms travel. It
 is smaller where the dimensions are known to a few per cent; for wrongly assigned drives it is about 1. Assumed."""
+SAME = 5e-5
+"""The same difference, m, above which a robot has other dimensions than a file: these can be rounded to 0.01 mm. Assumed."""
 FEWEST = 3
 """Fewest touches from which order and sign of the drives are determined."""
+FAR = 1e-3
+"""Mean distance, m, of the touches of a bed from the controller's z = 0 above which there is a warning. Assumed."""
 PLANE = "A"
 """Name of the only plane of a file of touches."""
 DIGITS = 9
@@ -67,6 +71,9 @@ class Touches:
     - ``height``: (N,) height of the target over the surface, m, positive on the side that the normal points to; None for
       zero.
     - ``target``: (3,) the touching point, TCP frame, m.
+    - ``carriages``: (N, n) heights of the carriages, m, by dimensions in the file; None where it has none. They only check the
+      robot.
+    - ``bed``: whether the surface is the controller's z = 0, as the bed of a printer; else its place and tilt are unknown.
 
     Raises `DatasetError` if a number is so large that it must be damaged, or the target is too far from the TCP.
     """
@@ -79,6 +86,8 @@ class Touches:
     travel: Floats | None = None
     height: Floats | None = None
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    carriages: Floats | None = None
+    bed: bool = False
 
     def __post_init__(self) -> None:
         for values in (self.position, self.q, self.travel, self.height):
@@ -119,6 +128,7 @@ def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[f
         np.array([str(number) for number in range(1, len(rows) + 1)], dtype=object),
         position=MILLIMETRE * np.array(xyz).reshape(-1, 3),
         target=(x, y, 0.0 - z),
+        bed=True,
     )
 
 
@@ -149,6 +159,7 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     q, poses = commands_for(kinematics, touches.position + origin, R)
     _refuse(touches, poses, robot)
     if touches.travel is None:
+        _compare(touches, q, robot)
         return _in_range(touches, q, robot), poses
     q = by_travel(q, touches.travel, touches.file, robot.name)
     poses = kinematics.forward(q)
@@ -197,19 +208,37 @@ def by_travel(q: Floats, travel: Floats, file: Path, robot: str) -> Floats:
     if len(q) < FEWEST or q.shape != travel.shape:
         what = f"{len(q)} touches with {travel.shape[1]} drives, for a robot of {q.shape[1]} actuators"
         raise DatasetError(what, file=file, hint=f"give the robot of this printer, and {FEWEST} touches at least")
+    drive, sign, worst = _assigned(q, travel)
+    moved = travel - travel.mean(axis=0)
+    if not worst <= ALIKE * np.sqrt((moved**2).mean()):
+        what = f"the carriages of {robot} would travel otherwise than those of this printer, by {1e3 * worst:.3g} mm"
+        raise DatasetError(what, file=file, hint="give a robot with the dimensions that this file has")
+    found: Floats = q.mean(axis=0) + sign * moved[:, drive]
+    return found
+
+
+def _assigned(q: Floats, travel: Floats) -> tuple[npt.NDArray[np.intp], Floats, float]:
+    """(n,) drive and sign of each actuator by which travel (N, n) is most like commands q (N, n), and the largest root mean
+    square difference that is left, m."""
     commanded, moved = q - q.mean(axis=0), travel - travel.mean(axis=0)
-    spread = np.sqrt((moved**2).mean())
     same = np.sqrt(((commanded[:, :, None] - moved[:, None, :]) ** 2).mean(axis=0))
     other = np.sqrt(((commanded[:, :, None] + moved[:, None, :]) ** 2).mean(axis=0))
     apart = np.minimum(same, other)
     actuator, drive = linear_sum_assignment(apart)
-    worst = float(apart[actuator, drive].max())
-    if not worst <= ALIKE * spread:
-        what = f"the carriages of {robot} would travel otherwise than those of this printer, by {1e3 * worst:.3g} mm"
-        raise DatasetError(what, file=file, hint="give a robot with the dimensions that this file has")
     sign = np.where(same <= other, 1.0, -1.0)[actuator, drive]
-    found: Floats = q.mean(axis=0) + sign * moved[:, drive]
-    return found
+    return drive, sign, float(apart[actuator, drive].max())
+
+
+def _compare(touches: Touches, q: Floats, robot: Robot) -> None:
+    """Warn if the robot's commands q (N, n) are not those by the dimensions in the file of the touches."""
+    if touches.carriages is None or len(q) < FEWEST or q.shape != touches.carriages.shape:
+        return
+    worst = _assigned(q, touches.carriages)[2]
+    if worst > SAME:
+        what = (
+            f"the carriages of {robot.name} move otherwise than by the dimensions in this file, by {1e3 * worst:.2g} mm"
+        )
+        warn(f"{touches.file}: {what}: right only if they were changed after the probing; else correct the robot")
 
 
 def write_touches(
@@ -230,7 +259,8 @@ def write_touches(
     gtpin wrote there is replaced. ``robot``, ``tcp``: the robot's name, or the path of its URDF or MJCF file; the link of
     its TCP, where it is not the robot's own. ``name``: name of the instrument and of its table. ``origin``: (3,) the
     controller's zero in the robot's base frame, m. ``normal``: (3,) normal of the surface, base frame, pointing to the
-    touched side; any length. The plane goes through the mean of the touched points. ``sigma``: standard deviation of a
+    touched side; any length. The plane goes through the mean of the touched points; that of a bed is the controller's z = 0.
+    ``sigma``: standard deviation of a
     touch along the normal, m; None: it is estimated from the data. ``force``: rename files that gtpin has not written
     (``NAME.old-1``).
 
@@ -255,6 +285,13 @@ def write_touches(
     if any(touches.target):
         instrument["target"] = [float(value) for value in touches.target]
     point = tips.mean(axis=0) - height.mean() * n
+    if touches.bed:
+        zero = _vector(origin, "origin")
+        away = float((point - zero) @ n)
+        if abs(away) > FAR:
+            what = f"the bed is touched at z = {1e3 * away:.3g} mm on average, where a firmware's zero is the bed"
+            warn(f"{touches.file}: {what}: check the unit, --origin, and the z of the probe's offset")
+        point, instrument["plane_sigma"], instrument["normal_sigma"] = zero, 0.0, 0.0
     instrument["planes"] = {PLANE: {"point": (point.round(DIGITS) + 0.0).tolist(), "normal": n.tolist()}}
     columns: dict[str, Column] = {"pose": touches.pose}
     columns |= dict(zip(command_names(q.shape[1]), q.T, strict=True))

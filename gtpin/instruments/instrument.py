@@ -195,6 +195,11 @@ class Instrument(ABC):
         """Its name in dataset.toml."""
         return str(self.table.name)
 
+    def label(self, component: Component) -> str:
+        """Name of a component among those of all instruments: ``wire``, ``cup.x``; ``x`` of a lone tracker."""
+        parts = (self.name, component.name if len(self.components) > 1 else "")
+        return ".".join(part for part in parts if part)
+
     @property
     def declared(self) -> tuple[float | None, ...]:
         """Declared noise sigma of each group of components, m or rad; None if it is to be estimated."""

@@ -54,13 +54,13 @@ class Readings:
 
         Raises `DatasetError` for impossible readings.
         """
-        found = Readings(dataset.q, dataset.rows, robot, np.zeros(0))
+        found = Readings(dataset.q, dataset.readings, robot, np.zeros(0))
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
 
     @staticmethod
     def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Robot) -> Readings:
         """Poses of a lone tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
-        rows = InstrumentRows.of_tracker(T, None if R is None else to_quaternions(R), np.arange(len(q)))
+        rows = InstrumentRows.of_poses(T, None if R is None else to_quaternions(R), np.arange(len(q)))
         return Readings(q, rows, robot, np.zeros(0))
 
     def take(self, rows: npt.NDArray[np.generic] | slice) -> Readings:
@@ -271,8 +271,7 @@ class Readings:
         """
         own, mine = self.instruments[index].components, self.rows.of == index
         unit = own[0].unit if unit is None else unit
-        # Orientations are shown where nothing else tells of them: for a tracker without a name.
-        counts = np.array([(c.shown or not self.instruments[index].name) and c.unit == unit for c in own])
+        counts = np.array([c.shown and c.unit == unit for c in own])
         if values.shape[1] < len(own):  # each row has one number
             some = values[mine & counts[np.maximum(self.rows.component, 0) % len(own)]]
         else:
@@ -281,12 +280,12 @@ class Readings:
 
     @property
     def fitted(self) -> tuple[FittedInstrument, ...]:
-        """The instruments with the values of their unknowns; none where poses were measured."""
-        if self.tracked:
-            return ()
+        """The instruments with the values of their unknowns; a lone tracker, which has no name, is none."""
         numbers = {n: column for n, column in self.rows.columns.items() if column.dtype != object}
         found = []
         for i, one in enumerate(self.instruments):
+            if not one.name:
+                continue
             mine = self._rows[i]
             columns = tuple(n for n in one.table.optional if n in numbers and np.isfinite(numbers[n][mine]).all())
             values = {unknown.name: float(v) for unknown, v in zip(one.unknowns, self.u[self._own[i]], strict=True)}
@@ -360,10 +359,10 @@ def single(dataset: Dataset, robot: Robot) -> Dataset:
     """The dataset with the same number of components in each row.
 
     Where instruments' readings differ in their number of components, each row is split into one row for each component. These
-    keep the line number of the original row in ``row``.
+    keep the line number of the original row in ``row``. Known distances are assigned to rows here, for every part of them.
     """
     rows = dataset.readings
-    if rows is None or (rows.component >= 0).any():
+    if (rows.component >= 0).any():
         return dataset
     instruments = instruments_of(rows, robot)
     links = np.full(len(rows), np.nan)
@@ -371,17 +370,17 @@ def single(dataset: Dataset, robot: Robot) -> Dataset:
         if isinstance(one, Socket):
             links[rows.rows_of(i)] = one.link
     counts = [one.read_components() for one in instruments]
+    if np.isfinite(links).any():
+        rows = replace(rows, columns={**rows.columns, "link": links})
+        dataset = replace(dataset, readings=rows)
     widths = {own.shape[1] for own in counts}
     if len(widths) == 1 and all(own.all() for own in counts):
         return dataset
-    if np.isfinite(links).any():
-        rows = replace(rows, columns={**rows.columns, "link": links})
     take, component = [], []
     for i, own in enumerate(counts):
         row, which = np.nonzero(own)
         take.append(rows.rows_of(i)[row])
         component.append(which)
     order = np.concatenate(take)
-    split = replace(dataset, readings=rows).take(order)
-    assert split.readings is not None
+    split = dataset.take(order)
     return replace(split, readings=replace(split.readings, component=np.concatenate(component).astype(np.int64)))

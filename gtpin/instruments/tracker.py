@@ -37,7 +37,9 @@ class Tracker(Instrument):
     def _unknowns(self) -> Sequence[Unknown]:
         positions = tuple(Component(axis, "m") for axis in AXES)
         self.turned = "qw" in self.read.numbers and bool(np.isfinite(self.read.numbers["qw"]).all())
-        turns = tuple(Component(axis, "rad", group=1, usual=5e-5, shown=False) for axis in TURNS)
+        # Orientations are shown where nothing else tells of them: for a lone tracker, which has no name.
+        lone = not self.table.name
+        turns = tuple(Component(axis, "rad", group=1, usual=5e-5, shown=lone) for axis in TURNS)
         self.components = positions + (turns if self.turned else ())
         free_target = self.table.target == "free"
         self.targets = Targets(self.table, self.read, free=free_target)

@@ -68,7 +68,7 @@ def measuring(robot: Robot, dataset: Dataset) -> Robot:
 
     Raises `DatasetError` for a joint that can't be read; the message says which can.
     """
-    tables = dataset.rows.tables
+    tables = dataset.readings.tables
     try:
         return robot.measuring(joint for table in tables for joint in table.measured_joints)
     except RobotError as error:

@@ -22,7 +22,7 @@ from gtpin.report.residual_sections import (
 )
 from gtpin.report.residuals import Residuals
 from gtpin.report.sketch import drawing
-from gtpin.report.unseen_words import unseen_first
+from gtpin.report.unseen_words import grouped
 from gtpin.report.words import counted, joined, percent, quantity, whole
 
 UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
@@ -82,7 +82,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         ]
         return "warn", "not all explained", headline, advice
     if why := cannot_judge(c):
-        advice = [f"Chi-square can't judge the fit ({why}): declare the sigmas."]
+        advice = [f"Declare the sigmas. Of chi-square: {why}."]
         return "accent", "fit not judged", headline, advice
     if hidden := scatters(c):
         return (
@@ -152,7 +152,7 @@ def _unseen(c: Calibration) -> Section:
         content = [
             "Directions of the geometry that are hardly observable with these data. Their values are the prior means, and "
             "change no prediction near the measured poses.",
-            *unseen_first(c.words, c.remedies, SHOWN),
+            *grouped(c.words, c.remedies),
             Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),
         ]
     if pairs := [[a, b, whole(f"{rho:+.3f}")] for a, b, rho in c.correlated()[:SHOWN]]:

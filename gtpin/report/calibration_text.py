@@ -6,7 +6,7 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.report.quality import cannot_judge, error_of, noise_words, scatters
-from gtpin.report.unseen_words import unseen_first
+from gtpin.report.unseen_words import grouped
 
 HEAVY = 1.5
 """Chi-square per degree of freedom above which heavy tails get a warning."""
@@ -120,7 +120,9 @@ def _unobservable(c: Calibration) -> str:
         lines.append(
             f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
         )
-    lines += [f"  {sentence}" for sentence in unseen_first(c.words, c.remedies, SHOWN)]
+    lines += [f"  {sentence}" for sentence in grouped(c.words, c.remedies)[:SHOWN]]
+    if len(directions) > SHOWN:
+        lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())
     lines.append(f"Observability indices: {indices}")
     return "\n".join(lines)

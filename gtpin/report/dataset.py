@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
-from gtpin.data.names import ORIENTATION, POSITION, command_names
+from gtpin.data.names import command_names
 from gtpin.errors import DatasetError
-from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
 from gtpin.report.poses import position_map
 from gtpin.report.words import covariate_unit, with_unit
@@ -32,10 +31,9 @@ class DatasetPresentation(Presentation):
         """Numbers of measurements and poses, the instruments, and the covariates."""
         data = self.dataset
         visits = len(set(data.pose.tolist()))
-        if data.readings is not None:
-            what = f"readings by {', '.join(one.name for one in data.readings.tables)}"
-        else:
-            what = "measured positions" if data.orientation is None else "measured positions and orientations"
+        what = "measured positions" if data.orientation is None else "measured positions and orientations"
+        if data.readings.names:
+            what = f"readings by {', '.join(data.readings.names)}"
         return (
             f"Dataset of {data.robot}: {len(data)} {what} at {visits} poses\n"
             f"covariates: {', '.join(data.covariates) or 'none'}"
@@ -45,11 +43,9 @@ class DatasetPresentation(Presentation):
         """The text of :meth:`short`, the instruments, and the range of every column."""
         data = self.dataset
         lines = [self.short(), "", "instrument"]
-        if data.readings is not None:
-            lines += [f"  {one.name:<24}{one.kind}" for one in data.readings.tables]
-        else:
-            instrument = data.instrument.model_dump(exclude_none=True)
-            lines += [f"  {name:<24}{value}" for name, value in instrument.items()]
+        named = {one.name: one.kind for one in data.readings.tables if one.name}
+        about = named or data.instrument.model_dump(exclude_none=True)
+        lines += [f"  {name:<24}{value}" for name, value in about.items()]
         lines += ["", f"  {'column':<24}{'least':>14}{'most':>14}"]
         for name, column in self.table().items():
             if column.dtype.kind in "fi":
@@ -57,23 +53,16 @@ class DatasetPresentation(Presentation):
         return "\n".join(lines) + "\n"
 
     def table(self) -> pd.DataFrame:
-        """The columns of poses.csv."""
+        """The columns of the tables, and the instrument of each row where instruments have names."""
         data = self.dataset
         columns = {"pose": data.pose, **dict(zip(command_names(data.n_actuators), data.q.T, strict=True))}
-        if data.readings is not None:
-            names = np.array([one.name for one in data.readings.tables], dtype=object)
-            columns |= {"instrument": names[data.readings.of], **data.readings.columns}
-            return pd.DataFrame({**columns, **data.covariates})
-        columns |= dict(zip(POSITION, data.position.T, strict=True))
-        if data.orientation is not None:
-            columns |= dict(zip(ORIENTATION, data.orientation.T, strict=True))
-        return pd.DataFrame({**columns, **data.covariates})
+        names = np.array(data.readings.names, dtype=object)
+        instrument = {"instrument": names[data.readings.of]} if len(names) else {}
+        return pd.DataFrame({**columns, **instrument, **data.readings.columns, **data.covariates})
 
     def workspace(self, view: str, color: str | None) -> Figure:
         """Measured positions, or for readings the nominal TCP positions; coloured by a column of numbers."""
-        dataset = self.dataset
-        if dataset.readings is not None:
-            dataset = with_positions(dataset, robot_of(dataset))
+        dataset = with_positions(self.dataset)
         table = DatasetPresentation(dataset).table()
         values = None
         if color is not None:

@@ -17,7 +17,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.situation import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words
-from gtpin.report.words import coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
+from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
 from gtpin.robot.robot import Robot
 
 FOLDER = "next_experiment"
@@ -114,7 +114,8 @@ def _apart(e: Experiment, robot: Robot) -> str:
     measure = f"easure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
     if e.settles is None:
         return f"M{measure}."
-    likely = f"the question with a probability of {'only ' if e.settles < WORTH else ''}{e.settles:.0%}"
+    odds = chance(e.settles).replace("<", "below").replace(">", "above")
+    likely = f"the question with a probability {'' if odds[0].isalpha() else 'of only ' if e.settles < WORTH else 'of '}{odds}"
     if e.settles >= WORTH:
         words = f"M{measure}: this settles {likely}."
     elif e.rounds is None and e.watch:

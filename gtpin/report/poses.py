@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from gtpin.kinematics.poses import Poses
 
 VIEWS = ("xy", "xz", "yz")
-FLAT = 0.1
-"""Positions whose extent along an axis is less than this fraction of the largest one have one tick there: others overlap."""
 """Pairs of axes of a map of positions."""
+FLAT = 0.3
+"""Smallest height of a map over its width, and smallest width over its height for more than one tick: others overlap."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,12 @@ def map_layout(T: Floats, view: str, **more: Any) -> dict[str, Any]:
     layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", **more)
     layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     layout["xaxis"]["constrain"] = "domain"
-    extent = np.ptp(T, axis=0)
-    for axis, name in zip(("xaxis", "yaxis"), view, strict=True):
-        k = "xyz".index(name)
-        if extent[k] < FLAT * extent.max():
-            middle = float(T[:, k].mean())
-            layout[axis] |= {"tickvals": [middle], "ticktext": [f"{round(middle, 3) + 0.0:g}"]}
+    across, up = (T[:, "xyz".index(name)] for name in view)
+    wide, high = (float(np.ptp(values)) if len(T) else 0.0 for values in (across, up))
+    if high < FLAT * wide:
+        middle = float(up.max() + up.min()) / 2.0
+        layout["yaxis"] |= {"range": [middle - FLAT * wide / 2.0, middle + FLAT * wide / 2.0], "nticks": 3}
+    elif wide < FLAT * high:
+        middle = float(across.max() + across.min()) / 2.0
+        layout["xaxis"] |= {"tickvals": [middle], "ticktext": [f"{round(middle, 3) + 0.0:g}"]}
     return layout

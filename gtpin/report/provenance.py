@@ -56,9 +56,7 @@ def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -
 
 def _files(dataset: Dataset) -> list[Path]:
     carts = dataset.carts.file if dataset.carts is not None else None
-    files = [dataset.path / "dataset.toml" if dataset.path else None, dataset.file, carts]
-    if dataset.readings is not None:
-        files += dataset.readings.files
+    files = [dataset.path / "dataset.toml" if dataset.path else None, *dataset.readings.files, carts]
     return [file for file in files if file is not None and file.is_file()]
 
 

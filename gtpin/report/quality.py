@@ -59,7 +59,7 @@ def quality(dataset: Dataset, calibration: Calibration, aside: Collection[int] |
 def _distinct(dataset: Dataset) -> int:
     """Number of different rows: a row repeats another one with the same commands and, for readings, of the same instrument,
     station or target."""
-    return len(np.unique(np.column_stack([dataset.rows.read, dataset.visits]), axis=0))
+    return len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
 
 
 def _misspelt(dataset: Dataset) -> list[str]:
@@ -70,8 +70,8 @@ def _misspelt(dataset: Dataset) -> list[str]:
 
 
 def _what_was_measured(dataset: Dataset) -> str:
-    if dataset.readings is not None:
-        rows = dataset.readings
+    rows = dataset.readings
+    if rows.names:
         counts = [f"{one.name}: {(rows.of == i).sum()} ({one.kind})" for i, one in enumerate(rows.tables)]
         return f"Readings by instrument: {joined(counts)}."
     if dataset.orientation is not None:
@@ -184,7 +184,7 @@ def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Tabl
     if not len(rows):
         return Table(head, [])
     some = dataset.take(rows)
-    if some.readings is not None:
+    if some.readings.names:
         places = [some.readings.place(i) for i in range(len(rows))]
         return Table(
             ("pose", "line", "file"),

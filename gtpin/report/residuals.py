@@ -126,8 +126,7 @@ class Residuals:
                 split = self.components < len(one.components)
                 own = mine[rows.component[mine] == k] if split else mine
                 if len(own):
-                    name = one.name if len(one.components) == 1 else f"{one.name}.{c.name}"
-                    found[name] = (own, 0 if split else k, c.unit)
+                    found[one.label(c)] = (own, 0 if split else k, c.unit)
         return found
 
     def rows_of(self, name: str) -> Indices:

@@ -40,11 +40,16 @@ def unseen_words(
     )
 
 
-def unseen_first(words: Sequence[str], remedies: Sequence[Remedy | None], most: int) -> list[str]:
-    """At most this number of sentences, those that name a measurement first, and how many more there are."""
-    order = sorted(range(len(words)), key=lambda i: remedies[i] is None)
-    more = len(words) - most
-    return [words[i] for i in order[:most]] + ([f"And {more} more in calibration.json."] if more > 0 else [])
+def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[str, ...]:
+    """The sentences of the directions that a usual measurement would show, and one sentence for all others; ``words``: as
+    :func:`unseen_words` gives them."""
+    useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
+    if (others := len(words) - len(useful)) < 2:
+        return tuple(words)
+    return (
+        *useful,
+        f"{others} other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
 
 
 def _remedy(remedy: Remedy | None) -> str:

@@ -81,11 +81,17 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
         return [headline + "causes could not be tested."], [gap, scatter, *hidden]
-    supposed = d.noise_source == "residuals"
-    if supposed:
-        use = "Use it as it is if this is the noise of your instrument and of the machine."
-    elif d.gap.before > PRIORS.silent * d.gap.floor:
+    supposed, fits = d.noise_source == "residuals", d.baseline.by_instrument
+    if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
+    elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
+        read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
+        use = (
+            f"No compensation is needed for what {read} can read{noise}. Positions can still be wrong: gtpin calibrate "
+            "lists what these data can't see."
+        )
+    elif supposed:
+        use = "Use it as it is if this is the noise of your instrument and of the machine."
     else:
         use = "Use it as it is: no compensation is needed."
     advice = [f"{gap} {use}", *assumed(d)]

@@ -16,6 +16,7 @@ COORDINATES = {
     "session": "the session",
     "payload": "the payload",
     "load": "the load",
+    "force": "the force at the TCP",
     "direction": "the link's direction",
     "position": "the TCP's position",
     "temp_frame": "the frame's temperature",

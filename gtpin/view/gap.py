@@ -152,7 +152,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         warn(f"left out, can't be reached: poses {names}")
     kept, seen, frame = dataset.take(reached), predicted[reached], model.frame
     based = seen.moved(-frame.T @ frame.R, frame.R.T)
-    rows, known = kept.rows, {name: value for one in fitted for name, value in one.unknowns.items()}
+    rows, known = kept.readings, {name: value for one in fitted for name, value in one.unknowns.items()}
     count = len(kept)
     T, error, value, whitened = based.T.copy(), np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     name, unit, share = np.empty(count, dtype=object), np.empty(count, dtype=object), {}
@@ -162,12 +162,13 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
             continue
         u = _unknowns(one, known)
         left = one.minus(seen[mine], u)
-        shown = np.array([c.shown for c in one.components])
+        first = next(c.unit for c in one.components if c.shown)
+        shown = np.array([c.shown and c.unit == first for c in one.components])
         T[mine] = one.looked_at(based[mine], u)
         error[mine] = np.einsum("mci,mc->mi", one.by_pose(seen[mine], u)[:, shown, :3], left[:, shown]) @ frame.R
         value[mine] = np.linalg.norm(left[:, shown], axis=1)
         whitened[mine] = value[mine] / (one.declared[0] or max(float(np.sqrt((value[mine] ** 2).mean())), 1e-300))
-        name[mine], unit[mine] = one.name, next(c.unit for c in one.components if c.shown)
+        name[mine], unit[mine] = one.name, first
         if not one.name:
             share = _shares(model, kept, left @ np.kron(np.eye(left.shape[1] // 3), frame.R))
     words = tuple(map(str, name)), tuple(map(str, unit))

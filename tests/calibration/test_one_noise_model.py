@@ -8,21 +8,15 @@ from scipy.spatial.transform import Rotation
 from virtual_gantry import commands, draw, measured, undeclared
 
 import gtpin
-from gtpin.data.read_instruments import InstrumentContents
 
 pytestmark = pytest.mark.slow
 
 
-def as_readings(dataset, folder, monkeypatch):
-    """The dataset written as schema 2, and read as readings of an instrument."""
-    dataset.write(folder)
-    toml = folder / "dataset.toml"
-    text = toml.read_text().replace("gtpin-dataset/1", "gtpin-dataset/2")
-    toml.write_text(
-        text.replace("[instrument]", '[[instrument]]\nname = "tracker"\nkind = "tracker"\nfile = "poses.csv"')
-    )
-    monkeypatch.setattr(InstrumentContents, "as_tracker", lambda _: None)
-    return gtpin.Dataset.read(folder)
+def as_readings(dataset):
+    """The dataset as readings of an instrument that has a name."""
+    (table,) = dataset.readings.tables
+    named = replace(dataset.readings, tables=(table.model_copy(update={"name": "tracker"}),))
+    return replace(dataset, instrument=gtpin.data.Instrument(), orientation=None, readings=named)
 
 
 def visited(dataset, rng, times, scatter):
@@ -39,14 +33,14 @@ def visited(dataset, rng, times, scatter):
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("times", [1, 3], ids=["once", "three times"])
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
-def test_poses_and_readings_of_one_tracker_calibrate_alike(tmp_path, monkeypatch, declared, times, orientation):
+def test_poses_and_readings_of_one_tracker_calibrate_alike(declared, times, orientation):
     rng = np.random.default_rng([declared, times, orientation])
     machine = draw(rng)
     data = measured(machine, commands(rng, 60), rng, orientation=orientation)
     data = visited(data, rng, times, 3e-5) if times > 1 else data
     data = data if declared else undeclared(data)
     poses = gtpin.calibrate(data)
-    readings = gtpin.calibrate(as_readings(data, tmp_path / "set", monkeypatch))
+    readings = gtpin.calibrate(as_readings(data))
     (named,), (lone, *_) = readings.by_instrument, poses.by_instrument
     assert (named.name, lone.name) == ("tracker", "")
     for what in ("before", "after", "floor", "left_out"):

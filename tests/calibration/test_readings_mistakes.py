@@ -14,6 +14,7 @@ from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 import gtpin
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+from gtpin.instruments.readings import instruments_of, single
 
 MACHINE = draw(np.random.default_rng(21))
 RNG = np.random.default_rng(22)
@@ -116,6 +117,17 @@ def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
     distances = [[a, b, d + 0.01, s] for a, b, d, s in CUP.said["distances"]]
     _, said = warned(tmp_path, CUP.saying(distances=distances))
     assert "readings of cup with socket" in said or "tolerances" in said
+
+
+def test_known_distances_stay_with_their_rows_in_any_part_of_the_rows(tmp_path):
+    rng = np.random.default_rng(0)
+    pairs, robot = cup(draw(rng).gantry, rng, 12, sockets=4), gtpin.load_robot("gantry_tau")
+    whole = single(read(tmp_path / "set", pairs), robot)  # every socket has one known distance, and so has every row
+    (one,) = instruments_of(whole.readings, robot)
+    assert set(one.link) == {0, 1}
+    for row in range(len(whole)):
+        (part,) = instruments_of(whole.take([row]).readings, robot)
+        assert part.link == one.link[row]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from virtual_instruments import Seen, bed, level, read
 
 import gtpin
 from gtpin.calibration.unseen_remedies import Remedy
-from gtpin.report.unseen_words import unseen_first, unseen_words
+from gtpin.report.unseen_words import unseen_words
 from gtpin.robot.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -95,10 +95,3 @@ def test_sizes_are_one_standard_deviation_with_their_signs(nominal: Geometry) ->
     assert f"length[1] by {1e3 * 0.8 * sigma * nominal.tolerance[i]:+.2g} mm" in words
     assert f"length[2b] by {-1e3 * 0.6 * sigma * nominal.tolerance[j]:+.2g} mm" in words
     assert words.endswith("12 readings of a tilt sensor would show it.")
-
-
-def test_sentences_that_name_a_measurement_come_first_and_the_rest_are_counted() -> None:
-    remedy = Remedy("tilts", 2)
-    told = [None, remedy, None, remedy, None]
-    assert unseen_first("abcde", told, 3) == ["b", "d", "a", "And 2 more in calibration.json."]
-    assert unseen_first("abcde", told, 5) == ["b", "d", "a", "c", "e"]

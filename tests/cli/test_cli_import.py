@@ -41,15 +41,15 @@ def test_touches_of_a_delta_printer_are_a_plane_that_the_robot_touched(run: Run,
     assert (content["robot"], instrument["kind"]) == ("linear_delta", "plane")
     assert list(table) == ["pose", "q1", "q2", "q3", "height"]
     dataset = gtpin.Dataset.read(folder)
-    assert dataset.readings is not None
+    assert not dataset.readings.tracked
     np.testing.assert_array_equal(dataset.readings.columns["height"], table["height"])
     assert table["pose"].is_unique
     there = gtpin.read_model("linear_delta").kinematics.forward(table[["q1", "q2", "q3"]].to_numpy())
     plane = instrument["planes"]["A"]
-    # Of a tilted bed the heights over the level plane differ by its tilt, and are as the table says in the mean.
-    over = (there.T - plane["point"]) @ plane["normal"]
-    assert over.mean() == pytest.approx(table["height"].mean(), abs=1e-8)
-    np.testing.assert_allclose(over - over.mean(), 1e-3 * (xyz[:, 2] - xyz[:, 2].mean()), atol=1e-7)
+    # The bed is the firmware's z = 0 and level: by this the printer's heights are judged.
+    assert (plane["point"], plane["normal"]) == (list(ORIGIN), [0.0, 0.0, 1.0])
+    assert instrument["plane_sigma"] == instrument["normal_sigma"] == 0.0
+    np.testing.assert_allclose(there.T[:, 2] - ORIGIN[2], 1e-3 * xyz[:, 2], atol=1e-7)
 
 
 def test_height_is_positive_where_the_tip_is_on_the_side_of_the_normal(run: Run, tmp_path: Path) -> None:
@@ -111,6 +111,14 @@ def test_a_probe_on_the_nozzle_s_axis_may_have_any_trigger_height(run: Run, tmp_
     command = ("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN)
     for number, offset in enumerate((("0", "0", "-0.02"), ("0", "0", "5"), ("-0.5", "0", "0"))):
         assert run(*command, "--probe-offset", *offset, "-o", tmp_path / str(number)).code == 0
+
+
+def test_a_bed_far_from_the_firmware_s_zero_is_warned_of(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "printer.cfg"
+    file.write_text(printer_cfg(places() + np.array([0.0, 0.0, 20.0])), encoding="utf-8")
+    ran = run("import", "klipper-delta", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", tmp_path / "far")
+    assert ran.code == 0, ran.err
+    assert "on average, where a firmware's zero is the bed" in " ".join(ran.err.split())
 
 
 def test_a_normal_may_have_any_length(run: Run, tmp_path: Path) -> None:

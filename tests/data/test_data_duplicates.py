@@ -55,7 +55,6 @@ def of_instrument(bench: gtpin.Dataset) -> Make:
 
     def make(rng: np.random.Generator, step: float, scatter: float) -> gtpin.Dataset:
         pose, q, position = rounded(rng, step, scatter)
-        assert bench.readings is not None
         columns = {**bench.readings.columns, **dict(zip(("tilt_x", "tilt_y"), position.T[:2], strict=True))}
         return replace(bench, pose=pose, q=q, readings=replace(bench.readings, columns=columns))
 

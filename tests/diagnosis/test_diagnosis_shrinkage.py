@@ -110,7 +110,7 @@ def compared(strength: float) -> list[tuple[Gap, float]]:
     for seed in range(60):
         world = World(seed, strength)
         design, E = world.measured()
-        floor = np.full(world.n, 3.0 * SIGMA**2)
+        floor = np.full((world.n, 3), SIGMA**2)
         said = gap(design, E, floor, partition(world.n, 20), np.random.default_rng(0))
         found.append((said, world.realised(design, E)))
     return found
@@ -135,7 +135,7 @@ def test_without_causes_nothing_shrinks_and_the_floor_is_no_higher_than_the_gap(
     design, E = world.measured()
     none = np.zeros((len(E), 0))
     for scale in (1.0, 100.0):
-        found = gap(design, none, np.full(80, scale * SIGMA**2), partition(80, 20), np.random.default_rng(0))
+        found = gap(design, none, np.full((80, 3), scale * SIGMA**2), partition(80, 20), np.random.default_rng(0))
         assert found.before == found.after
         assert found.floor <= found.before
         assert found.shrinkage is None
@@ -147,7 +147,7 @@ def test_a_perfect_model_shows_the_noise_floor():
     for seed in range(20):
         world = World(seed, 3.0)
         design, E = world.measured()
-        found = gap(design, E, np.full(80, 3.0 * SIGMA**2), partition(80, 20), np.random.default_rng(0))
+        found = gap(design, E, np.full((80, 3), SIGMA**2), partition(80, 20), np.random.default_rng(0))
         ratios.append(found.floor**2 / (3.0 * SIGMA**2))
         assert found.before > found.after >= 0.9 * found.floor
     # The floor is these poses' own noise: 240 numbers of a sample's variance, less what the cap takes away.

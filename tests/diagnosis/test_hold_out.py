@@ -137,7 +137,7 @@ def of_days(seed: int, days: int = 4) -> tuple[Gap, float]:
     y = B @ geometry + moved + rng.standard_normal(len(B))
     W = np.broadcast_to(np.eye(3) / SIGMA, (n * days, 3, 3))
     masks = [np.arange(n * days) // n == i for i in range(days)]
-    floor = np.full(n * days, 3.0 * SIGMA**2)
+    floor = np.full((n * days, 3), SIGMA**2)
     found = gap(bare_design(y, B, W, p), 2.0 * E, floor, masks, np.random.default_rng(0), of_blocks=True)
     B_new, E_new, moved = day(400)
     alone = np.linalg.solve(B.T @ B + np.eye(p), B.T @ y)

@@ -66,23 +66,27 @@ def test_no_other_cause_is_sure_where_the_payload_was_not_recorded(seed):
         assert rows[truth].reason == Untestable("unrecorded_payload", "payload")
 
 
+# A drift that hardly turns is also a target that creeps: the odds between both are 3 to 1.
+LEAST_OF_DRIFT = 0.75
+
+
 @pytest.mark.parametrize(
-    ("effect", "site", "without"),
-    [("tracker_drift", "frame", ("payload",)), ("link_compliance", "link2a", ())],
+    ("effect", "site", "without", "least"),
+    [("tracker_drift", "frame", ("payload",), LEAST_OF_DRIFT), ("link_compliance", "link2a", (), CONFIDENT)],
 )
-def test_a_payload_left_out_takes_nothing_from_what_shows_by_itself(effect, site, without):
+def test_a_payload_left_out_takes_nothing_from_what_shows_by_itself(effect, site, without, least):
     found = said(machine(4, effect, site, without))
-    assert (effect, site) in {(c.effect, c.site) for c in found.causes if c.probability >= CONFIDENT}
+    assert (effect, site) in {(c.effect, c.site) for c in found.causes if c.probability >= least}
 
 
 @pytest.mark.parametrize(
-    ("effect", "site", "without"),
-    [("servo_lag", "cart3", ("approach",)), ("tracker_drift", "frame", ("session",))],
+    ("effect", "site", "without", "least"),
+    [("servo_lag", "cart3", ("approach",), CONFIDENT), ("tracker_drift", "frame", ("session",), LEAST_OF_DRIFT)],
 )
-def test_a_cause_that_can_be_tested_stands_where_its_imitator_can_not(effect, site, without):
+def test_a_cause_that_can_be_tested_stands_where_its_imitator_can_not(effect, site, without, least):
     found = said(machine(3, effect, site, without))
     assert [(c.effect, c.site) for c in found.causes] == [(effect, site)]
-    assert found.causes[0].probability >= CONFIDENT
+    assert found.causes[0].probability >= least
 
 
 def test_a_speed_of_zero_rules_out_what_goes_with_speed():

@@ -165,3 +165,15 @@ def test_a_false_cause_is_one_that_no_part_of_the_truth_names() -> None:
     )
     assert (row["class holds"], row["alone, sure"], row["unknown"], row["false, sure"]) == (1, 1, 1, 1)
     assert false == ["linearity@cart1 (0.990, another)"]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of covariates that do not vary
+@pytest.mark.parametrize("seed", range(4))
+def test_a_base_that_rocks_with_what_it_carries_is_neither_noise_nor_a_listed_effect(seed: int, tmp_path: Path) -> None:
+    (rocking,) = (m for m in MECHANISMS if m.name == "base_plate")
+    act = worlds.Act(rocking, 1.0, 1000.0)
+    worlds.write(tmp_path, "case", GantryTau(), [act], False, np.random.default_rng(seed))
+    found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "case"))
+    assert found.verdict == "unknown"
+    assert all(cause.probability < 0.9 for cause in found.causes)

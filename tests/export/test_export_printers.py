@@ -297,3 +297,5 @@ def test_a_box_is_a_box() -> None:
     for ends in ((0, 0, 0, 1, 0, 1), (0, 1, 1, 0, 0, 1), (0, 1, 0, 1, 0, np.nan)):
         with pytest.raises(GtpinError, match="this is no box"):
             Box.of(ends)
+    with pytest.raises(GtpinError, match="looks like millimetres"):
+        Box.of((-80, 80, -80, 80, 0, 150))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from printed import places, printer_cfg
 
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.importers.klipper import read_klipper_delta
 from gtpin.importers.klipper_config import read_config
 
@@ -24,15 +24,21 @@ def test_a_pattern_takes_the_files_that_fit_it_and_none_is_no_error(write: Write
     assert {name: options["x"].text for name, options in found.items()} == {"a": "1", "b": "2", "c": "3;5"}
 
 
-@pytest.mark.parametrize("wanted", ["lost.cfg", "parts/lost.cfg", "./lost.cfg"])
-def test_a_named_file_that_is_missing_is_an_error_at_its_line(write: Write, wanted: str) -> None:
-    file = write("printer.cfg", f"[printer]\n[include {wanted}]\n")
-    with pytest.raises(DatasetError, match=f"{wanted} is missing") as refused:
-        read_config(file)
-    assert (refused.value.file, refused.value.row) == (file, 2)
+@pytest.mark.parametrize("wanted", ["lost.cfg", "parts/lost.cfg", "./lost.cfg", "~"])
+def test_a_named_file_that_is_missing_is_left_out_with_a_warning(write: Write, wanted: str) -> None:
+    file = write("printer.cfg", f"[printer]\n[include {wanted}]\n[c]\nx: 3\n")
+    with pytest.warns(GtpinWarning, match=f"row 2: the included file '{wanted}' is missing"):
+        assert read_config(file)["c"]["x"].text == "3"
 
 
-@pytest.mark.parametrize("wanted", [".", "..", "**/x**y", "/etc/hostname", "../other.cfg", "[", "*", "~", "//", "\x01"])
+def test_an_included_file_may_be_empty(write: Write) -> None:
+    write("macros.cfg", "\n")
+    assert read_config(write("printer.cfg", "[include macros.cfg]\n[c]\nx: 3\n"))["c"]["x"].text == "3"
+    with pytest.raises(DatasetError, match="empty"):
+        read_config(write("printer.cfg", "\n"))
+
+
+@pytest.mark.parametrize("wanted", [".", "..", "**/x**y", "/etc/hostname", "../other.cfg", "[", "*", "//"])
 def test_whatever_is_named_the_end_is_one_line(write: Write, wanted: str) -> None:
     write("other.cfg", "secret")
     file = write("inside/printer.cfg", f"[include {wanted}]\n{printer_cfg(places(4))}")

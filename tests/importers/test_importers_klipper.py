@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from printed import ANGLES, MESH, ORIGIN, PROBED, STEP, carriages, mesh_cfg, places, printer_cfg
+from printed import ANGLES, ARM, MESH, ORIGIN, PROBED, RADIUS, STEP, carriages, mesh_cfg, places, printer_cfg
 
 import gtpin
 from gtpin.errors import DatasetError, GtpinWarning
@@ -80,6 +81,21 @@ def test_corners_of_a_round_mesh_that_nobody_probed_are_left_out(write: Write) -
     expected = [[0, -100, 0.1], [-100, 0, 0.2], [0, 0, 0.0], [100, 0, -0.2], [0, 100, 0.3]]
     np.testing.assert_allclose(touches.position, 1e-3 * np.array(expected), atol=1e-15)
     assert len(read_klipper_mesh(write("square.cfg", mesh_cfg(MESH, round_=False)))) == 9
+
+
+@pytest.mark.parametrize(
+    ("kinematics", "radius", "warned"),
+    [("delta", RADIUS, False), ("delta", RADIUS + 2.0, True), ("corexy", RADIUS, True), ("winch", RADIUS, False)],
+)
+def test_a_mesh_of_other_dimensions_than_the_robot_s_is_warned_of(
+    write: Write, recwarn: pytest.WarningsRecorder, kinematics: str, radius: float, warned: bool
+) -> None:
+    warnings.simplefilter("always")
+    printer = f"[printer]\nkinematics: {kinematics}\ndelta_radius: {radius}\n[stepper_a]\n"
+    printer += f"arm_length: {ARM}\nposition_endstop: 900\n"
+    touches = read_klipper_mesh(write("printer.cfg", printer + mesh_cfg(MESH, round_=False)))
+    commands(touches, KINEMATICS, np.array(ORIGIN))
+    assert any("otherwise than by the dimensions in this file" in str(one.message) for one in recwarn) is warned
 
 
 def test_a_mesh_without_the_section_that_tells_its_form_is_refused(write: Write) -> None:

@@ -132,7 +132,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
     )  # on the first screen, and with its commands
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
     assert "4.2, compared with 0.5 for as many random poses." in seen
-    assert "settles the question with a probability of 62%. About 2 such measurements are needed" in seen
+    assert "settles the question with a probability of 62 %. About 2 such measurements are needed" in seen
 
 
 @pytest.mark.parametrize(("settles", "begins"), [(0.5, "Measure"), (0.49, "The best measurement of its size settles")])
@@ -143,12 +143,12 @@ def test_a_proposal_says_in_its_first_sentence_whether_it_is_worth_doing(settles
     enough = replace(step, rounds=1)
     first = step.measure.split(". ")[0]
     assert first.startswith(begins)
-    assert f"{settles:.0%}" in first
+    assert f"{100 * settles:.0f}\u00a0%" in first
     assert "About 4 such measurements are needed" in step.measure
     assert "such measurements" not in enough.measure
     hopeless = replace(step, settles=0.0, rounds=None, watch=("cart2",)).measure
     assert hopeless.startswith("To distinguish smooth drive error at cart2 from periodic drive error at cart2, ")
-    assert "only 0%" in hopeless
+    assert "a probability below\u00a01\u00a0%" in hopeless
 
 
 @pytest.mark.slow

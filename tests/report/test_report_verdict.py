@@ -8,10 +8,12 @@ from dataclasses import replace
 import pytest
 from report_findings import Found
 
+from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
 from gtpin.report.phrases import parameter, size_words
+from gtpin.report.unseen_words import grouped
 from gtpin.report.verdict import verdict
 from gtpin.report.words import quantity
 
@@ -36,6 +38,27 @@ def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(fin
     assert f"{1e6 * found.gap.after:.3g}\u00a0µm" in said.headline
     assert "no compensation is needed" not in " ".join(said.advice)
     assert "approach1" in " ".join(said.advice)
+
+
+def test_without_positions_only_what_was_read_needs_no_compensation(findings):
+    """A fit of touches leaves directions of the geometry open that a tracker would show."""
+    found = findings["none"].diagnosis
+    baseline = found.baseline
+    plane = replace(baseline.by_instrument[0], name="bed", kind="plane")
+    open_ = replace(baseline.observability, learned=0.0 * baseline.observability.learned)
+    touched = replace(baseline, by_instrument=(plane,), observability=open_)
+    said = " ".join(verdict(replace(found, baseline=touched)).advice)
+    assert "No compensation is needed for what bed can read. Positions can still be wrong" in said
+    assert "Use it as it is" not in said
+
+
+def test_directions_that_nothing_shows_are_one_sentence():
+    tilt = Remedy("tilts", "", 12)
+    assert grouped(("a", "b", "c"), (None, tilt, None)) == (
+        "b",
+        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
+    assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
 
 
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):

@@ -11,6 +11,8 @@ from mixed_readings import NOMINAL, S1, commands, mixed
 from readings_of_circles import read_ranges
 
 from gtpin.errors import DatasetError
+from gtpin.report.figure import has_plotly
+from gtpin.report.maps import workspace_figure
 from gtpin.report.residual_columns import leading, view
 from gtpin.report.residual_plots import components, residual_figure
 from gtpin.report.residuals import Residuals
@@ -90,3 +92,19 @@ def test_of_readings_the_component_is_seen_first_of_which_the_causes_explain_mos
 def test_a_component_that_is_not_there_is_refused_with_those_that_are(residuals: Residuals) -> None:
     with pytest.raises(DatasetError, match=r"wire.*cup\.x"):
         view(residuals, "bed")
+
+
+@pytest.mark.skipif(not has_plotly(), reason="plotly is not installed")
+def test_a_map_of_poses_in_one_plane_is_high_enough_for_its_labels(residuals: Residuals) -> None:
+    def at(T: np.ndarray) -> Residuals:
+        moved = replace(residuals)
+        vars(moved)["poses"] = replace(residuals.poses, T=T)  # a cached property
+        return moved
+
+    flat = at(residuals.poses.T * [1.0, 1.0, 1e-3]).poses
+    axis = workspace_figure(at(flat.T), "xz").layout.yaxis
+    width = float(np.ptp(flat.T[:, 0]))
+    assert axis.range[1] - axis.range[0] > 0.25 * width
+    assert axis.range[0] < flat.T[:, 2].min() < flat.T[:, 2].max() < axis.range[1]
+    assert axis.nticks == 3
+    assert workspace_figure(at(residuals.poses.T[:, [0, 1, 0]]), "xz").layout.yaxis.range is None

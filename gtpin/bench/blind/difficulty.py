@@ -77,8 +77,6 @@ def noise_of_rows(dataset: Dataset, split: Dataset, noise: Mapping[str, Floats])
     ``noise`` as in :meth:`Seen.of_readings`. A known distance of sockets, which is in no table, has none.
     """
     whole, rows = dataset.readings, split.readings
-    assert whole is not None
-    assert rows is not None
     row, sigma = np.empty(len(split), dtype=np.intp), [np.zeros(0)] * len(split)
     for index, table in enumerate(rows.tables):
         own, mine = whole.rows_of(index), rows.rows_of(index)

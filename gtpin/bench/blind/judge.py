@@ -40,8 +40,7 @@ def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list
 
 def _turning(dataset: Dataset) -> frozenset[str]:
     """Names of the encoders at joints that turn."""
-    tables = () if dataset.readings is None else dataset.readings.tables
-    encoders = [table for table in tables if isinstance(table, EncoderTable)]
+    encoders = [table for table in dataset.readings.tables if isinstance(table, EncoderTable)]
     return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
 
 
@@ -128,7 +127,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
 
 def _instruments(dataset: Dataset) -> tuple[str, ...] | None:
     """Kinds of the instruments of a dataset of schema 2; None for a tracker alone."""
-    return None if dataset.readings is None else tuple(sorted({table.kind for table in dataset.readings.tables}))
+    return tuple(sorted({table.kind for table in dataset.readings.tables if table.name})) or None
 
 
 def _testable(dataset: Dataset, truth: Truth) -> bool:
@@ -174,7 +173,7 @@ def _shrunk(
     found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
     if baseline is None or truth.kind not in CAUSES_GIVEN or dataset.instrument.frame == "free":
         return found
-    if dataset.readings is not None:  # both baselines are fitted to poses
+    if dataset.readings.names:  # both baselines are fitted to poses
         return found
     changes = {}
     if causes := _causes(truth, lefts):
@@ -233,7 +232,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
     """
     if not truth.effects or any(effect.displacement is None for effect in truth.effects):
         return False
-    if dataset.readings is None:
+    if dataset.readings.tracked:
         return truth.sigma is not None or bool(truth.noise)
     tables = dataset.readings.tables
     return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
@@ -242,7 +241,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
 def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
     """The :class:`Difficulty` of a gradable case, from its calibration."""
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
-    if dataset.readings is not None:
+    if dataset.readings.names:
         return Difficulty.of_readings(dataset, noise, baseline)
     sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
     return Difficulty.of(dataset, sigma, baseline.model.geometry)

@@ -202,5 +202,6 @@ def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
     column = one.key
     if not one.by_row:
         file = None if file is None else Path(file).parent / "dataset.toml"
-        column = f"instrument.{one.key}" if readings.tracked else f"instrument.{one.instrument}.{one.key}"
+        number = f"{one.instrument}." if readings.rows.names else ""
+        column = f"instrument.{number}{one.key}"
     return DatasetError(_text(readings, one, seen), file=file, column=column, hint=hint)

@@ -78,7 +78,7 @@ class ReadingChecks:
         poses = self.nominal.kinematics.forward(whole.q)
         usable = sane_rows(whole)
         for good, why, what, hint in (
-            (whole.rows.countable, "for numbers that are too large to count with", *_UNCOUNTABLE),
+            (whole.readings.countable, "for numbers that are too large to count with", *_UNCOUNTABLE),
             (poses.reached, "for the robot can't reach them", *_UNREACHED),
         ):
             if (usable & ~good).any():

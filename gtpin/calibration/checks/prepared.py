@@ -11,6 +11,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.data.sane import check_extremes
 from gtpin.errors import DatasetError, warn
 from gtpin.kinematics.rotations import log
+from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.robot.geometry import Geometry
@@ -60,13 +61,16 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     return replace(dataset, orientation=None)
 
 
-def with_positions(dataset: Dataset, robot: Robot) -> Dataset:
+def with_positions(dataset: Dataset, robot: Robot | None = None) -> Dataset:
     """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
 
-    These positions serve to divide the poses into regions. A row that the nominal robot can't reach gets the position of the
-    first row that it can reach.
+    ``robot``: the nominal robot; None: the one that the dataset names. These positions serve to divide the poses into regions.
+    A row that the nominal robot can't reach gets the position of the first row that it can reach.
     """
-    if dataset.readings is None or dataset.n_actuators != robot.n_actuators:
+    if dataset.readings.tracked:
+        return dataset
+    robot = robot_of(dataset) if robot is None else robot
+    if dataset.n_actuators != robot.n_actuators:
         return dataset
     T = Model(Geometry.nominal(robot)).kinematics.forward(dataset.q).T.copy()
     reached = np.isfinite(T[:, 0])

@@ -232,7 +232,6 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
     Raises `DatasetError` if no socket is visited twice, and nothing is known of any.
     """
     rows = dataset.readings
-    assert rows is not None
     for i, one in enumerate(instruments_of(rows, robot)):
         if not isinstance(one, Socket):
             continue

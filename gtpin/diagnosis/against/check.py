@@ -137,9 +137,8 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     design, named, used = hypotheses.design, list(found.classes), tried.data.dataset
     model, active = updated(earlier, design, named, [found.scale[c] for c in named], tried.columns)
     # Every pose is left out in turn; of readings, all of one stop of the machine.
-    floor, blocks = _floor(tried, earlier.model), list(np.eye(len(used), dtype=bool))
-    if not design.tracked:
-        blocks = [used.visits == visit for visit in np.unique(used.visits)]
+    together = np.arange(len(used)) if design.measured.tracked else used.visits
+    floor, blocks = _floor(tried, earlier.model), [together == one for one in np.unique(together)]
     whole, takes = gaps(hypotheses, found, floor, blocks, rng)
     causes = []
     for own, hypothesis in zip(active, named, strict=True):
@@ -160,7 +159,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         doubts=found.doubts,
         baseline=replace(earlier.model, frame=design.model.frame),
         model=_without(model, assumed) if assumed else model,
-        poses=len(np.unique(used.visits)) if dataset.readings is not None else len(used),
+        poses=len(blocks),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
         set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
         false_alarm=scope.false_alarm,
@@ -191,10 +190,10 @@ def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
 
 
 def _floor(tried: _Tried, earlier: Model) -> Floats:
-    """(N,) expected squared length of each pose's position noise, m^2, without unexplained errors of the earlier model where
-    the noise is known; (N, c) ones for readings: their errors are in units of noise."""
+    """(N, k) expected square of the noise of each compared number, m^2, without unexplained errors of the earlier model where
+    the noise is known; ones for readings: their errors are in units of noise."""
     design, how = tried.hypotheses.design, tried.data.how
-    if not design.tracked:
+    if not design.measured.tracked:
         return np.ones((len(tried.data.dataset), design.components))
     noise = how.noise if how.noise_known else how.expected(design.measured)
     if earlier.fit is not None:  # what the drives are assumed to scatter at least is no noise

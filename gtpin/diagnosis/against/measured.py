@@ -49,9 +49,7 @@ class Usable:
 
 def places(dataset: Dataset) -> npt.NDArray[np.int64]:
     """(N, 2) index of the instrument and line in its table of each row of a dataset."""
-    rows = dataset.readings
-    of = np.zeros(len(dataset), dtype=np.int64) if rows is None else rows.of
-    return np.column_stack([of, dataset.row if rows is None else rows.line])
+    return np.column_stack([dataset.readings.of, dataset.readings.line])
 
 
 def usable(dataset: Dataset, model: Model) -> Usable:
@@ -66,10 +64,10 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     """
     check_actuators(model.robot, dataset)
     left, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
-    free, known = dataset.readings is None and dataset.instrument.frame == "free", True
+    free, known = dataset.instrument.frame == "free", True
     if fit is not None:
         drives = max(fit.drives, drives)
-    if dataset.readings is not None:
+    if not dataset.readings.tracked:
         kept, measured = _usable_readings(dataset, model)
         declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
         unknown = np.zeros(len(declared), dtype=bool)
@@ -115,7 +113,6 @@ def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]
     check_sockets(dataset, robot)
     whole = single(dataset, robot)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
-    assert whole.readings is not None
     kept = whole.take(sane_rows(whole) & whole.readings.countable)
     reached = model.kinematics.forward(kept.q).reached
     if not reached.all():

@@ -76,10 +76,9 @@ def updated(
     model = replace(
         earlier.moved(moved[:n], covariance[:n, :n]), frame=_frame(design, found.mean[design.n_prior : after])
     )
-    if not design.measured.tracked:
-        readings, unknowns = design.measured, found.mean[k:after]
-        unknowns = unknowns * np.where(np.isfinite(readings.sigma), readings.sigma, VAGUE)
-        model = replace(model, instruments=readings.at(unknowns).fitted)
+    readings, unknowns = design.measured, found.mean[k : design.n_prior]
+    unknowns = unknowns * np.where(np.isfinite(readings.sigma), readings.sigma, VAGUE)
+    model = replace(model, instruments=readings.at(unknowns).fitted or model.instruments)
     effects = (*model.effects, *active)
     return replace(model, effects=effects, joint_covariance=covariance if effects else None), tuple(active)
 

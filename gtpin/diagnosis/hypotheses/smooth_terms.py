@@ -12,6 +12,7 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
 from gtpin.effects.joints import loaded
+from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import (
@@ -149,13 +150,13 @@ def _tips(at: Situation, site: str, waves: Sequence[Floats], size: Floats, prior
 
 def _of_platform_and_frame(at: Situation, priors: Priors) -> Terms:
     """Motions of the target and tool on the platform, TCP frame, and of the measurement frame."""
-    for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
+    for over, waves, size in (*_conditions(at), *_force(at), *_position(at, 2, priors), *_approach(at)):
         twist = np.zeros((len(at), 6, 6, waves.shape[1]))
         twist[:, :3, :3] = twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
         sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
         yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
     freedoms, size6 = frame_twist(at)
-    for over, waves, size in _conditions(at):
+    for over, waves, size in (*_conditions(at), *_force(at)):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
         yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
     for over, waves, size in _position(at, 3, priors):
@@ -253,12 +254,26 @@ def _conditions(at: Situation) -> Functions:
     """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
-            values = at.covariate(name)
-            middle, half = (values.max() + values.min()) / 2.0, np.ptp(values) / 2.0
-            yield (name,), *cosines((values - middle) / half, 1, 7 if name == "time" else 3, 1.0)
+            yield (
+                (name,),
+                *_over_range(at.covariate(name), *((DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0))),
+            )
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])
+
+
+def _over_range(values: Floats, orders: int, decay: float) -> tuple[Floats, Floats]:
+    """Cosines over the range of a covariate (N,), and their sizes."""
+    middle, half = (values.max() + values.min()) / 2.0, np.ptp(values) / 2.0
+    return cosines((values - middle) / half, 1, orders, decay)
+
+
+def _force(at: Situation) -> Functions:
+    """Functions of the three components of the force at the TCP, for those that vary."""
+    parts = [_over_range(at.covariate(name), 3, 1.0) for name in ("fx", "fy", "fz") if at.varies(name)]
+    if parts:
+        yield ("force",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
 def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:

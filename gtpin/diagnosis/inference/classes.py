@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import exp
+from math import exp, sqrt
 
 import numpy as np
 
@@ -67,12 +67,12 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
             by_proxy.add(proxy.hypothesis)
     against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
-    # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well, and no
-    # machine departs more from the one than from the other.
+    # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
+    # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
     drivers = cause.drivers(hypotheses.design.situation.robot)
     clock = drivers if drivers in ({"time"}, {"session"}) else None
     smooth = {
-        s: gain.value / heat - priors.same_clock
+        s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
         if frozenset(s.over) == clock
         else (gain.value - priors.unnamed - (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own))
         / heat

@@ -33,7 +33,6 @@ from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
 from gtpin.noise.repeats import LEAST_CONTRASTS
-from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -67,11 +66,12 @@ def fit(
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
     found = described(hypotheses, without_idle(hypotheses, found, neighbours))
-    if hypotheses.design.tracked:  # these checks are for poses, not for readings
+    if hypotheses.design.measured.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)
         found = with_two_valued(hypotheses, found, settled.observed.noise)
-    found = with_smaller_errors(hypotheses, found, neighbours, _floor(settled))
+    inferred = floor_of(settled.observed.noise, hypotheses.design)
+    found = with_smaller_errors(hypotheses, found, neighbours, inferred)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     impossible = [question for question in asked if not question.believed]
@@ -86,7 +86,7 @@ def fit(
         found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
-    floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
+    floor = shown.floor(hypotheses.design)
 
     def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
         blocks = blocks_of(searched, which, rng)
@@ -120,7 +120,7 @@ def fit(
 def _scatter(prepared: Prepared, settled: SearchState) -> float:
     """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
     visits, noise = prepared.baseline.noise, settled.observed.noise
-    if settled.hypotheses.design.tracked:
+    if settled.observed.measured.tracked:
         return visits.repeatability / visits.position_sigma
     moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
     return float(np.median(noise.repeatability * moved / noise.each))
@@ -135,15 +135,6 @@ def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tupl
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
     return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]
-
-
-def _floor(settled: SearchState) -> Floats:
-    """(N,) expected squared length of each searched pose's position noise, m^2; zeros for readings."""
-    design = settled.hypotheses.design
-    if not design.tracked:
-        return np.zeros(len(design.whitening))
-    covariance = settled.observed.noise.covariance(design.command_jacobian, design.components)
-    return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
 
 
 def held_out(

@@ -78,7 +78,5 @@ def _coordinates(at: Situation) -> Floats:
 
 def _in_sockets(dataset: Dataset) -> Mask:
     """(N,) rows of a ball in a socket: its visits have nearly the same command, so that its gross errors stand together."""
-    if dataset.readings is None:
-        return np.zeros(len(dataset), dtype=bool)
     sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
     return np.isin(dataset.readings.of, sockets)

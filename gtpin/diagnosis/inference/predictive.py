@@ -117,8 +117,8 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     the position errors of the geometry alone are at the noise floor, and for robots without rods, whose wrist can rotate the
     tool and hardly shift it.
 
-    ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N,) expected squared length of each pose's
-    position noise, m^2.
+    ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N, k) as for
+    :func:`~gtpin.diagnosis.linear.cross_validation.gap`.
     """
     if not found.classes:
         return found

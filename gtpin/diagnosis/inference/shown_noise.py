@@ -155,7 +155,7 @@ class ShownNoise:
         return ShownNoise(noise, most, source, len(contrast), contradicted)
 
     def floor(self, design: Design) -> Floats:
-        """What a perfect model would leave: (N,) squared lengths of positions, m^2; (N, c) for readings, whitened."""
+        """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""
         return floor_of(self.noise, design)
 
     def excess(self, observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> tuple[float, float]:
@@ -175,10 +175,9 @@ class ShownNoise:
 
 def floor_of(noise: ReadingNoise, design: Design) -> Floats:
     """As :meth:`ShownNoise.floor`, of any noise."""
+    compared = (design.units @ design.whitening)[:, design.compared]
     covariance = noise.covariance(design.by_command_seen, design.components)
-    if design.tracked:
-        return np.asarray(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
-    return np.asarray(np.einsum("nij,njk,nik->ni", design.whitening, covariance, design.whitening))
+    return np.asarray(np.einsum("nij,njk,nik->ni", compared, covariance, compared))
 
 
 def _most(noise: ReadingNoise, contrast: Floats, J: Floats, priors: Priors) -> float:

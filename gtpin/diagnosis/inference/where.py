@@ -15,8 +15,6 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.instruments.readings import Readings
 from gtpin.typing import Floats, Mask
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
-
 
 @dataclass(frozen=True)
 class Where:
@@ -48,8 +46,7 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     c = design.components
     whitened = left.reshape(-1, c)
     excess = whitened**2 - design.independent
-    names = dict(zip(AXES[:c], excess.mean(axis=0), strict=False))
-    axis = _shares(names if design.tracked else _by_reading(design.measured, excess))
+    axis = _shares(_by_reading(design.measured, excess))
     by_pose = excess.sum(axis=1)
     T = design.situation.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
@@ -62,7 +59,7 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
 def _rods(design: Design, whitened: Floats) -> dict[str, float]:
     """Shares of the rods: residual and noise mapped to the rods by the closures' Jacobian. Empty without rods or poses."""
     at = design.situation
-    if not at.robot.rods or not design.tracked:
+    if not at.robot.rods or not design.measured.tracked:
         return {}
     seen = np.linalg.inv(design.whitening)
     to_rods = np.linalg.inv(at.response[:, :6])[:, :, : design.components] @ seen
@@ -80,8 +77,7 @@ def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:
                 power = excess[mine & (readings.rows.component == k)].sum()
             else:
                 power = excess[mine][:, k].sum()
-            name = one.name if len(one.components) == 1 else f"{one.name}.{component.name}"
-            found[name] = float(power) / len(excess)
+            found[one.label(component)] = float(power) / len(excess)
     return found
 
 

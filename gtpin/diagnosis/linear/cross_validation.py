@@ -144,18 +144,16 @@ def gap(
     """Compare a geometry alone with geometry and causes on poses that were left out.
 
     ``design``: the linear problem, without the causes. ``causes``: (N c, m) whitened displacements of the causes, for
-    coefficients of one prior sigma; m may be 0. ``floor``: (N,) expected squared length of each pose's position noise, m^2;
-    for readings (N, c) that of each whitened number. ``blocks``: (N,) masks of the poses left out together, a partition.
+    coefficients of one prior sigma; m may be 0. ``floor``: (N, k) expected square of the noise of each compared number, m^2;
+    for readings whitened. ``blocks``: (N,) masks of the poses left out together, a partition.
     ``unseen``: as for :func:`leave_out`. ``of_blocks``: True: the interval is for another block, from the differences
     between blocks. False: it is for other poses. ``inferred``: as ``floor``, by the noise that the search assumed; None:
     the same.
     """
-    inferred = floor if inferred is None else inferred
     alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
     b2 = (alone.errors**2).sum(axis=1)
-    of_numbers = (floor, inferred)
-    if not design.tracked:
-        floor, inferred = ((some * alone.kept).sum(axis=1) for some in of_numbers)
+    of_numbers = (floor, floor if inferred is None else inferred)
+    floor, inferred = ((some * alone.kept).sum(axis=1) for some in of_numbers)
     assumed = _root(np.minimum(inferred.mean(), b2.mean()))
     if not causes.shape[1]:
         turns = _turns(design, alone, alone)
@@ -181,9 +179,9 @@ def gap(
 def instrument_gaps(
     design: Design, alone: LeftOut, whole: LeftOut, floor: Floats, inferred: Floats
 ) -> tuple[InstrumentGap, ...]:
-    """Errors of each instrument's left-out readings; empty where poses were measured. ``floor``, ``inferred``: as for `gap`."""
+    """Errors of each instrument's left-out readings; none for a lone tracker. ``floor``, ``inferred``: as for `gap`."""
     readings = design.measured
-    if design.tracked:
+    if not readings.rows.names:
         return ()
     colour = np.linalg.inv(design.whitening)
     before, after = (np.einsum("nij,nj->ni", colour, part.errors) for part in (alone, whole))

@@ -93,15 +93,10 @@ class Design:
         """(N, c, n) derivative of the measured numbers by the commands."""
         return self.seen(self.situation.command_jacobian)
 
-    @property
-    def tracked(self) -> bool:
-        """Whether rows are poses, measured by one tracker; otherwise they are readings of any instruments."""
-        return self.measured.tracked
-
     @cached_property
     def units(self) -> Floats:
         """(N, c, c) factors from whitened numbers to m and rad, for poses; identities for readings, whose units differ."""
-        if self.tracked:
+        if self.measured.tracked:
             return np.asarray(np.linalg.inv(self.whitening))
         return np.broadcast_to(np.eye(self.components), self.whitening.shape)
 
@@ -128,7 +123,7 @@ class Design:
     @property
     def compared(self) -> slice:
         """The numbers of a row from which the gap is computed: the position of a pose; all numbers of readings."""
-        return slice(0, 3) if self.tracked else slice(0, self.components)
+        return slice(0, 3) if self.measured.tracked else slice(0, self.components)
 
     @cached_property
     def prior(self) -> Floats:

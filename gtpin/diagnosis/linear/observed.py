@@ -60,7 +60,7 @@ class Observed:
             noise=noise,
             weight=np.ones(len(dataset)),
             temperature=dataset.conditions.reference_temperature,
-            free_frame=measured.tracked and dataset.instrument.frame == "free",
+            free_frame=dataset.instrument.frame == "free",
             unusable=dataset.unusable,
         )
 

@@ -64,7 +64,7 @@ def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, 
     usable = without_frozen(
         without_contradictions(without_filled_in(recorded.take(sane_rows(recorded))), priors), priors
     )
-    if dataset.readings is None:
+    if dataset.readings.tracked:
         _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
     baseline = calibrate(usable, nominal, progress=progress)
     # Random draws of rows must not depend on the order of the file.

@@ -190,7 +190,6 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
     split = single(dataset, baseline.model.robot)
     readings = Readings.of(split, baseline.model.robot, baseline.u)
     missed = -readings.minus(baseline.model.kinematics.forward(split.q))[:, 0]
-    assert split.readings is not None
     for index, table in enumerate(split.readings.tables):
         values = np.array(found[table.name])
         if table.kind == "range":
@@ -237,7 +236,6 @@ def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
     dataset = Dataset.read(tmp_path)
     baseline = calibrate(dataset)
     assert baseline.freedom == np.inf  # the calibration has weighed all rows alike
-    assert dataset.readings is not None
     names = [name for name, _ in baseline.sigmas]
     sigma = {name: baseline.noise.sigma[names.index(name)] for name in names}
     noise = {
