@@ -14,7 +14,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
-from gtpin.errors import ModelError
+from gtpin.errors import ModelError, check_kind
 from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import well_defined, zyz
@@ -46,6 +46,8 @@ class Accuracy(Shown):
         The expected errors of the TCP.
     seed
         Seed of the random machines of ``expected``, and of the postures of a robot without rods.
+    filling
+        Whether the commands were chosen to fill the ranges of the actuators, and not given.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Accuracy(Shown):
     uncertain: str
     expected: ExpectedError
     seed: int = 0
+    filling: bool = False
 
     @cached_property
     def space(self) -> Workspace:
@@ -159,13 +162,16 @@ def analyse(
     >>> found.q.shape
     (2, 3)
     """
+    check_kind(model, Model)
+    filling = q is None
     q = default_commands(model, seed=seed) if q is None else q
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
     found = sensitivity(model, q, sigmas=sigmas)
     uncertain = "as given"
     if uncertainty is None:
         uncertain, uncertainty = _usual_uncertainty(model, sigmas)
-    return Accuracy(model, q, found, uncertainty, uncertain, expected_error(model, q, uncertainty, seed=seed), seed)
+    expected = expected_error(model, q, uncertainty, seed=seed)
+    return Accuracy(model, q, found, uncertainty, uncertain, expected, seed, filling)
 
 
 def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncertainty]:

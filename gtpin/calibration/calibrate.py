@@ -19,7 +19,7 @@ from gtpin.calibration.result import Calibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
-from gtpin.errors import DatasetError, ModelError, noted
+from gtpin.errors import DatasetError, ModelError, check_kind, noted
 from gtpin.kinematics.kinematics import Solver
 from gtpin.memory import amount, require
 from gtpin.model.measured_robot import measuring, robot_of
@@ -110,6 +110,8 @@ def calibrate(
     >>> calibration["length[2a]"].unit, len(calibration.names)
     ('m', 48)
     """
+    check_kind(dataset, Dataset)
+    check_kind(robot, Robot, type(None))
     with noted() as texts, recalled(texts):
         found = _calibrate(
             replace(dataset, trusted=True) if trust_data else dataset,

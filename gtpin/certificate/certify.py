@@ -17,7 +17,7 @@ from gtpin.data.duplicates import copies
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.errors import DatasetError, ModelError, UnreachableError
+from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
@@ -76,6 +76,8 @@ def certify(
     >>> certificate.budget.combined.shape
     (6,)
     """
+    check_kind(dataset, Dataset)
+    check_kind(model, Model, type(None))
     _check(dataset, model, instrument)
     found = diagnose(dataset, seed=seed, progress=progress) if model is None else None
     used = found.model if found is not None else model

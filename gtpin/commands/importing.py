@@ -218,7 +218,8 @@ def points(
     unit: Annotated[Length, typer.Option("--unit", help="Of lengths.", show_default=False)],
     separator: Annotated[Separator, typer.Option("--separator", help="Between columns.", show_default=False)],
     angle: Annotated[
-        Angle | None, typer.Option("--angle", help="Unit of commands that are angles.", show_default=False)
+        Angle | None,
+        typer.Option("--angle", help="Unit of commands that are angles.", show_default=False),
     ] = None,
     commands: Annotated[
         Path | None,

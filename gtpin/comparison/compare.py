@@ -18,7 +18,7 @@ from gtpin.comparison.closure_fit import closure_residual, fit_closures
 from gtpin.comparison.result import Comparison, Cost, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
-from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, warn
+from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, check_kind, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
 from gtpin.model.measured_robot import robot_of
@@ -85,6 +85,8 @@ def compare(
     GtpinWarning
         Names the poses that the fit of a model sets aside. The model is judged on these poses too.
     """
+    check_kind(dataset, Dataset)
+    check_kind(robot, Robot, type(None))
     given = dataset
     dataset.refuse_readings(
         "models are compared by measured poses, and these are readings of other instruments",

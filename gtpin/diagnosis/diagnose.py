@@ -32,7 +32,7 @@ from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import ModelError, noted, warn
+from gtpin.errors import ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
@@ -155,6 +155,9 @@ def diagnose(
     >>> any((cause.effect, cause.site) == ("backlash", "cart1") for cause in diagnosis.causes)
     False
     """
+    check_kind(dataset, Dataset)
+    check_kind(robot, Robot, Model, type(None))
+    check_kind(against, Model, type(None))
     if against is not None and robot is not None:
         raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
     with noted() as texts:

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from gtpin.compensation.corrections import MOST, correctable, corrections
 from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
-from gtpin.errors import GtpinError, warn
+from gtpin.errors import GtpinError, check_kind, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
 from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
@@ -106,6 +106,7 @@ def export(
         If the suffix is not known, the format can't represent the robot, or the file can't be written; or, without
         ``force``, there is a file that gtpin has not written.
     """
+    check_kind(model, Model)
     file = Path(file)
     if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")

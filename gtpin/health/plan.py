@@ -24,7 +24,7 @@ from gtpin.diagnosis.inference.findings import Smallest
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
-from gtpin.errors import ModelError
+from gtpin.errors import ModelError, check_kind
 from gtpin.health.choice import Candidates, PoseChoice, candidates
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
@@ -179,6 +179,7 @@ def plan(
     >>> len(found.commands)
     12
     """
+    check_kind(model, Model)
     if purpose not in get_args(Purpose):
         raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
     left, given, fit = model.unexplained or EXPLAINED, noise is not None, model.fit

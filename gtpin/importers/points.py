@@ -22,8 +22,9 @@ from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.data.table import number
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, matched
+from gtpin.importers.matched import Match, check_ranges, matched
 from gtpin.robot.library import load_robot
+from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 Separator = Literal["comma", "semicolon", "tab", "space"]
@@ -172,8 +173,8 @@ def read_commands(
 
     Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
     """
-    file = Path(file)
-    revolute = load_robot(robot, tcp).revolute
+    file, machine = Path(file), load_robot(robot, tcp)
+    revolute = machine.revolute
     head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
     if "q1" in (name.strip() for name in head.split(",")):
         found = Commands.read(file, len(revolute))
@@ -192,7 +193,7 @@ def read_commands(
         )
     names = ["pose", *commands][-count:]
     table = read_named_columns(file, names, separator, decimal_comma=decimal_comma, needed=commands)
-    q = np.column_stack([table.values[name] for name in commands]) * _scale(robot, tcp, len(commands), unit, angle)
+    q = np.column_stack([table.values[name] for name in commands]) * _scale(machine, len(commands), unit, angle)
     numbered = np.array([str(number) for number in range(1, len(q) + 1)], dtype=object)
     return Commands(numbered if table.pose is None else table.pose, q, row=table.row, file=file)
 
@@ -247,13 +248,16 @@ def read_points(
         if name not in (*POSITION, *ORIENTATION) and not is_command(name)
     }
     numbered = np.array([str(number) for number in range(1, len(table.row) + 1)], dtype=object)
+    machine = load_robot(robot, tcp)
     if commands is None:
-        q = np.column_stack([table.values[name] for name in own]) * _scale(robot, tcp, len(own), unit, angle)
+        q = np.column_stack([table.values[name] for name in own]) * _scale(machine, len(own), unit, angle)
         pose = numbered if table.pose is None else table.pose
+        check_ranges(Commands(pose, q, row=table.row, file=file), machine)
     else:
         assert match is not None
         time = table.values.get("time")
         at = matched(commands, match, file=file, row=table.row, pose=table.pose, time=time, within=within)
+        check_ranges(commands, machine)
         q, pose = commands.q[at], commands.pose[at]
         covariates = {name: values[at] for name, values in commands.covariates.items()} | covariates
     turned = ORIENTATION[0] in table.values
@@ -271,13 +275,13 @@ def read_points(
     )
 
 
-def _scale(robot: str, tcp: str | None, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
+def _scale(robot: Robot, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
     """(n,) factor from the unit of each command to m or rad."""
-    revolute = load_robot(robot, tcp).revolute
+    revolute = robot.revolute
     if len(revolute) != count:
-        what = f"{count} columns of commands for the {len(revolute)} actuators of {robot}"
+        what = f"{count} columns of commands for the {len(revolute)} actuators of {robot.name}"
         raise DatasetError(what, column="columns", hint="name one for each, q1 .. qn")
     if revolute.any() and angle not in ANGLES:
-        what = f"joints of {robot} turn, and the unit of their commands is not given"
+        what = f"joints of {robot.name} turn, and the unit of their commands is not given"
         raise DatasetError(what, hint=f"add {' or '.join(f'--angle {name}' for name in ANGLES)}")
     return np.where(revolute, ANGLES[angle] if angle is not None else np.nan, LENGTHS[unit])

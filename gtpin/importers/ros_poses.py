@@ -17,7 +17,8 @@ import numpy as np
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, matched
+from gtpin.importers.matched import Match, check_ranges, matched
+from gtpin.robot.library import load_robot
 
 TIMES = ("field.header.stamp", "%time")
 """Columns of the time, of which the first that is present is used: the message's own stamp, then the time of reception."""
@@ -87,6 +88,7 @@ def read_ros_poses(
     line, found = np.array(rows, dtype=np.int64), np.array(poses)
     time = np.array(times) if stamps else None
     at = matched(commands, match, file=file, row=line, time=time, within=within)
+    check_ranges(commands, load_robot(robot, tcp))
     covariates = {name: values[at] for name, values in commands.covariates.items()}
     if time is not None:
         covariates["time"] = time - time[0]

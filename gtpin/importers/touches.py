@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from gtpin.data import Commands, check_commands
+from gtpin.data import Commands
 from gtpin.data.dataset import FILES
 from gtpin.data.description import SECOND, write_description
 from gtpin.data.files import write_table
@@ -21,6 +21,7 @@ from gtpin.data.names import command_names
 from gtpin.data.second_schema import describe_second
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
+from gtpin.importers.matched import check_ranges
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
@@ -180,7 +181,7 @@ def _given(touches: Touches, kinematics: Kinematics) -> tuple[Floats, Poses]:
 def _in_range(touches: Touches, q: Floats, robot: Robot) -> Floats:
     """The commands; raises `DatasetError` for one that is far outside the robot's range."""
     given = Commands(touches.pose, q, {}, touches.row, touches.file)
-    check_commands(given, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    check_ranges(given, robot)
     return q
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError
+from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError, check_kind
 from gtpin.kinematics import newton
 from gtpin.robot.assembly import NEAR, closest
 from gtpin.robot.constraints import constraint_jacobian
@@ -316,6 +316,7 @@ def home(robot: Robot) -> ClosedPosture:
     >>> posture.T.shape, posture.R.shape
     ((3,), (3, 3))
     """
+    check_kind(robot, Robot)
     nominal = _nominal_home(robot.nominal) if robot.nominal is not robot else None
     start = robot.assembly.configuration if nominal is None else nominal.configuration
     closing = newton.close(robot, start, contraction=1.0)

@@ -14,7 +14,7 @@ from gtpin.data.instrument_tables import TABLES, AnyTable, written
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
-from gtpin.errors import GtpinError, ModelError
+from gtpin.errors import GtpinError, ModelError, check_kind
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.model.effect_record import active_effect, record
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
@@ -73,6 +73,7 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     >>> gtpin.read_model("nominal").robot.name
     'gantry_tau'
     """
+    check_kind(model, Model)
     folder = Path(folder)
     file = folder / "model.json"
     try:

@@ -39,6 +39,8 @@ WITHIN = {
     "median over the postures that bring the TCP there; blank where none does.",
 }
 """Text on what the maps show: whether postures fill the workspace, or a box has one in each cell."""
+MEASURED = "Far from the measured poses a calibration is less certain; --poses takes the commands that matter."
+"""Text on a calibrated model at commands that nobody named."""
 LEGEND = {
     False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
     "direction of the track.",
@@ -57,9 +59,10 @@ class AccuracyPresentation(Presentation):
     files = (*FILES, "report.html")
 
     def short(self) -> str:
-        """The expected errors over the workspace."""
+        """The expected errors, and where."""
         values = self.accuracy.to_json()
-        lines = [f"Expected error of {values['robot']} over {values['poses']} poses, from {values['uncertainty']}:"]
+        where = f"{_where(self.accuracy)} ({values['poses']} poses)"
+        lines = [f"Expected error of {values['robot']} {where}, from {values['uncertainty']}:"]
         for what, unit in ERRORS:
             error = values["expected"][what]
             if error is None:
@@ -103,12 +106,16 @@ class AccuracyPresentation(Presentation):
 present = AccuracyPresentation
 
 
+def _where(found: Accuracy) -> str:
+    return "over the ranges of the drives" if found.filling else "at the given commands"
+
+
 def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
     """The whole report of an accuracy analysis as one self-contained HTML file; ``seed``: that of the analysis, to be
     recorded."""
     model, values, space, steps = found.model, found.to_json(), found.space, found.sensitivity
     mean = quantity(values["expected"]["position"]["mean"], "m")
-    headline = f"Expect a position error of {mean} on average over the workspace, from {values['uncertainty']}."
+    headline = f"Expect a position error of {mean} on average {_where(found)}, from {values['uncertainty']}."
     numbers = []
     for what, unit in ERRORS:
         if error := values["expected"][what]:
@@ -126,7 +133,7 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         Lead(
             f"Accuracy of {model.robot.name} · {values['poses']} poses",
             headline,
-            [_greatest(found)],
+            [_greatest(found), *([MEASURED] if found.filling and found.model.covariance is not None else [])],
             numbers,
             sketch=drawing(model),
         ),

@@ -34,6 +34,7 @@ from gtpin.report.verdict import (
     could_be,
     gap_words,
     may_hide,
+    missing_columns,
     not_recorded,
     questions,
     verdict,
@@ -89,7 +90,7 @@ class DiagnosisPresentation(Presentation):
         count = sum(not candidate.testable for candidate in d.candidates)
         if count:
             many = f"{count} of {len(d.candidates)} candidates"
-            parts.append(f"{many} can't be tested with these data; the report gives the reasons.")
+            parts.append(f"{many} can't be tested with these data{missing_columns(d)}; the report gives the reasons.")
         return Group(*parts)
 
     def _gap(self) -> list[str]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from gtpin.errors import GtpinError
 from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import Drawing, alone, scatter, titled
+from gtpin.report.figure import Drawing, alone, scatter
 from gtpin.report.palette import SCALE, ZERO
-from gtpin.report.poses import VIEWS
+from gtpin.report.poses import VIEWS, map_layout
 from gtpin.report.residual_columns import scale_of
 from gtpin.report.residual_plots import shown
 from gtpin.report.residuals import Residuals
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 ALL = "all"
 """The option of all instruments together."""
-FLAT = 0.3
-"""Smallest height of a map over its width."""
 LEAST = 3.0
 """Smallest value at the end of the colour scale of readings, in sigmas: noise alone exceeds it in one of 370 readings."""
 
@@ -150,11 +148,4 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
         x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in (a, b))
         look = {"color": ZERO, "width": 1.2}
         traces.insert(0, scatter("lines", x, y, line=look, hoverinfo="skip", connectgaps=False))
-    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", showlegend=False, margin={"t": 10})
-    layout["xaxis"]["constrain"] = "domain"
-    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    wide, high = (float(np.ptp(T[:, k])) if len(T) else 0.0 for k in (a, b))
-    if high < FLAT * wide:  # poses of one plane: labels of an axis that is so short would lie on one another
-        middle = float(T[:, b].max() + T[:, b].min()) / 2.0
-        layout["yaxis"] |= {"range": [middle - FLAT * wide / 2.0, middle + FLAT * wide / 2.0], "nticks": 3}
-    return Drawing(traces, layout)
+    return Drawing(traces, map_layout(T, view, showlegend=False, margin={"t": 10}))

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 VIEWS = ("xy", "xz", "yz")
 """Pairs of axes of a map of positions."""
+FLAT = 0.3
+"""Smallest height of a map over its width, and smallest width over its height for more than one tick: others overlap."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,20 @@ def position_map(
     x, y = (T[:, "xyz".index(axis)] for axis in view)
     told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
     told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
-    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)")
-    layout["yaxis"]["scaleanchor"] = "x"
-    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], layout).figure(), title)
+    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], map_layout(T, view)).figure(), title)
+
+
+def map_layout(T: Floats, view: str, **more: Any) -> dict[str, Any]:
+    """The layout of a map of positions (N, 3), m, over the two axes of ``view``, in equal scales."""
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", **more)
+    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    layout["xaxis"]["constrain"] = "domain"
+    across, up = (T[:, "xyz".index(name)] for name in view)
+    wide, high = (float(np.ptp(values)) if len(T) else 0.0 for values in (across, up))
+    if high < FLAT * wide:
+        middle = float(up.max() + up.min()) / 2.0
+        layout["yaxis"] |= {"range": [middle - FLAT * wide / 2.0, middle + FLAT * wide / 2.0], "nticks": 3}
+    elif wide < FLAT * high:
+        middle = float(across.max() + across.min()) / 2.0
+        layout["xaxis"] |= {"tickvals": [middle], "ticktext": [f"{round(middle, 3) + 0.0:g}"]}
+    return layout

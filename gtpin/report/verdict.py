@@ -81,24 +81,36 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
         )
         return [headline + "causes could not be tested."], [gap, scatter, *hidden]
-    if d.noise_source != "residuals" and d.gap.before > PRIORS.silent * d.gap.floor:
+    supposed, fits = d.noise_source == "residuals", d.baseline.by_instrument
+    if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
+    elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
+        read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
+        use = (
+            f"No compensation is needed for what {read} can read{noise}. Positions can still be wrong: gtpin calibrate "
+            "lists what these data can't see."
+        )
+    elif supposed:
+        use = "Use it as it is if this is the noise of your instrument and of the machine."
     else:
         use = "Use it as it is: no compensation is needed."
-        fits = d.baseline.by_instrument
-        if d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
-            read = joined([one.name for one in fits])
-            use = (
-                f"No compensation is needed for what {read} can read. Positions can still be wrong: gtpin calibrate "
-                "lists what these data can't see."
-            )
     advice = [f"{gap} {use}", *assumed(d)]
     untestable = sum(not c.testable for c in d.candidates)
     if untestable:
         advice.append(
-            f"{counted(untestable, 'candidate')} could not be tested with these data; a cause among them is not detected."
+            f"{counted(untestable, 'candidate')} could not be tested with these data{missing_columns(d)}; a cause among "
+            "them is not detected."
         )
+    if supposed:
+        return [f"No cause is found; the {size.after} that the calibrated geometry leaves can be noise."], advice
     return ["Nothing but noise is left: the calibrated geometry explains these measurements."], advice
+
+
+def missing_columns(d: Diagnosis) -> str:
+    """The columns without which candidates can't be tested, in parentheses."""
+    missing = (c.reason.covariate for c in d.candidates if not c.testable and c.reason and c.reason.kind == "missing")
+    names = ", ".join(dict.fromkeys(missing))
+    return f" (not recorded: {names})" if names else ""
 
 
 def assumed(d: Diagnosis) -> list[str]:

@@ -42,6 +42,8 @@ LINES: dict[Kind, tuple[Any, float, float]] = {
     "fixed": (GREY, 3.0, 0.6),
 }
 """Colour, width in points and opacity of the machine's lines, by kind; a rod's colour and width grow with its share."""
+FLAT = 0.1
+"""A picture whose extent along an axis is less than this fraction of the largest one is flat along this axis."""
 PATCH, AXIS = 0.12, 0.08
 """Half the side of a plane's patch, and length of a sensor's axes, over the picture's size."""
 
@@ -151,7 +153,7 @@ def _errors(axes: Any, gap: DrawnGap) -> str:
 
 def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:
     """Set equal scales of the axes, and the direction of view in which rods hide each other the least; gravity points down if
-    it is along an axis."""
+    it is along an axis. What is flat along an axis is seen along it."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -167,7 +169,12 @@ def _frame(axes: Any, machine: Skeleton, points: Floats) -> None:
     vertical = int(np.argmax(np.abs(machine.up)))
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     azimuth = np.rad2deg(np.arctan2(eye[second], eye[first]))
-    axes.view_init(elev=float(np.rad2deg(ELEVATION)), azim=float(azimuth), vertical_axis="xyz"[vertical])
+    elevation, flat = np.rad2deg(ELEVATION), int(np.argmin(high - low))
+    if high[flat] - low[flat] < FLAT * (high - low).max():
+        getattr(axes, f"set_{'xyz'[flat]}ticks")([])
+        getattr(axes, f"set_{'xyz'[flat]}label")("")
+        elevation, azimuth = 90.0 if flat == vertical else 0.0, 0.0 if flat == first else -90.0
+    axes.view_init(elev=float(elevation), azim=float(azimuth), vertical_axis="xyz"[vertical])
 
 
 def draw_instruments(

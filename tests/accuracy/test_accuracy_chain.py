@@ -130,7 +130,10 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
         f.name for f in tmp_path.iterdir()
     }
     assert ("condition number" in [name for name, _ in slices(found)[0].options]) == bounded
-    assert "Expect a position error" in sensitivity_page(found)
+    page = sensitivity_page(found)
+    assert "Expect a position error" in page
+    assert "at the given commands" in page
+    assert "over the ranges of the drives" in analyse(found.model).summary()
 
 
 @pytest.mark.filterwarnings("ignore:changes of orientation are left out")

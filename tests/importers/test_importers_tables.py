@@ -81,6 +81,18 @@ def test_decimal_commas_semicolons_and_degrees_are_read_as_they_are_named(write:
     np.testing.assert_allclose(dataset.covariates["temp_frame"], [20.5])
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_degrees_that_are_read_as_rad_are_refused_when_the_list_is_read(write: Write, own: bool) -> None:
+    given = Commands(np.array(["p1", "p2"], dtype=object), np.array([[90.0, -80, 100, 45, 60, 170]] * 2))
+    row = ",".join(map(str, given.q[0]))
+    text, names = (f"1,2,3,{row}\n", ["x", "y", "z", *(f"q{i}" for i in range(1, 7))]) if own else (POINTS, NAMES)
+    with pytest.raises(DatasetError, match="looks like degrees"):
+        read_points(
+            write("points.txt", text), "ur5", names, "comma" if own else "space", "mm", angle="rad" if own else None,
+            commands=None if own else given, match=None if own else "pose",
+        )  # fmt: skip
+
+
 def test_lengths_among_the_commands_have_the_unit_of_lengths(write: Write) -> None:
     robot = gtpin.load_robot("linear_delta")
     assert not robot.revolute.any()

@@ -14,6 +14,7 @@ import pytest
 
 import gtpin
 from gtpin.errors import ClosureError, ModelError, UnreachableError
+from gtpin.export import export
 from gtpin.kinematics.rotations import log
 from gtpin.robot.library import urdf_path
 
@@ -143,6 +144,25 @@ def test_a_mistake_ends_in_one_line_that_says_what_to_do(ur5: gtpin.Robot, gantr
     shown = "".join(traceback.format_exception(caught.value))
     assert shown.count("Traceback") == 1  # no error before it, of a library
     assert shown.rstrip().splitlines()[-1] == f"gtpin.errors.{type(caught.value).__name__}: {caught.value}"
+
+
+KINDS = {
+    "analyse": (gtpin.analyse, ("ur5",), "read_model"),
+    "calibrate": (gtpin.calibrate, ("measured",), "Dataset.read"),
+    "certify": (gtpin.certify, ("measured",), "Dataset.read"),
+    "diagnose": (gtpin.diagnose, ("measured",), "Dataset.read"),
+    "export": (export, ("ur5", "ur5.xml"), "read_model"),
+    "home": (gtpin.home, ("ur5",), "load_robot"),
+    "plan": (gtpin.plan, ("ur5", "calibration", 10), "read_model"),
+    "write_model": (gtpin.write_model, ("ur5", "folder"), "read_model"),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_name_in_the_place_of_what_it_names_is_an_error_that_says_how_to_read_it(name: str) -> None:
+    function, arguments, hint = KINDS[name]
+    with pytest.raises(gtpin.GtpinError, match=f"a str where .*{hint}"):
+        function(*arguments)
 
 
 def test_a_robot_moves_on_after_it_was_sent_to_another_process(gantry: gtpin.Robot) -> None:

@@ -30,6 +30,17 @@ def test_without_a_cause_nothing_is_to_be_compensated(findings):
     assert "no compensation is needed" in said
 
 
+def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(findings):
+    found = findings["none"].diagnosis
+    lacks = replace(found.candidates[0], testable=False, reason=Untestable("missing", "approach1"))
+    supposed = replace(found, noise_source="residuals", candidates=(lacks, *found.candidates[1:]))
+    said = verdict(supposed)
+    assert "Nothing but noise" not in said.headline
+    assert f"{1e6 * found.gap.after:.3g}\u00a0µm" in said.headline
+    assert "no compensation is needed" not in " ".join(said.advice)
+    assert "approach1" in " ".join(said.advice)
+
+
 def test_without_positions_only_what_was_read_needs_no_compensation(findings):
     """A fit of touches leaves directions of the geometry open that a tracker would show."""
     found = findings["none"].diagnosis

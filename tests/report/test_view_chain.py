@@ -37,6 +37,43 @@ def test_an_arm_whose_mesh_is_missing_is_drawn_by_lines_with_one_warning(tmp_pat
     assert about.endswith("shapes are left out, for their meshes are missing: hand.stl")
 
 
+@pytest.mark.parametrize("flat", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+def test_a_map_has_few_ticks_along_the_axis_in_which_all_positions_are_alike(flat: tuple[int, int, int]) -> None:
+    from gtpin.report.poses import map_layout
+
+    across = np.random.default_rng(0).uniform(-0.2, 0.2, (30, 3)) * [0.01, 1.0, 1.0]
+    T = across[:, np.argsort(flat)]
+    thin = "xyz"[flat[0]]
+    for view in ("xy", "xz", "yz"):
+        layout = map_layout(T, view)
+        assert ("tickvals" in layout["xaxis"]) == (view[0] == thin)
+        assert ("range" in layout["yaxis"]) == (view[1] == thin)
+
+
+@pytest.mark.parametrize(("axis", "seen"), [("0 0 1", (0, 0, 1)), ("0 1 0", (0, -1, 0)), ("1 0 0", (1, 0, 0))])
+def test_the_picture_of_a_planar_robot_is_seen_along_its_axes(tmp_path: Path, axis: str, seen: tuple[int, ...]) -> None:
+    pytest.importorskip("matplotlib")
+    from gtpin.view.still import still
+
+    along = {
+        "0 0 1": ("0.3 0.1 0", "0.1 0.3 0"),
+        "0 1 0": ("0.3 0 0.1", "0.1 0 0.3"),
+        "1 0 0": ("0 0.3 0.1", "0 0.1 0.3"),
+    }
+    first, second = along[axis]
+    limit = f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    (tmp_path / "planar.urdf").write_text(
+        f"""<robot name="planar"><link name="base"/><link name="a"/><link name="b"/><link name="tool0"/>
+        <joint name="one" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0 0 0"/>{limit}</joint>
+        <joint name="two" type="revolute"><parent link="a"/><child link="b"/><origin xyz="{first}"/>{limit}</joint>
+        <joint name="tip" type="fixed"><parent link="b"/><child link="tool0"/><origin xyz="{second}"/></joint></robot>"""
+    )
+    axes = still(gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(tmp_path / "planar.urdf")))).axes[0]
+    e, a = np.radians([axes.elev, axes.azim])
+    np.testing.assert_allclose([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], seen, atol=1e-9)
+    assert len(getattr(axes, f"get_{'xyz'[int(np.argmax(np.abs(seen)))]}ticks")()) == 0
+
+
 def test_names_of_joints_move_with_the_arm() -> None:
     scene = scene_of(gtpin.load_robot(ARM_FILE))
     try:
