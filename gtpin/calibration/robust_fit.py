@@ -150,13 +150,13 @@ class RobustFit:
         """
         noise, used = self.estimator.first, np.ones(len(self.rows), dtype=bool)
         nominal = None
-        outcome = self._rough(noise.at_least(ROUGH), None)
+        outcome = self.rough(noise)
         steps = outcome.iterations
         if self._scale(outcome.residual, used) > LOST:
             for sigma in COARSE:
                 every = np.ones(len(self.rows), dtype=bool)
                 nominal = self._fit(every, noise.at_least(sigma), self._huber, nominal, "coarse fit").point.x
-            outcome = self._rough(noise.at_least(ROUGH), nominal)
+            outcome = self.rough(noise, nominal)
             steps += outcome.iterations
         if not noise.estimated.any():
             return outcome, self, noise, nominal, steps
@@ -172,7 +172,7 @@ class RobustFit:
             own = at._widenable
             x[: len(own)][own] /= factor
             at = self.with_geometry(given.with_tolerances(np.where(own, best.factor, 1.0)))
-            outcome = at._rough(noise.at_least(ROUGH), x)
+            outcome = at.rough(noise, x)
             steps += outcome.iterations
         noise = replace(noise, sigma=np.minimum(noise.sigma, at._cores(outcome, noise)))
         return outcome, at, noise, nominal if at is self else outcome.point.x, steps
@@ -257,10 +257,13 @@ class RobustFit:
         fitted[self._part_rows[part.used]] = True
         return fitted
 
-    def _rough(self, noise: ReadingNoise, x: Floats | None) -> Fit[Problem]:
-        """A fit of all rows that is good enough to detect gross errors."""
-        used = np.ones(len(self.rows), dtype=bool)
-        return self._fit(used, noise, self._huber, x, "rough fit", rough=True)
+    def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit[Problem]:
+        """A fit of all rows that is good enough to detect gross errors, or readings that nothing explains.
+
+        ``noise``: by default the first estimate. ``x``: start; by default nominal.
+        """
+        used, noise = np.ones(len(self.rows), dtype=bool), noise or self.estimator.first
+        return self._fit(used, noise.at_least(ROUGH), self._huber, x, "rough fit", rough=True)
 
     def _fit(
         self,

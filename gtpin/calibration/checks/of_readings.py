@@ -113,7 +113,7 @@ class ReadingChecks:
 
         def misfit(some: Readings, index: int) -> Misfit | None:
             try:
-                other = replace(fit, whole=replace(fit.whole, measured=some)).run().fit
+                other = replace(fit, whole=replace(fit.whole, measured=some)).rough()
             except ConvergenceError:
                 return None
             return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
