@@ -63,7 +63,7 @@ def named(folder: Path, *seen: Seen) -> DatasetError:
 
     def check() -> None:
         given, (_, _, near) = checks.problem.measured, checks.rows  # a distance is refused where the problem is made
-        fits = lambda some, i: None if some is given else Misfit.of(some, near, i)  # noqa: E731
+        fits = lambda some, i, rough=False: None if some is given else Misfit.of(some, near, i)  # noqa: E731
         check_readable(dataset, given, near, reach_of(checks.nominal.geometry), fits)
 
     with pytest.raises(DatasetError) as caught:

@@ -93,7 +93,7 @@ def named(folder: Path, q: Floats, read: Floats) -> None:
     geometry = gtpin.Geometry.nominal(measuring(robot_of(dataset), dataset))
     checks = ReadingChecks(dataset, gtpin.Model(geometry))
     given, (_, _, near) = checks.problem.measured, checks.rows
-    fits = lambda some, i: None if some is given else Misfit.of(some, near, i)  # noqa: E731
+    fits = lambda some, i, rough=False: None if some is given else Misfit.of(some, near, i)  # noqa: E731
     check_readable(dataset, given, near, reach_of(geometry), fits)
 
 

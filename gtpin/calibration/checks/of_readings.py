@@ -111,9 +111,10 @@ class ReadingChecks:
         (_, kept, near), reach = self.rows, reach_of(self.nominal.geometry)
         readings = fit.whole.measured
 
-        def misfit(some: Readings, index: int) -> Misfit | None:
+        def misfit(some: Readings, index: int, rough: bool = False) -> Misfit | None:
+            tried = replace(fit, whole=replace(fit.whole, measured=some))
             try:
-                other = replace(fit, whole=replace(fit.whole, measured=some)).rough()
+                other = tried.rough() if rough else tried.run().fit
             except ConvergenceError:
                 return None
             return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)

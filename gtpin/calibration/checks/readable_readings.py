@@ -94,14 +94,14 @@ class Misfit:
 
 
 def check_readable(
-    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[[Readings, int], Misfit | None]
+    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
 ) -> None:
     """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
     ``dataset``: the data. ``readings``: the readings, with the unknowns' values that fit best. ``poses``: (N) nominal
     poses, base frame. ``reach``: largest displacement of the TCP that deviations of the geometry within its tolerances
-    cause, m. ``fitted``: gives the misfit of an instrument, by its index, after a fit of the geometry to all readings; None
-    where it fails.
+    cause, m. ``fitted``: gives the misfit of an instrument, of readings and its index, after a fit of the geometry to all
+    readings (a rough one with ``rough=True``); None where it fails.
 
     Raises `DatasetError` if such readings can't be fitted; it names the unit or the sign with which they can, where there
     is one. Warns: if they can be fitted as they are.
@@ -121,7 +121,7 @@ def check_readable(
             if other.column is None:
                 toml = None if file is None else Path(file).parent / "dataset.toml"
                 error = DatasetError(what, file=toml, column=f"instrument.{i}.{other.key}", hint=other.hint)
-            suspect(error, dataset, _size(fitted(readings, i)), _size(fitted(read, i)))
+            suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
             error = DatasetError(
                 f"readings of {one.name} are {now} off what the nominal robot gives",
