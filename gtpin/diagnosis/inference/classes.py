@@ -69,11 +69,14 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
     # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
-    drivers = cause.drivers(hypotheses.design.situation.robot)
+    robot = hypotheses.design.situation.robot
+    drivers = cause.drivers(robot)
     clock = drivers if drivers in ({"time"}, {"session"}) else None
+    if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
+        against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
     smooth = {
         s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
-        if frozenset(s.over) == clock
+        if frozenset(s.over) == clock and s.site != "arm"
         else (gain.value - priors.unnamed - (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own))
         / heat
         for s, gain in against.items()

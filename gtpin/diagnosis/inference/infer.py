@@ -73,9 +73,11 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
         named = hypotheses.only(better, _apart(hypotheses, better))
     if not needed:
         named = exchanged_for_two(hypotheses, named)
+    apart = set(causes(named))
     named = _led(hypotheses, named)
     if needed:  # the leader of a class may look like a smooth term where the cause that it replaces does not
-        named = hypotheses.only(named, [c for c in causes(named) if not _alike(hypotheses, c, needed)])
+        kept = [c for c in causes(named) if c in apart or not _alike(hypotheses, c, needed)]
+        named = hypotheses.only(named, kept)
     named = without_redundant(hypotheses, named, partial(contenders, hypotheses))
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
@@ -122,12 +124,15 @@ def _led(hypotheses: HypothesisSet, named: Explanation) -> Explanation:
 
 
 def _apart(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
-    """Causes that cannot look like the model's smooth terms, and gain more than twice the prior odds against them."""
-    costs = hypotheses.costs(model.terms)
-    sure = []
+    """Causes that gain more than twice the prior odds against them, and more than every smooth term that they can look like.
+
+    What a smooth term leaves of an unknown motion is smaller than what it explains, and a cause may be no more than that.
+    """
+    costs, sure = hypotheses.costs(model.terms), []
+    loss = {t: model.log_evidence - without(hypotheses.groups, model, t).log_evidence for t in model.terms}
     for cause in causes(model):
-        loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
-        if not _alike(hypotheses, cause, smooth_terms(model)) and loss > 2.0 * costs[cause]:
+        like = [loss[term] for term in smooth_terms(model) if _alike(hypotheses, cause, (term,))]
+        if loss[cause] > max(2.0 * costs[cause], *like, 0.0):
             sure.append(cause)
     return tuple(sure)
 
