@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from pinocchio_rods import PinocchioRods
 from test_planar_loops import five_bar, hinge, loop, parallelogram, robot_of
 
 import gtpin
@@ -15,7 +16,6 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, RobotError
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import measured_joint, readable
