@@ -10,13 +10,15 @@ import numpy.typing as npt
 from paper_tables import tables
 from scipy.optimize import least_squares
 
-from gtpin.accuracy.sensitivity import STEP, step_slopes
+from gtpin.accuracy.sensitivity import STEP
 from gtpin.errors import UnreachableError
+from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rod_steps import PARAMETERS
+from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
+from gtpin.kinematics.rotations import zyz_rates
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -122,7 +124,7 @@ def recover_grid(model: Model, starts: Sequence[float] = STARTS) -> Grid:
         inside = np.minimum(q - lower, upper - q).min(axis=1)
         weight = 1.0 / (1.0 + np.exp(-np.clip(np.where(poses.reached, inside, -1.0) / EDGE, -50.0, 50.0)))
         near = weight > 1e-9
-        slopes = step_slopes(model, q[near], poses[near], PARAMETERS)
+        slopes = _step_slopes(kinematics, q[near], poses[near], PARAMETERS)
         share = 2.0 * STEP * facts.calibration_poses / weight.sum()
         sums = [share * np.einsum("n,nrk->rk", weight[near], s) for s in slopes]
         sums[0] *= 1e3
@@ -141,3 +143,28 @@ def _rounding(printed: Floats) -> Floats:
     """Standard deviation of what rounding took from Table III's numbers: lengths have one decimal, angles two digits."""
     half = np.where(printed >= 0.1, 0.05, 0.5 * 10.0 ** (np.floor(np.log10(printed)) - 1.0))
     return np.asarray(half / np.sqrt(3.0))
+
+
+def _step_slopes(
+    kinematics: RodKinematics, q: Floats, poses: Poses, parameters: tuple[str, ...]
+) -> tuple[Floats, Floats]:
+    """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
+
+    ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
+    :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
+
+    Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
+    angles.
+    """
+    ends = kinematics.ends(q)
+    d, RP = rod_vectors(poses, ends)
+    response = np.linalg.inv(pose_jacobian(d, RP))
+    length = np.linalg.norm(response[:, :3], axis=1)
+    angles = np.abs(np.einsum("nij,njk->nik", zyz_rates(poses.R), response[:, 3:])).sum(axis=1)
+    by_gap = np.full((len(q), len(parameters), d.shape[1]), np.nan)
+    for row, parameter in enumerate(parameters):
+        for rod in range(d.shape[1]):
+            change = rod_step(kinematics, q, parameter, rod)
+            if change is not None:
+                by_gap[:, row, rod] = np.abs(change.slope(d[:, rod], ends, poses))
+    return by_gap * length[:, None], by_gap * angles[:, None]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error
+from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError, check_kind
@@ -70,6 +70,20 @@ class Accuracy(Shown):
     def space(self) -> Workspace:
         """The workspace for maps: see :func:`~gtpin.accuracy.workspace.space_of`."""
         return space_of(self.model, self.q, self.seed)
+
+    @cached_property
+    def maps(self) -> dict[str, Floats]:
+        """By name, (M,) values at the postures of the workspace: expected errors, m and rad, and measures of dexterity.
+
+        Orientations that never change, and values that are infinite everywhere, are left out. The condition number is
+        infinite everywhere if the TCP is on the axis of a joint, whose command then does not move it.
+        """
+        covariance, at = response(self.model, self.space.q, self.uncertainty).covariance, self.space.dexterity
+        found = {"position error": mean_length(covariance[:, :3, :3])}
+        if not self.model.geometry.reduced:
+            found["orientation error"] = mean_length(covariance[:, 3:, 3:])
+        found |= {"condition number": at.condition, "distance from singularity": at.singularity}
+        return {name: values for name, values in found.items() if np.isfinite(values).any()}
 
     def to_json(self) -> dict[str, Any]:
         """The content of accuracy.json, SI units.

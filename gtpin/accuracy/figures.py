@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.expected import mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity
 from gtpin.accuracy.workspace import Workspace
 from gtpin.output.figure import new_figure, write_figures
@@ -29,8 +28,7 @@ FILES = (
     "map_singularity.png",
 )
 """Names of the files that :func:`write_accuracy` may write."""
-SLICES = 3
-"""Largest number of slices of a map that are shown."""
+UNITS = {"position error": "m", "orientation error": "rad"}
 BLOCKS = {
     "position": ("position change (um)", 1e6),
     "rotation": ("orientation change, sum of\nZYZ angles (urad)", 1e6),
@@ -49,31 +47,19 @@ def write_accuracy(found: Accuracy, new: Path) -> None:
 
 
 def all_figures(found: Accuracy) -> dict[str, Figure]:
-    """The figures of an analysis, by name: bars of the sensitivity, and maps of the workspace.
-
-    Maps of orientations that never change, and of values that are infinite everywhere, are left out. The condition number is
-    infinite everywhere if the TCP is on the axis of a joint, whose command then does not move it.
-    """
-    maps = {
-        f"map_{name}": workspace_map(found.space, values, title, unit)
-        for name, (values, unit, title) in _maps(found).items()
-        if (name != "orientation" or not found.model.geometry.reduced) and np.isfinite(values).any()
-    }
+    """The figures of an analysis, by name: bars of the sensitivity, and maps of the workspace."""
+    one_at, maps = found.space.dexterity.one_at, {}
+    for name, values in found.maps.items():
+        what = name.split()[0]
+        if name in UNITS:
+            shown, unit = _small(values, UNITS[name])
+            title = f"Expected {name} ({found.uncertain})"
+        elif what == "condition":
+            shown, unit, title = values, "largest / smallest gain", "Condition number of TCP position by commands"
+        else:
+            what, shown, unit, title = "singularity", values, SINGULARITY[one_at], "Distance from singularity"
+        maps[f"map_{what}"] = workspace_map(found.space, shown, title, unit)
     return {"sensitivity": sensitivity_bars(found.sensitivity), **maps}
-
-
-def _maps(found: Accuracy) -> dict[str, tuple[Floats, str, str]]:
-    """Values at the postures, their unit, and a title, by name."""
-    space = found.space
-    covariance = response(found.model, space.q, found.uncertainty).covariance
-    position, orientation = mean_length(covariance[:, :3, :3]), mean_length(covariance[:, 3:, 3:])
-    at = space.dexterity
-    return {
-        "position": (*_small(position, "m"), f"Expected position error ({found.uncertain})"),
-        "orientation": (*_small(orientation, "rad"), f"Expected orientation error ({found.uncertain})"),
-        "condition": (at.condition, "largest / smallest gain", "Condition number of TCP position by commands"),
-        "singularity": (at.singularity, SINGULARITY[at.one_at], "Distance from singularity"),
-    }
 
 
 def _small(values: Floats, unit: str) -> tuple[Floats, str]:
@@ -111,11 +97,8 @@ def workspace_map(space: Workspace, values: Floats, title: str, unit: str) -> Fi
     ``values``: (M,) values at the reachable points. ``title``, ``unit``: name and unit of the values.
     """
     a, b = (i for i in range(3) if i != space.across)
-    names, along = "xyz", space.axes[space.across]
+    names, along, shown = "xyz", space.axes[space.across], space.layers
     table = space.on_grid(values)
-    there = np.flatnonzero(space.reachable.any(axis=(a, b)))
-    count = min(SLICES, len(there))
-    shown = there[[(2 * i + 1) * len(there) // (2 * count) for i in range(count)]]  # in the middle of equal parts
     figure = new_figure(3.1 * len(shown) + 1.6, 4.0)
     axes = np.atleast_1d(figure.subplots(1, len(shown), sharex=True, sharey=True))
     image = None

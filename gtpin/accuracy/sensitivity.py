@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError, warn
-from gtpin.kinematics.closures import RodEnds, pose_jacobian, rod_vectors
+from gtpin.kinematics.closures import RodEnds, rod_vectors
 from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -183,30 +183,6 @@ class _Costs:
         change = rod_step(self.kinematics, self.q, parameter, rod)
         assert change is not None
         return _cost(change, self.ends, self.seen, step, None if self.sigmas is None else float(self.sigmas[rod]))
-
-
-def step_slopes(model: Model, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
-
-    ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
-    :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
-
-    Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
-    angles.
-    """
-    kinematics = of_rods(model.kinematics)
-    ends = kinematics.ends(q)
-    d, RP = rod_vectors(poses, ends)
-    response = np.linalg.inv(pose_jacobian(d, RP))
-    length = np.linalg.norm(response[:, :3], axis=1)
-    angles = np.abs(np.einsum("nij,njk->nik", zyz_rates(poses.R), response[:, 3:])).sum(axis=1)
-    by_gap = np.full((len(q), len(parameters), d.shape[1]), np.nan)
-    for row, parameter in enumerate(parameters):
-        for rod in range(d.shape[1]):
-            change = rod_step(kinematics, q, parameter, rod)
-            if change is not None:
-                by_gap[:, row, rod] = np.abs(change.slope(d[:, rod], ends, poses))
-    return by_gap * length[:, None], by_gap * angles[:, None]
 
 
 def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodStep, sigma: float, step: float) -> Floats:

@@ -38,6 +38,8 @@ SOUND = 0.5
 """Smallest accepted distance from singularity of a robot with rods, relative to that at home."""
 TRIES = 4
 """Number of commands that are tried for each one wanted."""
+SLICES = 3
+"""Largest number of slices of a map."""
 SMALLEST_BOX = 1.0 / 64.0
 """Fraction of the ranges below which the search for commands ends."""
 
@@ -71,6 +73,13 @@ class Workspace:
         there = np.zeros([len(axis) for axis in self.axes], dtype=bool)
         there[tuple(self.cell.T)] = True
         return there
+
+    @property
+    def layers(self) -> list[int]:
+        """Indices, along the axis ``across``, of the slices that maps show: in the middle of equal parts of what is reached."""
+        there = np.flatnonzero(self.reachable.any(axis=tuple(i for i in range(3) if i != self.across)))
+        count = min(SLICES, len(there))
+        return [int(there[(2 * i + 1) * len(there) // (2 * count)]) for i in range(count)]
 
     def on_grid(self, values: Floats) -> Floats:
         """(nx, ny, nz) median of the finite ``values`` (M,) in each cell; NaN where there is none."""

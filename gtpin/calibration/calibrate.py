@@ -19,8 +19,7 @@ from gtpin.calibration.result import Calibration, calibration_of
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
-from gtpin.errors import DatasetError, ModelError, check_kind, noted
-from gtpin.kinematics.kinematics import Solver
+from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
 from gtpin.memory import amount, require
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
@@ -47,7 +46,7 @@ def calibrate(
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
-    kinematics: Solver = "arrays",
+    kinematics: str | None = None,
     keep_effects: Iterable[ActiveEffect] = (),
     trust_data: bool = False,
     progress: Progress | None = None,
@@ -70,10 +69,7 @@ def calibrate(
         Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is 48
         parameters: those of rod lengths and joints, and one track direction per cart.
     kinematics
-        Solver for robots with rods. ``arrays``: all poses at once, in NumPy. ``pinocchio``: pose by pose, in Pinocchio; it is
-        an order of magnitude slower, and its result is the same except for rounding. It can't use what a URDF can't represent
-        (a reduced arm, measured tracks, directions and scales of single rods).
-        For robots without rods, Pinocchio is used in both cases.
+        Deprecated, and not used: both former solvers gave the same result except for rounding.
     keep_effects
         Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
         tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
@@ -112,6 +108,8 @@ def calibrate(
     """
     check_kind(dataset, Dataset)
     check_kind(robot, Robot, type(None))
+    if kinematics is not None:
+        warn("calibrate: kinematics is not used any more; leave it out", DeprecationWarning)
     with noted() as texts, recalled(texts):
         found = _calibrate(
             replace(dataset, trusted=True) if trust_data else dataset,
@@ -121,7 +119,6 @@ def calibrate(
             directions=directions,
             scale=scale,
             without=without,
-            kinematics=kinematics,
             keep_effects=keep_effects,
             progress=progress,
         )
@@ -137,7 +134,6 @@ def _calibrate(
     directions: Per,
     scale: Per | None,
     without: Iterable[str],
-    kinematics: Solver,
     keep_effects: Iterable[ActiveEffect],
     progress: Progress | None,
 ) -> Calibration:
@@ -163,7 +159,6 @@ def _calibrate(
             progress,
             doubt=model is None and not left_out,
             lacking=model is not None,
-            kinematics=kinematics,
         )
 
     kept = tuple(keep_effects)
@@ -172,24 +167,19 @@ def _calibrate(
 
 @in_one_thread
 def calibrate_geometry(
-    dataset: Dataset,
-    geometry: Geometry,
-    progress: Progress | None = None,
-    *,
-    lacking: bool = False,
-    kinematics: Solver = "arrays",
+    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, lacking: bool = False
 ) -> Calibration:
     """Identify the parameters of a given geometry. A reduced arm is fitted to positions only.
 
-    ``dataset``, ``progress``, ``kinematics``: as for :func:`calibrate`. ``geometry``: the nominal geometry, with the
+    ``dataset``, ``progress``: as for :func:`calibrate`. ``geometry``: the nominal geometry, with the
     parameters to identify. ``lacking``: whether the geometry leaves out known causes of deviations: see
     :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
-    return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking, kinematics=kinematics)
+    return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
 
 
 def _calibrated(
-    dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool, lacking: bool, kinematics: Solver
+    dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool, lacking: bool
 ) -> Calibration:
     """Fit; with ``doubt``, also check the declared noise, frame and tolerances."""
     needed = FIXED + PER_POSE * len(dataset)
@@ -198,7 +188,7 @@ def _calibrated(
         progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
     check_actuators(geometry.robot, dataset)
     geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
-    nominal = Model(geometry, solver=kinematics)
+    nominal = Model(geometry)
     data = prepared(dataset, nominal)
     checks = PoseChecks(data, nominal, doubt) if dataset.readings.tracked else ReadingChecks(data, nominal)
     usable, kept, near = checks.rows

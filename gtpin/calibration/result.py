@@ -401,7 +401,7 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask)
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.learned < UNSEEN]
-    model = replace(point.model, covariance=covariance, solver="arrays", unexplained=unexplained)
+    model = replace(point.model, covariance=covariance, unexplained=unexplained)
     instrument = whole.instrument
     if measured.tracked:
         conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)

@@ -13,7 +13,6 @@ from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
 from gtpin.output.figure import new_figure, write_figures
 from gtpin.output.json_text import json_text
-from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,37 +130,22 @@ def position_errors(comparison: Comparison) -> Figure:
     return figure
 
 
-def write_comparison(
-    comparison: Comparison,
-    folder: Path,
-    *,
-    carts: CartMeasurements | None = None,
-    roaming: CartMeasurements | None = None,
-    force: bool = False,
-) -> None:
-    """Write ``compare.csv``, ``compare.json`` and figures into a folder.
+def write_comparison(comparison: Comparison, new: Path, carts: CartMeasurements | None = None) -> None:
+    """Write ``compare.csv``, ``compare.json`` and figures (without matplotlib: a warning) into a new folder.
 
-    ``comparison``: the comparison to write. ``folder``: output folder; created if missing. ``carts``, ``roaming``: cart
-    measurements, whose linearity is also shown; see :func:`along_and_across`. ``force``: rename files of these names that
-    gtpin has not written, or that were changed since (``NAME.old-1``).
-
-    Raises `GtpinError` if, without ``force``, there are such files, or the folder can't be written. Warns: if matplotlib is
-    missing: there are no figures then.
+    ``carts``: cart measurements, whose linearity is also shown.
     """
-    with results_folder(folder, FILES, force=force) as new:
-        comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
-        (new / "compare.json").write_text(json_text(comparison.to_json()), encoding="utf-8")
-        write_figures(lambda: all_figures(comparison, carts, roaming), new)
+    comparison.table().to_csv(new / "compare.csv", index=False, lineterminator="\n")
+    (new / "compare.json").write_text(json_text(comparison.to_json()), encoding="utf-8")
+    write_figures(lambda: all_figures(comparison, carts), new)
 
 
-def all_figures(
-    comparison: Comparison, carts: CartMeasurements | None = None, roaming: CartMeasurements | None = None
-) -> dict[str, Figure]:
+def all_figures(comparison: Comparison, carts: CartMeasurements | None = None) -> dict[str, Figure]:
     """The figures that the data allow, by name."""
     made = {"position_errors": position_errors(comparison)}
     if any(held.model in (3, 4, 5) and held.angles is not None for held in comparison.held):
         made["orientation_errors"] = orientation_errors(comparison)
     if carts is not None:
         made["linearity"] = linearity(carts)
-        made["along_and_across"] = along_and_across(carts, roaming)
+        made["along_and_across"] = along_and_across(carts)
     return made

@@ -15,7 +15,7 @@ from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.situation import Column
 from gtpin.errors import ModelError
-from gtpin.kinematics.kinematics import Kinematics, Solver, kinematics
+from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.robot.geometry import Geometry
@@ -100,8 +100,6 @@ class Model:
         Effects that the geometry does not describe, with their coefficients.
     covariance
         (p, p) posterior covariance of the geometry's parameters, m, rad and m/m; None if they are nominal.
-    solver
-        Solver of the loop closures of a robot with rods: see :func:`~gtpin.kinematics.kinematics.kinematics`.
     instruments
         The instruments of a dataset of schema 2, with the values of their unknowns; empty for one tracker. With such
         instruments, ``frame`` keeps its default, and predictions are in the base frame.
@@ -125,7 +123,6 @@ class Model:
     frame: Frame = field(default_factory=Frame)
     effects: tuple[ActiveEffect, ...] = ()
     covariance: Floats | None = None
-    solver: Solver = "arrays"
     instruments: tuple[FittedInstrument, ...] = ()
     joint_covariance: Floats | None = None
     fit: FitConditions | None = None
@@ -144,7 +141,7 @@ class Model:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The kinematics of the model's geometry, without effects, in the base frame."""
-        return kinematics(self.geometry, self.solver)
+        return kinematics(self.geometry)
 
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.expected import mean_length, response
+from gtpin.accuracy.figures import UNITS
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
 from gtpin.report.embedded import Plot, PlotChoice
@@ -19,10 +19,6 @@ from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-
-SLICES = 3
-"""Largest number of slices that are shown."""
 
 
 def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
@@ -38,7 +34,7 @@ def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
         title = _place(space, layer)
         return Plot(f"slice-{number}", f"Slice of the workspace at {title}", draw, (choice,), title, 300)
 
-    return choice, [plot(number, layer) for number, layer in enumerate(_layers(found))]
+    return choice, [plot(number, layer) for number, layer in enumerate(found.space.layers)]
 
 
 def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
@@ -53,7 +49,7 @@ def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
     if quantity not in values:
         raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
     at, unit = values[quantity]
-    layers, space = _layers(found), found.space
+    layers, space = found.space.layers, found.space
     names = _names(space)
     bar = {"title": {"text": _label(quantity, unit), "side": "right"}}
     traces, layout = [], {}
@@ -78,29 +74,16 @@ def _label(name: str, unit: str) -> str:
 
 
 def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
-    """By name: (M,) values at the reachable points, and their unit; without quantities that are infinite everywhere."""
-    space = found.space
-    covariance = response(found.model, space.q, found.uncertainty).covariance
+    """The maps by name: (M,) values at the reachable points, and their unit."""
+    relative = {"home": "as at home: 1", "best": "best posture: 1"}[found.space.dexterity.one_at]
+    units = {"condition number": "", "distance from singularity": relative}
     values: dict[str, tuple[Floats, str]] = {}
-    for name, error, unit in (
-        ("position error", mean_length(covariance[:, :3, :3]), "m"),
-        ("orientation error", mean_length(covariance[:, 3:, 3:]), "rad"),
-    ):
-        if unit == "m" or not found.model.geometry.reduced:
-            factor, prefixed = scale_of(error, unit)
-            values[name] = (factor * error, prefixed)
-    values["condition number"] = (space.dexterity.condition, "")
-    relative = {"home": "as at home: 1", "best": "best posture: 1"}[space.dexterity.one_at]
-    values["distance from singularity"] = (space.dexterity.singularity, relative)
-    return {name: (at, unit) for name, (at, unit) in values.items() if np.isfinite(at).any()}
-
-
-def _layers(found: Accuracy) -> list[int]:
-    """Indices of the slices: in the middle of equal parts of the reachable workspace."""
-    space = found.space
-    there = np.flatnonzero(space.reachable.any(axis=tuple(i for i in range(3) if i != space.across)))
-    count = min(SLICES, len(there))
-    return [int(there[(2 * i + 1) * len(there) // (2 * count)]) for i in range(count)]
+    for name, at in found.maps.items():
+        if name in UNITS:
+            factor, units[name] = scale_of(at, UNITS[name])
+            at = factor * at
+        values[name] = (at, units[name])
+    return values
 
 
 def _slice(found: Accuracy, at: Floats, layer: int) -> dict[str, Any]:

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from virtual_gantry import ROBOT, commands, draw, measured
+from pinocchio_rods import PinocchioRods
+from virtual_gantry import commands, draw, measured
 
 import gtpin
-from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.model import model
 
 OTHERS = ("tau", "stewart", "gantry_tau_6dof", "linear_delta")
 
@@ -14,16 +15,18 @@ OTHERS = ("tau", "stewart", "gantry_tau_6dof", "linear_delta")
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
 @pytest.mark.parametrize("scale", [None, "actuator"])
-def test_calibrations_by_arrays_and_by_pinocchio_are_the_same(free, scale):
+def test_calibrations_by_arrays_and_by_pinocchio_are_the_same(free, scale, monkeypatch):
     rng = np.random.default_rng([3, free])
     dataset = measured(draw(rng, free=free), commands(rng, 40), rng)
-    one, two = (gtpin.calibrate(dataset, scale=scale, kinematics=solver) for solver in ("arrays", "pinocchio"))
+    one = gtpin.calibrate(dataset, scale=scale)
+    monkeypatch.setattr(model, "kinematics", PinocchioRods)
+    two = gtpin.calibrate(dataset, scale=scale)
+    assert isinstance(two.model.kinematics, PinocchioRods)
     assert one.iterations == two.iterations
     # A millionth of a sigma: rounding of 1e-14 m in poses, through a fit whose conditions are some 1e6.
     np.testing.assert_allclose(two.values / one.sigma, one.values / one.sigma, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(two.sigma, one.sigma, rtol=1e-6)
     assert two.chi2 == pytest.approx(one.chi2, rel=1e-9)
-    assert two.model.solver == "arrays"
 
 
 @pytest.mark.parametrize("name", ["gantry_tau", *OTHERS])
@@ -47,13 +50,7 @@ def test_poses_and_derivatives_far_from_nominal_are_the_same(name):
         )
 
 
-@pytest.mark.parametrize("options", [{"directions": "rod"}, {"scale": "rod"}])
-def test_what_no_urdf_carries_is_refused(options):
-    with pytest.raises(gtpin.GtpinError, match="URDF"):
-        PinocchioRods(gtpin.Geometry.nominal(ROBOT, **options))
-
-
-def test_a_solver_that_does_not_exist_is_refused():
+def test_the_former_choice_of_a_solver_is_not_used_and_says_so():
     rng = np.random.default_rng(1)
-    with pytest.raises(gtpin.GtpinError, match="arrays or pinocchio"):
-        gtpin.calibrate(measured(draw(rng), commands(rng, 20), rng), kinematics="numpy")
+    with pytest.warns(DeprecationWarning, match="leave it out"):
+        gtpin.calibrate(measured(draw(rng), commands(rng, 20), rng), kinematics="pinocchio")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from pinocchio_rods import PinocchioRods
 from test_planar_loops import five_bar, hinge, loop, parallelogram, robot_of
 
 import gtpin
@@ -13,9 +14,8 @@ from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
 from gtpin.effects.effect import Effect
 from gtpin.effects.situation import Situation
-from gtpin.errors import ModelError, RobotError
+from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
-from gtpin.kinematics.pinocchio_rods import PinocchioRods
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import measured_joint, readable
@@ -258,9 +258,3 @@ def test_a_platform_s_pose_has_several_coordinates_and_a_cart_is_driven() -> Non
         with pytest.raises(RobotError, match=what) as caught:
             robot.measuring([joint])
         assert "link1_pitch" in caught.value.hint
-
-
-def test_the_solver_of_single_postures_refuses_measured_joints() -> None:
-    robot = gtpin.load_robot("gantry_tau").measuring(["link1_pitch"])
-    with pytest.raises(ModelError, match="arrays"):
-        kinematics(gtpin.Geometry.nominal(robot), "pinocchio")

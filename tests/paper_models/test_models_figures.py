@@ -88,22 +88,23 @@ def test_position_errors_have_a_bar_for_each_model_and_figure(turned: bool, pane
 def test_a_comparison_on_disk_is_a_table_a_json_and_figures(tmp_path: Path):
     pytest.importorskip("matplotlib")
     result = comparison()
-    figures.write_comparison(result, tmp_path / "out", carts=mm.carts_of(BENT))
-    table = pd.read_csv(tmp_path / "out" / "compare.csv")
+    figures.write_comparison(result, tmp_path, mm.carts_of(BENT))
+    table = pd.read_csv(tmp_path / "compare.csv")
     assert list(table.columns) == ["model", "mean_um", "max_um", "rms_um", "orientation_rms_mrad", "poses"]
     assert np.allclose(table["mean_um"], result.table()["mean_um"], rtol=1e-15)
-    told = json.loads((tmp_path / "out" / "compare.json").read_text(encoding="utf-8"))
+    told = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
     assert told["schema"] == "gtpin-compare/1"
     for row, model in zip(table.itertuples(), told["models"], strict=True):
         low, high = model["interval"]["mean_um"]
         assert low < row.mean_um == model["mean_um"] < high
     names = {"position_errors", "orientation_errors", "linearity", "along_and_across"}
-    assert {file.stem for file in (tmp_path / "out").glob("*.png")} == names
+    assert {file.stem for file in tmp_path.glob("*.png")} == names
 
 
 @pytest.mark.slow
 def test_the_same_comparison_gives_the_same_bytes(tmp_path: Path):
     for name in ("one", "two"):
+        (tmp_path / name).mkdir()
         figures.write_comparison(comparison(), tmp_path / name)
     for file in ("compare.csv", "compare.json"):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
@@ -116,4 +117,4 @@ def test_without_matplotlib_the_numbers_are_written_with_a_warning(tmp_path: Pat
         figures.linearity(mm.carts_of(BENT))
     with pytest.warns(GtpinWarning, match="matplotlib"):
         figures.write_comparison(comparison(), tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {".gtpin.json", "compare.csv", "compare.json"}
+    assert {file.name for file in tmp_path.iterdir()} == {"compare.csv", "compare.json"}

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from pinocchio_rods import PinocchioRods
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -120,7 +121,7 @@ def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geomet
     written = Written(simulate_measured(nominal, robot, ALL, poses=24, seed=5, held_out=3), tmp_path)
     geometry = gtpin.Geometry.nominal(nominal)
     off = np.array([written.truth["geometry"][name] for name in geometry.names])
-    true = kinematics(geometry.with_values(geometry.values + off), "pinocchio" if nominal.rods else "arrays")
+    true = (PinocchioRods if nominal.rods else kinematics)(geometry.with_values(geometry.values + off))
     for kind in ALL:
         poses = true.forward(written.commands(TABLES[kind]))
         assert np.abs(misses(written, kind, poses, up_of(nominal))).max() < EXACT, kind

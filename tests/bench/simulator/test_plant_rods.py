@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from pinocchio_rods import PinocchioRods
 from scipy.optimize import approx_fprime
 
 import gtpin
 from gtpin.bench.simulator.poses import Poses, exp, log
 from gtpin.bench.simulator.rods import RodEnds, Rods, closed, each_solved
-from gtpin.kinematics.kinematics import kinematics
 
 NAMES = gtpin.robot_names()
 
@@ -25,7 +25,7 @@ def test_so_they_are_for_a_geometry_drawn_from_its_tolerances(name: str) -> None
     values = geometry.values + geometry.tolerance * np.random.default_rng(3).standard_normal(len(geometry.values))
     values = np.where([p.kind == "scale" for p in geometry.parameters], geometry.values, values)  # no place in a URDF
     drawn, q = geometry.with_values(values), commands(geometry.robot, 6, seed=1)
-    off = kinematics(drawn, "pinocchio").forward(q).minus(gtpin.Poses(*vars(Rods(drawn).predict(q)).values()))
+    off = PinocchioRods(drawn).forward(q).minus(gtpin.Poses(*vars(Rods(drawn).predict(q)).values()))
     assert np.abs(off).max() < 1e-9
 
 

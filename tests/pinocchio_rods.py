@@ -1,4 +1,4 @@
-"""Robots with rods by Pinocchio, posture by posture, with the same results as :class:`RodKinematics`."""
+"""Robots with rods by Pinocchio, posture by posture: the same poses and derivatives as :class:`RodKinematics` in arrays."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.errors import ClosureError, ModelError
+from gtpin.errors import ClosureError
 from gtpin.kinematics.geometry_jacobian import geometry_jacobian
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
@@ -25,24 +25,8 @@ from gtpin.typing import Floats
 class PinocchioRods(RodKinematics):
     """The kinematics of a robot with rods, computed by Pinocchio from a URDF that is written with the geometry.
 
-    Drive scales, which a URDF can't hold, multiply the commands.
-
-    ``geometry``: the geometry.
-
-    Raises `ModelError` if the geometry has parts that a URDF can't represent: directions or scales of single rods, measured
-    tracks, a reduced arm. If joints of the robot are measured.
+    Drive scales, which a URDF can't hold, multiply the commands. Other parts that a URDF can't represent are not allowed.
     """
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.geometry.robot.measured_joints:
-            raise ModelError("measured joints of rods need the solver in arrays", hint='use kinematics="arrays"')
-        by_rod = any(p.kind in ("direction", "scale") and p.per == "rod" for p in self.geometry.parameters)
-        if by_rod or self.geometry.reduced or any(track is not None for track in self.geometry.tracks):
-            raise ModelError(
-                "directions and scales of single rods, measured tracks and reduced arms are not in a URDF",
-                hint='use kinematics="arrays"',
-            )
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
         """Poses at commands q (N, n), base frame; NaN where the loops can't be closed. ``start`` is not needed."""
