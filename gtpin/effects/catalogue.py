@@ -4,45 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
+from pkgutil import iter_modules
 
-from gtpin.effects.ball_joints import JointClearance, JointRunout
-from gtpin.effects.cart_compliance import CartCompliance
-from gtpin.effects.cross_coupling import CrossCoupling
-from gtpin.effects.drive_errors import Backlash, EncoderScale, Linearity, ServoLag, ZeroShift
+from gtpin import effects
 from gtpin.effects.effect import Effect
-from gtpin.effects.joints import AxisMotion, BearingCompliance, JointCompliance
-from gtpin.effects.links import LinkCompliance, ThermalLinks
-from gtpin.effects.measurement import FrameShift, TargetOffset, TrackerDrift, TrackerScale
-from gtpin.effects.rack import RackPeriodic, RackStep
-from gtpin.effects.tracks import CartRotation, Straightness, ThermalTrack
 from gtpin.errors import ModelError
 
-OWN: tuple[type[Effect], ...] = (
-    EncoderScale,
-    Linearity,
-    RackPeriodic,
-    RackStep,
-    ZeroShift,
-    Backlash,
-    ServoLag,
-    CrossCoupling,
-    Straightness,
-    CartRotation,
-    CartCompliance,
-    LinkCompliance,
-    JointClearance,
-    JointRunout,
-    JointCompliance,
-    BearingCompliance,
-    AxisMotion,
-    ThermalLinks,
-    ThermalTrack,
-    TrackerDrift,
-    FrameShift,
-    TrackerScale,
-    TargetOffset,
+ORDER = (
+    *(
+        "encoder_scale",
+        "linearity",
+        "rack_periodic",
+        "rack_step",
+        "zero_shift",
+        "backlash",
+        "servo_lag",
+        "cross_coupling",
+    ),
+    *("straightness", "cart_rotation", "cart_compliance", "link_compliance", "joint_clearance", "joint_runout"),
+    *("joint_compliance", "bearing_compliance", "axis_motion", "thermal_links", "thermal_track"),
+    *("tracker_drift", "frame_shift", "tracker_scale", "target_offset"),
 )
+"""Order of effects in results: from the drives to the target. Effects that are not in it follow, by their ids."""
+
+
+def _of_this_folder() -> tuple[type[Effect], ...]:
+    """The effects in the files of this folder; those made from a dataset have no id of their own."""
+    files = [import_module(f"gtpin.effects.{file.name}") for file in iter_modules(effects.__path__)]
+    kinds = {kind for file in files for kind in vars(file).values() if isinstance(kind, type) and "id" in vars(kind)}
+    found = [kind for kind in kinds if issubclass(kind, Effect)]
+    return tuple(sorted(found, key=lambda kind: (ORDER.index(kind.id) if kind.id in ORDER else len(ORDER), kind.id)))
+
+
+OWN = _of_this_folder()
+"""The effects of gtpin: one that is written in a new file of this folder is among them."""
 GROUP = "gtpin.effects"
 """Entry-point group in which users register their own effects. Each entry point is a subclass of ``Effect``."""
 
