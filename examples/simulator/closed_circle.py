@@ -73,11 +73,11 @@ def measured(robot: str, cause: str, seed: int) -> list[dict[str, object]]:
         plain = model.without({active.name for active in model.effects}).predict(dataset.q)
         by_file, printed = in_a_file(model, dataset.q, dataset.covariates)
         by_layer = in_a_layer(model, nominal, dataset)
-        shrank = shrinkage(case, machine_of(first.baseline.model), model)
+        shrank = explained_fraction(case, machine_of(first.baseline.model), model)
     row |= {"effects_um": rms(predicted, plain), "printed_um": printed}
     row |= {"file_um": rms(by_file, predicted), "layer_um": rms(by_layer, predicted)}
     row |= {
-        "said": first.gap.shrinkage,
+        "said": first.gap.explained_fraction,
         "lower": first.gap.interval[0],
         "upper": first.gap.interval[1],
         "shrank": shrank,
@@ -111,7 +111,7 @@ def named(found: gtpin.Diagnosis | None) -> str:
     return " ".join(sorted(f"{c.effect}@{c.site}" for c in found.causes)) or found.verdict
 
 
-def shrinkage(case: Case, before: gtpin.Model, after: gtpin.Model) -> float:
+def explained_fraction(case: Case, before: gtpin.Model, after: gtpin.Model) -> float:
     """The explained fraction of the gap between MuJoCo and the machine, at commands that no diagnosis has used."""
     at, errors = case.commands, []
     for model in (before, after):

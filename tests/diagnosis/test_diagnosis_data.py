@@ -92,7 +92,7 @@ def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
 def test_gross_errors_are_no_cause():
     found = gtpin.diagnose(tooth(noise=Noise(gross=0.04)))
     assert TOOTH in names(found)
-    assert found.gap.shrinkage > 0.0
+    assert found.gap.explained_fraction > 0.0
     clean = gtpin.diagnose(make_case(2, effects=[], poses=POSES, noise=Noise(gross=0.04)).dataset)
     assert clean.verdict == "none"
 
