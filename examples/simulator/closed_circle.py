@@ -23,7 +23,7 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.compensation import machine_of
 from gtpin.effects.situation import Column
 from gtpin.errors import ConvergenceError, GtpinWarning
@@ -83,7 +83,7 @@ def measured(robot: str, cause: str, seed: int) -> list[dict[str, object]]:
         "shrank": shrank,
     }
     rng = np.random.default_rng(seed)
-    read_file, read_layer = (Noise().measured(poses, rng) for poses in (by_file, by_layer))
+    read_file, read_layer = (SimulatedNoise().measured(poses, rng) for poses in (by_file, by_layer))
     row["again"] = named(diagnosis(with_readings(dataset, read_file)))
     # Against the diagnosed model: what it predicts takes the nominal robot's place.
     expected = nominal.predict(dataset.q)
@@ -146,7 +146,7 @@ def in_a_layer(model: gtpin.Model, nominal: gtpin.Model, dataset: gtpin.Dataset)
 
 def with_readings(dataset: gtpin.Dataset, seen: gtpin.Poses) -> gtpin.Dataset:
     """The dataset with other readings, of an instrument in the base frame."""
-    return replace(dataset, position=seen.T, orientation=seen.quaternions, instrument=Noise().instrument)
+    return replace(dataset, position=seen.T, orientation=seen.quaternions, instrument=SimulatedNoise().instrument)
 
 
 def rms(one: gtpin.Poses, other: gtpin.Poses) -> float:
