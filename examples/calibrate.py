@@ -13,10 +13,10 @@ dataset = gtpin.Dataset.read("measured")
 
 calibration = gtpin.calibrate(dataset)
 print(f"chi-square per degree of freedom {calibration.chi2_per_dof:.2f}; set aside: {calibration.rejected or 'none'}")
-for name, value, sigma, learned in list(
-    zip(calibration.names, calibration.values, calibration.sigma, calibration.learned, strict=True)
+for name, value, sigma, variance_reduction in list(
+    zip(calibration.names, calibration.values, calibration.sigma, calibration.variance_reduction, strict=True)
 )[:8]:
-    print(f"{name:24} {value:10.6f} +- {sigma:.1e}   learned {learned:.0%} of the tolerance")
+    print(f"{name:24} {value:10.6f} +- {sigma:.1e}   variance reduction {variance_reduction:.0%}")
 print(f"{len(calibration.unobservable)} directions can't be told by these data; the first:")
 print("  ", calibration.unobservable[0].weights)
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 LONGEST = 1000
 """Largest length of a message, in characters; the middle of a longer one is left out."""
@@ -171,6 +172,16 @@ def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
     registry = names.setdefault("__warningregistry__", {})
     name = names.get("__name__", "<unknown>")
     warnings.warn_explicit(text, category, user.f_code.co_filename, user.f_lineno, name, registry)
+
+
+def renamed(old: str, new: str) -> Any:
+    """A deprecated property ``old``: it warns, and is the attribute ``new``. It goes with version 0.4."""
+
+    def read(one: Any) -> Any:
+        warn(f"{old} is now called {new}; the old name goes with version 0.4", DeprecationWarning)
+        return getattr(one, new)
+
+    return property(read)
 
 
 def _is_gtpin(frame: FrameType) -> bool:

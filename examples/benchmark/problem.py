@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.benchmark.answer import Answer, AnsweredCause, Member
+from gtpin.bench.benchmark.answer import Answer, AnsweredCause, OtherEffect
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import read_table
 from gtpin.data.names import ORIENTATION
@@ -133,7 +133,7 @@ def without_geometry(B: Floats, *columns: Floats) -> list[Floats]:
 
 def cause(term: Hypothesis, probability: float, others: Sequence[Hypothesis] = ()) -> AnsweredCause:
     """A cause of an answer; ``others`` is what else it could be."""
-    members = tuple(Member(effect=other.effect.id, site=other.site) for other in others)
+    members = tuple(OtherEffect(effect=other.effect.id, site=other.site) for other in others)
     effect, site = term.place
     return AnsweredCause.model_validate(
         {"effect": effect, "site": site, "probability": min(max(probability, 0.0), 1.0), "class": members}

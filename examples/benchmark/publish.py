@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import gtpin
-from gtpin.bench.benchmark.public_set import CASES, FILE, SCHEMA, Block, Made, PublicSet, make, rounded_energy
+from gtpin.bench.benchmark.public_set import CASES, FILE, SCHEMA, Block, MadeCase, PublicSet, make, rounded_energy
 from gtpin.bench.blind.judge import difficulty_of, gradable
 from gtpin.bench.simulator.recipe import digest
 from gtpin.calibration.calibrate import calibrate
@@ -33,7 +33,7 @@ BLOCKS = (
 )
 
 
-def leaves(case: Made, folder: Path) -> float | None:
+def leaves(case: MadeCase, folder: Path) -> float | None:
     """D of a single effect of the catalogue, to four digits; None for other cases, and where the data can't be calibrated."""
     dataset = Dataset.read(folder / CASES / case.name)
     if len(case.truth.effects) != 1 or not gradable(dataset, case.truth):

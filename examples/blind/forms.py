@@ -24,7 +24,7 @@ from gtpin.bench.simulator.build import as_dataset, assemble, ids
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.energy import Past, amplitude_for
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.situation import RodSituation
 from gtpin.data import Dataset
 
@@ -109,7 +109,7 @@ def made(form: str, energy: float, machine: int) -> tuple[Dataset, str, float | 
     seed = SEED + 100 * list(FORMS).index(form) + machine
     rng = np.random.default_rng([seed, 11])
     needs = {"link_compliance": ("payload",), "cart_compliance": ("payload",)}.get(effect, ())
-    conditions = Conditions.draw(rng, needs)
+    conditions = SimulatedConditions.draw(rng, needs)
     recipe = drawn_recipe(seed, n_effects=0, conditions=conditions, held_out=1)
     built = assemble(recipe)
     plant, rows = built.response, built.rows

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import gtpin
 from gtpin.bench.simulator import Case, make_case
 from gtpin.bench.simulator.build import assemble
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 
 
 def true_errors(case: Case, model: gtpin.Model, seed: int) -> npt.NDArray[np.float64]:
@@ -38,7 +38,7 @@ def of_machines(count: int, first: int = 0) -> npt.NDArray[np.float64]:
     """(count, 2) shares by machine; half of them with an instrument in a frame of its own."""
     found = []
     for seed in range(first, first + count):
-        case = make_case(seed, poses=140, held_out=120, noise=Noise(free=seed % 2 == 1))
+        case = make_case(seed, poses=140, held_out=120, noise=SimulatedNoise(free=seed % 2 == 1))
         certificate = gtpin.certify(case.dataset)
         found.append(covered(certificate, true_errors(case, certificate.model, seed)))
     return np.array(found)

@@ -12,7 +12,7 @@ from scipy.stats import beta
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 
 RATES = (0.3, 0.1, 0.03, 0.01)
 """Asked for, the largest first: what is silent at one of them is silent at the smaller ones."""
@@ -28,7 +28,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 def measured(poses: int, declared: bool, machine: int) -> list[dict[str, float]]:
     """Smallest of the rates at which a diagnosis of a machine without an effect is not silent; infinite for none."""
-    noise = Noise(declared=declared)
+    noise = SimulatedNoise(declared=declared)
     case = make_case(SEEDS + machine, n_effects=0, poses=poses, held_out=1, noise=noise, background=False)
     smallest = float("inf")
     for rate in RATES:

@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.linear.evidence import best_scales
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
@@ -51,7 +51,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 def measured(robot: str) -> list[dict[str, object]]:
     """The share of each effect's evidence that each effect at each site gains on it."""
-    conditions = Conditions(sessions=3, push=100.0, warming=1.5, rest=0.5)
+    conditions = SimulatedConditions(sessions=3, push=100.0, warming=1.5, rest=0.5)
     data = make_case(1, effects=[], poses=160, conditions=conditions, robot=robot).dataset
     geometry = gtpin.Geometry.nominal(gtpin.load_robot(robot))
     kinematics = gtpin.Model(geometry).kinematics

@@ -20,7 +20,7 @@ from scipy.stats import beta
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
 from gtpin.diagnosis.against.check import Changes
 from gtpin.diagnosis.against.earlier import Earlier
@@ -55,7 +55,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 @cache
 def machine_of(number: int, frame: str) -> tuple[Case, gtpin.Model]:
     """A machine without effects but weak ones, and the model of its calibration."""
-    noise = Noise(free=frame == "free")
+    noise = SimulatedNoise(free=frame == "free")
     case = make_case(SEEDS + number, n_effects=0, poses=POSES, held_out=1, noise=noise, background=False)
     return case, gtpin.calibrate(case.dataset).model
 

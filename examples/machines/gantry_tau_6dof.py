@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin import load_robot
-from gtpin.robot.sketch import Carrier, Rod, Sketch
+from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 APART = {"1": 0.0, "2a": 0.25, "2b": -0.25, "3a": 0.5, "3b": 0.0, "3c": -0.5}
 """How far ahead of the 3-DOF machine's cart each link's own stands at home, m."""
@@ -28,7 +28,7 @@ def sketch() -> Sketch:
         seat = rod.C + APART[rod.name] * axis
         cart = f"cart{rod.name}"
         carriers.append(Carrier(cart, seat, axis, (-0.2, 0.2), mass=15.0))
-        rods.append(Rod(rod.site, rod.P, seat, carrier=cart, mass=4.1))
+        rods.append(SketchRod(rod.site, rod.P, seat, carrier=cart, mass=4.1))
     return Sketch(
         "gantry_tau_6dof",
         rods,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.robot.sketch import Carrier, Rod, Sketch
+from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 ARM, RADIUS = 3.0 * 0.333, 3.0 * 0.17475
 """Length of the rods, and of their horizontal projection in the middle, m."""
@@ -34,7 +34,9 @@ def sketch() -> Sketch:
         carriers.append(Carrier(cart, middle, (0.0, 0.0, 1.0), (-0.4, 0.4), mass=3.0))
         for name, side in (("a", -0.5), ("b", 0.5)):
             joint = EFFECTOR * out + side * WIDTH * aside + np.array([0.0, 0.0, NOZZLE])
-            rods.append(Rod(f"link{tower + 1}{name}", joint, middle + side * WIDTH * aside, carrier=cart, mass=0.6))
+            rods.append(
+                SketchRod(f"link{tower + 1}{name}", joint, middle + side * WIDTH * aside, carrier=cart, mass=0.6)
+            )
     return Sketch(
         "linear_delta",
         rods,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.robot.sketch import Carrier, Rod, Sketch
+from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 HOME = 0.05
 """Height of the nozzle over the bed at home, m."""
@@ -42,7 +42,9 @@ def sketch(
         carriers.append(Carrier(cart, middle, (0.0, 0.0, 1.0), (-height, ABOVE), mass=0.3))
         for name, side in (("1", -0.5), ("2", 0.5)):
             joint = effector * out + side * width * aside + np.array([0.0, 0.0, nozzle])
-            rods.append(Rod(f"arm{'abc'[tower]}{name}", joint, middle + side * width * aside, carrier=cart, mass=0.03))
+            rods.append(
+                SketchRod(f"arm{'abc'[tower]}{name}", joint, middle + side * width * aside, carrier=cart, mass=0.03)
+            )
     return Sketch(
         "printer",
         rods,

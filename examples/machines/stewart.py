@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.robot.sketch import Rod, Sketch
+from gtpin.robot.sketch import Sketch, SketchRod
 
 BASE, PLATFORM = 0.65, 0.35
 """Radii of the circles on which the joints lie, m."""
@@ -31,7 +31,7 @@ def sketch() -> Sketch:
     base = circle(BASE, [third + side for third in thirds for side in (-HALF, HALF)])
     # Legs cross over from a pair on the base to two pairs on the platform, which is turned by 60 degrees.
     platform = circle(PLATFORM, [third + side for third in thirds for side in (HALF - 60.0, 60.0 - HALF)])
-    legs = [Rod(f"leg{i + 1}", platform[i], base[i], range=(0.0, STROKE), mass=6.0) for i in range(6)]
+    legs = [SketchRod(f"leg{i + 1}", platform[i], base[i], range=(0.0, STROKE), mass=6.0) for i in range(6)]
     return Sketch(
         "stewart",
         legs,

@@ -8,7 +8,7 @@ magnitude: a cord and a motor that holds its place by a control loop are some th
 
 from __future__ import annotations
 
-from gtpin.robot.sketch import Rod, Sketch
+from gtpin.robot.sketch import Sketch, SketchRod
 
 BASE = (
     (-0.385274, -0.140228, 0.0),
@@ -31,7 +31,7 @@ LENGTH, STROKE, HEIGHT = 0.640197, 0.285, 0.565
 
 def sketch() -> Sketch:
     legs = [
-        Rod(f"leg{i + 1}", PLATFORM[i], BASE[i], range=(0.0, STROKE), length=LENGTH, mass=0.5, scale_unknown=True)
+        SketchRod(f"leg{i + 1}", PLATFORM[i], BASE[i], range=(0.0, STROKE), length=LENGTH, mass=0.5, scale_unknown=True)
         for i in range(6)
     ]
     return Sketch(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.robot.sketch import Carrier, Rod, Sketch
+from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 COLUMN = np.array([0.0, 0.0, 1.0])
 REACH = 0.8
@@ -34,7 +34,7 @@ def sketch() -> Sketch:
         carriers.append(Carrier(site, axis, COLUMN, (-0.5, 0.5), turns=True, mass=15.0))
         tip = axis + REACH * np.array([np.cos(angle), np.sin(angle), 0.0])
         for name, offset in OFFSETS[arm]:
-            rods.append(Rod(f"link{name}", PLATFORM[arm] + offset, tip + offset, carrier=site, mass=1.5))
+            rods.append(SketchRod(f"link{name}", PLATFORM[arm] + offset, tip + offset, carrier=site, mass=1.5))
     return Sketch(
         "tau",
         rods,

@@ -30,7 +30,7 @@ from mistakes import MISTAKES, Mistake
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 
 ANSWERS = ("named", "noticed", "harmless", "confidently wrong")
 FIRST = 7_300_000
@@ -50,7 +50,7 @@ EFFECTS = (
     ("linearity", "cart3"),
     ("link_compliance", "arm"),
 )
-CONDITIONS = Conditions(rest=0.5, sessions=2, push=60.0, warming=1.8, direct=0.3)
+CONDITIONS = SimulatedConditions(rest=0.5, sessions=2, push=60.0, warming=1.8, direct=0.3)
 
 
 def write_machine(mistake: Mistake, number: int, with_effect: bool, folder: Path) -> tuple[str, str] | None:

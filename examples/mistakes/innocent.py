@@ -31,7 +31,7 @@ import gtpin
 from gtpin.bench.simulator.build import build
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 
 ANSWERS = ("accepted", "warned", "refused")
 FIRST = 8_100_000
@@ -84,7 +84,7 @@ def measured(data: str, robot: str, machine: int) -> list[dict[str, str]]:
     if robot in RODS and "free_target" in noise:
         noise = {**noise, "free_target": False}  # the joints on the platform are identified with it
     recipe = drawn_recipe(
-        seed, robot=ROBOTS[robot], energy=energy, poses=POSES, held_out=1, noise=Noise(**noise), **options
+        seed, robot=ROBOTS[robot], energy=energy, poses=POSES, held_out=1, noise=SimulatedNoise(**noise), **options
     )
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as place:
         warnings.simplefilter("ignore")

@@ -83,7 +83,7 @@ def said(dataset: gtpin.Dataset) -> dict[str, object]:
             for c in whole.causes
         ],
         "gap": [1e3 * value for value in (gap.before, gap.after, gap.floor)],
-        "shrinkage": [gap.shrinkage, *(gap.interval or (None, None))],
+        "shrinkage": [gap.explained_fraction, *(gap.interval or (None, None))],
         "untestable": [sum(not c.testable for c in whole.candidates), len(whole.candidates)],
         "set_aside": len(whole.set_aside),
         "seconds": seconds,

@@ -23,7 +23,7 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.compensation import machine_of
 from gtpin.effects.situation import Column
 from gtpin.errors import ConvergenceError, GtpinWarning
@@ -73,17 +73,17 @@ def measured(robot: str, cause: str, seed: int) -> list[dict[str, object]]:
         plain = model.without({active.name for active in model.effects}).predict(dataset.q)
         by_file, printed = in_a_file(model, dataset.q, dataset.covariates)
         by_layer = in_a_layer(model, nominal, dataset)
-        shrank = shrinkage(case, machine_of(first.baseline.model), model)
+        shrank = explained_fraction(case, machine_of(first.baseline.model), model)
     row |= {"effects_um": rms(predicted, plain), "printed_um": printed}
     row |= {"file_um": rms(by_file, predicted), "layer_um": rms(by_layer, predicted)}
     row |= {
-        "said": first.gap.shrinkage,
+        "said": first.gap.explained_fraction,
         "lower": first.gap.interval[0],
         "upper": first.gap.interval[1],
         "shrank": shrank,
     }
     rng = np.random.default_rng(seed)
-    read_file, read_layer = (Noise().measured(poses, rng) for poses in (by_file, by_layer))
+    read_file, read_layer = (SimulatedNoise().measured(poses, rng) for poses in (by_file, by_layer))
     row["again"] = named(diagnosis(with_readings(dataset, read_file)))
     # Against the diagnosed model: what it predicts takes the nominal robot's place.
     expected = nominal.predict(dataset.q)
@@ -111,7 +111,7 @@ def named(found: gtpin.Diagnosis | None) -> str:
     return " ".join(sorted(f"{c.effect}@{c.site}" for c in found.causes)) or found.verdict
 
 
-def shrinkage(case: Case, before: gtpin.Model, after: gtpin.Model) -> float:
+def explained_fraction(case: Case, before: gtpin.Model, after: gtpin.Model) -> float:
     """The explained fraction of the gap between MuJoCo and the machine, at commands that no diagnosis has used."""
     at, errors = case.commands, []
     for model in (before, after):
@@ -146,7 +146,7 @@ def in_a_layer(model: gtpin.Model, nominal: gtpin.Model, dataset: gtpin.Dataset)
 
 def with_readings(dataset: gtpin.Dataset, seen: gtpin.Poses) -> gtpin.Dataset:
     """The dataset with other readings, of an instrument in the base frame."""
-    return replace(dataset, position=seen.T, orientation=seen.quaternions, instrument=Noise().instrument)
+    return replace(dataset, position=seen.T, orientation=seen.quaternions, instrument=SimulatedNoise().instrument)
 
 
 def rms(one: gtpin.Poses, other: gtpin.Poses) -> float:

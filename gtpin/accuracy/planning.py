@@ -70,7 +70,7 @@ class Plan:
     - ``nats``, ``random_nats``: log det(I + B'B) of the chosen poses, and (draws,) of random choices of as many.
     - ``error``, ``random_error``: root mean square error, m, of the positions that the model predicts at other commands
       after a calibration: with the chosen poses, and (draws,) with random ones.
-    - ``learned``: (p,) variance reduction of each parameter with the chosen poses.
+    - ``variance_reduction``: (p,) variance reduction of each parameter with the chosen poses.
     - ``observability``: variance reduction by direction, and the indices O1 to O5.
     """
 
@@ -79,7 +79,7 @@ class Plan:
     random_nats: Floats
     error: float
     random_error: Floats
-    learned: Floats
+    variance_reduction: Floats
     observability: Observability
 
 
@@ -123,6 +123,6 @@ def plan_poses(
         random_nats=np.array([candidate_signal.nats(drawn) for drawn in random]),
         error=error(rows),
         random_error=np.array([error(drawn) for drawn in random]),
-        learned=candidate_signal.learned(rows),
+        variance_reduction=candidate_signal.variance_reduction(rows),
         observability=candidate_signal.observability(rows),
     )

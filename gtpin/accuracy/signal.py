@@ -48,7 +48,7 @@ class Signal:
         p = len(self.names)
         return np.asarray(np.linalg.inv(np.eye(len(information)) + information)[:p, :p])
 
-    def learned(self, rows: Rows | None = None) -> Floats:
+    def variance_reduction(self, rows: Rows | None = None) -> Floats:
         """(p,) variance reduction of each parameter by measuring."""
         return np.asarray(1.0 - np.diag(self.covariance(rows)))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtpin.errors import renamed
 from gtpin.typing import Floats
 
 UNSEEN = 0.5
@@ -19,37 +20,39 @@ class Direction:
     """A direction in parameter space.
 
     ``weights``: by parameter name: component of the direction's unit vector, in units of the tolerances. The largest first;
-    absolute values below 0.1 are left out. ``learned``: variance reduction along the direction: 1 minus posterior variance
-    over prior variance.
+    absolute values below 0.1 are left out. ``variance_reduction``: 1 minus posterior variance over prior variance, along the
+    direction.
     """
 
     weights: dict[str, float]
-    learned: float
+    variance_reduction: float
+    learned = renamed("learned", "variance_reduction")
 
 
 @dataclass(frozen=True)
 class Observability:
     """Observability of the geometry, in units of tolerance.
 
-    ``learned``: (p,) variance reduction along each principal direction, smallest first. ``directions``: (p, p) the
+    ``variance_reduction``: (p,) along each principal direction, smallest first. ``directions``: (p, p) the
     principal directions, one per column. ``indices``: O1 to O5 of the scaled whitened Jacobian's singular values s_1 >= ...
     >= s_p of m rows: (prod s)^(1/p) / sqrt(m), s_p / s_1, s_p, s_p^2 / s_1, 1 / sum(1 / s) (Borm and Menq 1991; Driels and
     Pathre 1990; Nahvi et al. 1994; Nahvi and Hollerbach 1996; Sun and Hollerbach 2008).
     """
 
-    learned: Floats
+    variance_reduction: Floats
     directions: Floats
     indices: dict[str, float]
+    learned = renamed("learned", "variance_reduction")
 
     def unobservable(self, names: tuple[str, ...]) -> tuple[Direction, ...]:
         """Directions with a variance reduction below 0.5, the smallest first; ``names`` are those of the p parameters."""
         found = []
-        for k in np.flatnonzero(self.learned < UNSEEN):
+        for k in np.flatnonzero(self.variance_reduction < UNSEEN):
             vector = self.directions[:, k]
             vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
             order = np.argsort(-np.abs(vector))
             weights = {names[i]: float(vector[i]) for i in order if abs(vector[i]) >= NAMED}
-            found.append(Direction(weights, float(self.learned[k])))
+            found.append(Direction(weights, float(self.variance_reduction[k])))
         return tuple(found)
 
 

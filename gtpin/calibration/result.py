@@ -19,6 +19,7 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.unseen_remedies import Remedy, remedies
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
+from gtpin.errors import renamed
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown, up_of
 from gtpin.instruments.readings import Readings
@@ -183,8 +184,10 @@ class Calibration(Shown):
         """(p,) standard deviations of the parameters, m, rad or m/m."""
         return np.sqrt(np.diag(self.covariance))
 
+    learned = renamed("learned", "variance_reduction")
+
     @cached_property
-    def learned(self) -> Floats:
+    def variance_reduction(self) -> Floats:
         """(p,) Variance reduction 1 - (sigma / tolerance)^2: 0 if the data give no information on a parameter."""
         return np.asarray(1.0 - (self.sigma / self.model.geometry.tolerance) ** 2)
 
@@ -307,12 +310,12 @@ class Calibration(Shown):
 
 def calibration_json(c: Calibration) -> dict[str, Any]:
     """The content of ``calibration.json``; the instruments' unknowns are listed after the geometry's parameters."""
-    values = zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True)
-    parameters = [_parameter(p.name, v, s, p.unit, p.nominal, p.tolerance, learned) for p, v, s, learned in values]
+    values = zip(c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True)
+    parameters = [_parameter(p.name, v, s, p.unit, p.nominal, p.tolerance, reduction) for p, v, s, reduction in values]
     for one in c.unknowns:
         found, prior = c.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
-        learned = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
-        parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, learned))
+        reduction = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
+        parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, reduction))
     unseen = zip(c.unobservable, c.words, strict=True)
     return {
         "schema": "gtpin-calibration/1",
@@ -323,7 +326,9 @@ def calibration_json(c: Calibration) -> dict[str, Any]:
         "chi2_per_dof": c.chi2_per_dof,
         "iterations": c.iterations,
         "parameters": parameters,
-        "unobservable": [{"direction": d.weights, "learned": d.learned, "words": words} for d, words in unseen],
+        "unobservable": [
+            {"direction": d.weights, "learned": d.variance_reduction, "words": words} for d, words in unseen
+        ],
         "equivalent_zeros": [{"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in c.zeros],
         "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in c.correlated()],
         "observability": c.observability.indices,
@@ -335,7 +340,7 @@ def calibration_json(c: Calibration) -> dict[str, Any]:
 
 
 def _parameter(
-    name: str, value: float, sigma: float, unit: str, nominal: float, tolerance: float | None, learned: float
+    name: str, value: float, sigma: float, unit: str, nominal: float, tolerance: float | None, variance_reduction: float
 ) -> dict[str, Any]:
     return {
         "name": name,
@@ -344,7 +349,7 @@ def _parameter(
         "unit": unit,
         "nominal": nominal,
         "tolerance": tolerance,
-        "learned": float(learned),
+        "learned": float(variance_reduction),
     }
 
 
@@ -400,7 +405,7 @@ def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask)
     out, some = left_out(final, poses_of(measured.q))
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
-    unseen = seen.directions[:, seen.learned < UNSEEN]
+    unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
     model = replace(point.model, covariance=covariance, unexplained=unexplained)
     instrument = whole.instrument
     if measured.tracked:

@@ -126,8 +126,8 @@ def diagnose(
         The constants on which verdicts depend, each with its source: docs/statistics.md.
     hold_out
         The poses that are left out together to compute the gap: ``region`` (neighbouring poses), ``session``, ``time``
-        (neighbours in time) or ``random``. Only ``gap`` and the causes' ``shrinkage`` depend on it. With ``against`` it is not
-        used: each pose is left out by itself.
+        (neighbours in time) or ``random``. Only ``gap`` and the causes' ``explained_fraction`` depend on it.
+        With ``against`` it is not used: each pose is left out by itself.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
     trust_data

@@ -73,7 +73,7 @@ class CalibrationPresentation(Presentation):
                 "unit": [e.unit for e in estimates],
                 "nominal": [p.nominal for p in known],
                 "tolerance": [p.tolerance for p in known],
-                "learned": c.learned,
+                "learned": c.variance_reduction,
             },
             index=pd.Index(c.names, name="parameter"),
         )
@@ -111,9 +111,12 @@ class CalibrationPresentation(Presentation):
     def unseen(self) -> tuple[str, ...]:
         """A sentence for each direction that the data hardly show."""
         c = self.calibration
-        unseen = c.observability.learned < UNSEEN
-        directions, learned = c.observability.directions[:, unseen], c.observability.learned[unseen]
-        return unseen_words(c.model.geometry, directions, learned, c.remedies)
+        unseen = c.observability.variance_reduction < UNSEEN
+        directions, variance_reduction = (
+            c.observability.directions[:, unseen],
+            c.observability.variance_reduction[unseen],
+        )
+        return unseen_words(c.model.geometry, directions, variance_reduction, c.remedies)
 
 
 present = CalibrationPresentation

@@ -118,7 +118,7 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
 def _parameters(c: Calibration) -> Section:
     """Mean variance reduction of each kind of parameter, the parameters, and the drives' zeros."""
     kinds: dict[str, list[float]] = {}
-    for name, reduction in zip(c.names, c.learned, strict=True):
+    for name, reduction in zip(c.names, c.variance_reduction, strict=True):
         kinds.setdefault(name.partition("[")[0].replace("_", " "), []).append(float(reduction))
     means = {f"{kind} ({counted(len(v), 'parameter')})": float(np.mean(v)) for kind, v in kinds.items()}
     moved, every = geometry_tables(c)
@@ -149,7 +149,9 @@ def _unseen(c: Calibration) -> Section:
     rows = []
     for direction in c.unobservable[:SHOWN]:
         terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
-        rows.append([" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.learned)])
+        rows.append(
+            [" ".join(terms) + (" …" if len(direction.weights) > 4 else ""), percent(direction.variance_reduction)]
+        )
     if rows:
         content = [
             "Directions of the geometry that are hardly observable with these data. Their values are the prior means, and "

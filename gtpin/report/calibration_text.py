@@ -94,7 +94,9 @@ def _parameters(c: Calibration) -> str:
         "Parameters (reduction: variance reduction 1 - (sigma / tolerance)^2; 0 is no information beyond the tolerance)",
         f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'reduction':>10}",
     ]
-    for p, value, sigma, reduction in zip(c.model.geometry.parameters, c.values, c.sigma, c.learned, strict=True):
+    for p, value, sigma, reduction in zip(
+        c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True
+    ):
         lines.append(
             f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
             f"{reduction:>10.3f}"
@@ -118,7 +120,7 @@ def _unobservable(c: Calibration) -> str:
     for direction in directions[:SHOWN]:
         terms = " ".join(f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:5])
         lines.append(
-            f"  variance reduction {direction.learned:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
+            f"  variance reduction {direction.variance_reduction:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
         )
     lines += [f"  {sentence}" for sentence in grouped(c.words, c.remedies)[:SHOWN]]
     if len(directions) > SHOWN:

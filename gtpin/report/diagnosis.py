@@ -102,17 +102,15 @@ class DiagnosisPresentation(Presentation):
             floor = f"{size.floor} is taken as noise" if taken else f"noise is {size.floor}"
             return [f"{what}: {size.before}, of which {floor}."]
         lines = [f"{what}: {size.before} by geometry alone -> {size.after} with the causes; noise alone {size.floor}."]
-        if gap.shrinkage is not None and gap.interval is not None:
-            low, high = map(percent, gap.interval)
-            lines.append(
-                f"Explained fraction of the gap's power beyond noise: {percent(gap.shrinkage)} (95 %: {low} to {high})."
-            )
+        if gap.explained_fraction is not None and gap.interval is not None:
+            share, low, high = map(percent, (gap.explained_fraction, *gap.interval))
+            lines.append(f"Explained fraction of the gap's power beyond noise: {share} (95 %: {low} to {high}).")
         return [*lines, *filter(None, (beyond_noise(gap), overlap(self.diagnosis)))]
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
         rows = [
-            (c.effect, c.site, c.probability, c.shrinkage, name, e.value, e.sigma, *e.interval, e.unit)
+            (c.effect, c.site, c.probability, c.explained_fraction, name, e.value, e.sigma, *e.interval, e.unit)
             for c in self.diagnosis.causes
             for name, e in c.parameters.items()
         ]
@@ -162,7 +160,7 @@ class DiagnosisPresentation(Presentation):
                 chance(c.probability),
                 *parameter(name, e.value, e.unit, e.sigma),
                 *interval(name, e),
-                percent(c.shrinkage),
+                percent(c.explained_fraction),
             ]
             for c in self.diagnosis.causes
             for name, e in c.parameters.items()

@@ -30,7 +30,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 "parameters": {
                     n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
                 },
-                "shrinkage": c.shrinkage,
+                "shrinkage": c.explained_fraction,
                 "nature": c.nature,
             }
             for c in d.causes
@@ -56,7 +56,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
         },
         "gap": {
             **_errors(d.gap),
-            "shrinkage": None if none else d.gap.shrinkage,
+            "shrinkage": None if none else d.gap.explained_fraction,
             "interval": None if none or d.gap.interval is None else list(d.gap.interval),
             "method": gap_method(d.gap),
             **_turns(d),

@@ -158,9 +158,9 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
         numbers += [(size.after, "with the causes")] if d.causes else []
         known = left is None or left.noise_known
         numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
-    if d.gap.shrinkage is not None and d.gap.before > d.gap.floor:
+    if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
-        numbers.append((percent(d.gap.shrinkage), f"of the power beyond noise is explained{between}"))
+        numbers.append((percent(d.gap.explained_fraction), f"of the power beyond noise is explained{between}"))
     return numbers
 
 
@@ -214,7 +214,9 @@ def _causes(d: Diagnosis, by_cause: Mapping[tuple[str, str], Sequence[EffectCurv
         effect, found = d.effect(c.effect), by_cause.get((c.effect, c.site), ())
         rows = [parameter(name, e.value, e.unit, e.sigma) for name, e in c.parameters.items()]
         explains = (
-            f" It explains {percent(c.shrinkage)} of the gap's power beyond noise{given}." if _estimable(d) else ""
+            f" It explains {percent(c.explained_fraction)} of the gap's power beyond noise{given}."
+            if _estimable(d)
+            else ""
         )
         told = sentence(clause(effect, c.site, d.model.robot))
         content += [
@@ -247,7 +249,7 @@ def _estimable(d: Diagnosis) -> bool:
 
 
 def _explains(d: Diagnosis, cause: Cause) -> str:
-    return percent(cause.shrinkage) if _estimable(d) else "not estimable"
+    return percent(cause.explained_fraction) if _estimable(d) else "not estimable"
 
 
 def _reach(d: Diagnosis, c: Cause, by_cause: Mapping[tuple[str, str], Sequence[EffectCurve]]) -> str:

@@ -25,7 +25,7 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
         head.append("with the causes − nominal")
     rows = []
     for p, value, sigma, reduction in zip(
-        geometry.parameters, calibration.values, calibration.sigma, calibration.learned, strict=True
+        geometry.parameters, calibration.values, calibration.sigma, calibration.variance_reduction, strict=True
     ):
         moved = float(value - p.nominal)
         row = [

@@ -196,7 +196,7 @@ def cause_rows(found: Findings) -> list[list[str]]:
     for cause in found.causes:
         values = [value(*one) for one in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
-        share = percent(cause.shrinkage) if found.gap.before > found.gap.floor else ""
+        share = percent(cause.explained_fraction) if found.gap.before > found.gap.floor else ""
         title = f"{found.effect(cause.effect).title}\n  at {site_words(cause.site)}"
         rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), share])
         for m in others(cause):
@@ -209,10 +209,10 @@ def cause_rows(found: Findings) -> list[list[str]]:
 def cause_lines(found: Findings, noun: str = "gap") -> list[str]:
     """A line for each cause: first the certain ones, then the others, those that explain most of the gap first in both."""
     known = found.gap.before > found.gap.floor
-    sure, doubtful = sure_and_doubtful(sorted(found.causes, key=lambda c: -c.shrinkage))
+    sure, doubtful = sure_and_doubtful(sorted(found.causes, key=lambda c: -c.explained_fraction))
     lines = []
     for cause in (*sure, *doubtful):
-        share = f"; {percent(cause.shrinkage)} of the {noun}" if known else ""
+        share = f"; {percent(cause.explained_fraction)} of the {noun}" if known else ""
         effect = found.effect(cause.effect)
         if cause in sure or len(cause.members) == 1:
             how = "certain" if cause in sure else f"probable, {chance(cause.probability)}"
@@ -266,7 +266,7 @@ def badge(found: Findings) -> str:
 
 def overlap(found: Findings) -> str:
     """A sentence where the causes' shares do not sum to what they explain together; else empty."""
-    whole, shares = found.gap.shrinkage, [c.shrinkage for c in found.causes]
+    whole, shares = found.gap.explained_fraction, [c.explained_fraction for c in found.causes]
     if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < TOLD:
         return ""
     return (

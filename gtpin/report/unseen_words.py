@@ -26,16 +26,16 @@ direction, for which the sentence names this growth or this parameter alone. Ass
 
 
 def unseen_words(
-    geometry: Geometry, directions: Floats, learned: Floats, remedies: Sequence[Remedy | None]
+    geometry: Geometry, directions: Floats, variance_reduction: Floats, remedies: Sequence[Remedy | None]
 ) -> tuple[str, ...]:
     """One sentence for each unobservable direction, in their order.
 
     ``geometry``: the geometry. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.
-    ``learned``: (m,) variance reduction along each. ``remedies``: the measurement that would determine each; None where
+    ``variance_reduction``: (m,) along each. ``remedies``: the measurement that would determine each; None where
     none is known.
     """
     return tuple(
-        f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - learned[i])))} {_remedy(remedy)}"
+        f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - variance_reduction[i])))} {_remedy(remedy)}"
         for i, remedy in enumerate(remedies)
     )
 

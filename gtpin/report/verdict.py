@@ -197,7 +197,7 @@ def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
 
 def _explained_gap(d: Diagnosis) -> str:
     gap = d.gap
-    if gap.shrinkage is None:
+    if gap.explained_fraction is None:
         return "The explained fraction of the gap can't be estimated from these data."
     size = gap_words(gap)
     before, after, noise = size.before, size.after, size.floor
@@ -211,7 +211,7 @@ def _explained_gap(d: Diagnosis) -> str:
     small = beyond_noise(gap)
     return (
         f"On {where} that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
-        f"{noise}). It explains {percent(gap.shrinkage)} of the gap's power beyond noise{interval}."
+        f"{noise}). It explains {percent(gap.explained_fraction)} of the gap's power beyond noise{interval}."
         f"{' ' if small else ''}{small}"
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_equalities import WORLD, Made, add_equality
+from gtpin.robot.mjcf_equalities import WORLD, EqualityTargets, add_equality
 from gtpin.robot.mjcf_masses import SHOWN, Masses
 from gtpin.robot.mjcf_values import MAIN, Part, Values
 from gtpin.robot.tree import TOOL, Tree
@@ -84,7 +84,7 @@ class _Writer:
         for world in root.findall("worldbody"):
             self._children(list(self.values.parts(world, MAIN)), WORLD)
         own = Element("gtpin")
-        made = Made(self.values, self.robot, self.bodies, self.sites, self.at, self.initial, _text)
+        made = EqualityTargets(self.values, self.robot, self.bodies, self.sites, self.at, self.initial, _text)
         for equality in root.findall("equality"):
             for element in equality:
                 add_equality(made, element)

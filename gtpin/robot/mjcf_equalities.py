@@ -18,7 +18,7 @@ WORLD = "world"
 
 
 @dataclass(frozen=True)
-class Made:
+class EqualityTargets:
     """What of an MJCF's bodies and joints equality constraints refer to.
 
     - ``robot``: the URDF's outer element.
@@ -37,7 +37,7 @@ class Made:
     text: Callable[[Floats], str]
 
 
-def add_equality(made: Made, element: Element) -> None:
+def add_equality(made: EqualityTargets, element: Element) -> None:
     """Write an equality constraint into the URDF, if it is active.
 
     Raises `RobotError` if it is of a kind that gtpin does not read, or names what is not there.
@@ -54,7 +54,7 @@ def add_equality(made: Made, element: Element) -> None:
         raise RobotError(what, file=made.values.source, hint="use connect, or joint")
 
 
-def _connect(made: Made, given: Mapping[str, str]) -> None:
+def _connect(made: EqualityTargets, given: Mapping[str, str]) -> None:
     name = given.get("name", f"connect{len(made.robot.findall('loop_joint')) + 1}")
     if "site1" in given or "site2" in given:
         ends = [made.sites.get(given.get(key, ""), ("", None)) for key in ("site1", "site2")]
@@ -77,7 +77,7 @@ def _connect(made: Made, given: Mapping[str, str]) -> None:
         SubElement(loop, tag, link=link, xyz=made.text(np.asarray(xyz)))
 
 
-def _tie(made: Made, given: Mapping[str, str]) -> None:
+def _tie(made: EqualityTargets, given: Mapping[str, str]) -> None:
     """Let a joint follow another by ``<mimic>``; without another one, fix it."""
     joints = {joint.get("name", ""): joint for joint in made.robot.findall("joint")}
     follower, master = given.get("joint1", ""), given.get("joint2")
@@ -102,7 +102,7 @@ def _tie(made: Made, given: Mapping[str, str]) -> None:
     SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
 
 
-def _fix(made: Made, joint: Element, coordinate: float) -> None:
+def _fix(made: EqualityTargets, joint: Element, coordinate: float) -> None:
     """Make a joint a fixed one, at a coordinate, rad or m."""
     origin, axis = joint.find("origin"), joint.find("axis")
     assert origin is not None

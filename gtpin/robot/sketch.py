@@ -41,7 +41,7 @@ class Carrier:
 
 
 @dataclass(frozen=True)
-class Rod:
+class SketchRod:
     """A rod between two spherical joints.
 
     - ``site``: its name: ``link2a``; for a leg of variable length ``leg1``, which is also the site of its actuator.
@@ -82,7 +82,7 @@ class Sketch:
     """
 
     name: str
-    rods: Sequence[Rod]
+    rods: Sequence[SketchRod]
     carriers: Sequence[Carrier] = ()
     home: Sequence[float] = ()
     T: Point = (0.0, 0.0, 0.0)
@@ -153,7 +153,7 @@ class _Writer:
         rpy = pin.rpy.matrixToRpy(self.R)
         _joint(self.root, "platform_pose", "floating", "base", "platform", self.T, rpy)
 
-    def _rod(self, rod: Rod) -> None:
+    def _rod(self, rod: SketchRod) -> None:
         seat, joint = np.array(rod.seat, dtype=float), np.array(rod.joint, dtype=float)
         at_home = self._seat_at_home(rod, seat)
         away = self.R.T @ (at_home - self.T) - joint
@@ -179,7 +179,7 @@ class _Writer:
         local = seat if carrier is None else seat - np.array(carrier.point, dtype=float)
         SubElement(loop, "link2", link=rod.carrier or "base", xyz=_text(local), rpy="0 0 0")
 
-    def _seat_at_home(self, rod: Rod, seat: Floats) -> Floats:
+    def _seat_at_home(self, rod: SketchRod, seat: Floats) -> Floats:
         if rod.carrier is None:
             return seat
         if rod.carrier not in self.carriers:

@@ -55,7 +55,7 @@ def test_the_best_beat_random_choices_in_nats_and_in_prediction() -> None:
     assert len(found.rows) == 15 == len(set(found.rows.tolist()))
     assert found.nats > found.random_nats.max()
     assert found.error < found.random_error.min()
-    assert ((found.learned >= 0.0) & (found.learned <= 1.0)).all()
+    assert ((found.variance_reduction >= 0.0) & (found.variance_reduction <= 1.0)).all()
 
 
 def test_learned_is_what_a_calibration_of_these_poses_reports() -> None:
@@ -73,7 +73,7 @@ def test_learned_is_what_a_calibration_of_these_poses_reports() -> None:
     )
     calibration = gtpin.calibrate(dataset)
     told = signal(MODEL, q, NOISE)
-    np.testing.assert_allclose(told.learned(), calibration.learned, atol=5e-3)
+    np.testing.assert_allclose(told.variance_reduction(), calibration.variance_reduction, atol=5e-3)
     found, reported = told.observability().indices, calibration.observability.indices
     assert found["O1"] == pytest.approx(reported["O1"], rel=0.05)
 
@@ -87,9 +87,9 @@ def turned(rng: np.random.Generator) -> np.ndarray:
 def test_an_instrument_whose_place_is_not_known_tells_less() -> None:
     q = commands(30, seed=5)
     known, free = signal(MODEL, q, NOISE), signal(MODEL, q, NOISE, free_frame=True)
-    assert (free.learned() <= known.learned() + 1e-9).all()
-    assert free.learned().sum() < known.learned().sum() - 1.0
-    assert free.observability().learned.sum() == pytest.approx(free.learned().sum(), abs=1e-4)
+    assert (free.variance_reduction() <= known.variance_reduction() + 1e-9).all()
+    assert free.variance_reduction().sum() < known.variance_reduction().sum() - 1.0
+    assert free.observability().variance_reduction.sum() == pytest.approx(free.variance_reduction().sum(), abs=1e-4)
 
 
 def test_orientations_tell_more_than_positions_alone() -> None:

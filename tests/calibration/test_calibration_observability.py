@@ -62,20 +62,20 @@ def seen_by_the_data(kind, found, q):
 
 def test_learned_lies_between_nothing_and_all(case):
     _, _, found = case
-    for learned in (found.learned, found.observability.learned):
-        assert (learned >= -1e-9).all()
-        assert (learned <= 1.0).all()
-    np.testing.assert_allclose(found.learned, 1.0 - (found.sigma / found.model.geometry.tolerance) ** 2)
+    for variance_reduction in (found.variance_reduction, found.observability.variance_reduction):
+        assert (variance_reduction >= -1e-9).all()
+        assert (variance_reduction <= 1.0).all()
+    np.testing.assert_allclose(found.variance_reduction, 1.0 - (found.sigma / found.model.geometry.tolerance) ** 2)
 
 
 @pytest.mark.slow
 def test_indices_and_directions_equal_an_independent_singular_value_decomposition(case):
     kind, q, found = case
     J, s, _ = seen_by_the_data(kind, found, q)
-    np.testing.assert_allclose(np.sort(found.observability.learned)[::-1], s**2 / (1.0 + s**2), atol=2e-4)
+    np.testing.assert_allclose(np.sort(found.observability.variance_reduction)[::-1], s**2 / (1.0 + s**2), atol=2e-4)
     # Each direction is an eigenvector: what the data see along it is what is told.
     along = np.linalg.norm(J @ found.observability.directions, axis=0) ** 2
-    np.testing.assert_allclose(found.observability.learned, along / (1.0 + along), atol=2e-4)
+    np.testing.assert_allclose(found.observability.variance_reduction, along / (1.0 + along), atol=2e-4)
     indices = found.observability.indices
     well = s > 1e-3 * s[0]  # differences of 1e-6 relative tell the smaller ones roughly only
     assert indices["O3"] > 0.0  # compared digit by digit in test_calibration_refusals.py, with exact derivatives
@@ -109,7 +109,7 @@ def test_a_direction_that_the_data_can_t_see_changes_no_prediction(case):
     kind, q, found = case
     assert found.unobservable
     geometry = found.model.geometry
-    blind = np.flatnonzero(found.observability.learned < 0.01)
+    blind = np.flatnonzero(found.observability.variance_reduction < 0.01)
     assert blind.size
     for k in blind:
         # A free instrument moves along by millimetres, and the removal of its motion below is linear: a tenth does.
@@ -134,8 +134,8 @@ def test_directions_are_named_with_weights_in_tolerances(case):
     directions = found.observability.directions
     np.testing.assert_allclose(directions.T @ directions, np.eye(len(found.names)), atol=1e-9)
     told = found.unobservable
-    assert len(told) == (found.observability.learned < UNSEEN).sum()
-    assert [d.learned for d in told] == sorted(d.learned for d in told)
+    assert len(told) == (found.observability.variance_reduction < UNSEEN).sum()
+    assert [d.variance_reduction for d in told] == sorted(d.variance_reduction for d in told)
     for k, direction in enumerate(told):
         assert set(direction.weights) <= set(found.names)
         weights = list(direction.weights.values())
@@ -153,7 +153,7 @@ def test_freedoms_are_measured_components_less_what_was_learned(case):
     kind, _, found = case
     components = COUNT * found.residual.shape[1]
     frame = 6 if kind == "free" else 0  # learned from the data altogether
-    assert found.dof + found.observability.learned.sum() + frame == pytest.approx(components, abs=1e-4)
+    assert found.dof + found.observability.variance_reduction.sum() + frame == pytest.approx(components, abs=1e-4)
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def nominal() -> Geometry:
     return Geometry.nominal(gtpin.load_robot("gantry_tau"))
 
 
-def learned(found: gtpin.Calibration, directions: Floats) -> Floats:
+def variance_reduction(found: gtpin.Calibration, directions: Floats) -> Floats:
     """Variance reduction along directions in tolerances."""
     tolerance = found.model.geometry.tolerance
     covariance = found.covariance / np.outer(tolerance, tolerance)
@@ -58,7 +58,7 @@ def test_what_is_said_to_tell_a_direction_tells_it_and_nothing_else_does(
     count = len(alone.unobservable)
     said = np.array([None if remedy is None else remedy.what for remedy in alone.remedies])
     directions = alone.observability.directions[:, :count]
-    assert (learned(alone, directions) < 0.5).all()
+    assert (variance_reduction(alone, directions) < 0.5).all()
     # At the poses that the sentences are about: twelve, evenly taken.
     q = touches.q[np.linspace(0, len(touches.q) - 1, 12).astype(int)]
     monkeypatch.setattr(virtual_instruments, "commands", lambda *_: q)
@@ -69,10 +69,10 @@ def test_what_is_said_to_tell_a_direction_tells_it_and_nothing_else_does(
         both = gtpin.calibrate(read(tmp_path / "both", touches, other))
         told = said == what
         tried += int(told.sum())
-        assert (learned(both, directions[:, told]) > 0.49).all()
+        assert (variance_reduction(both, directions[:, told]) > 0.49).all()
         hopeless = said == None  # noqa: E711 (by element)
         assert hopeless.any()
-        assert (learned(both, directions[:, hopeless]) < 0.51).all()
+        assert (variance_reduction(both, directions[:, hopeless]) < 0.51).all()
     assert tried >= 3
 
 

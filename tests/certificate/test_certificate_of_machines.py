@@ -13,7 +13,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.certificate.certify import between
 from gtpin.certificate.response import At, ModelPosterior
 
@@ -29,7 +29,7 @@ from certified_coverage import covered, of_machines, true_errors  # noqa: E402
 def machine(seed: int, free: bool = False) -> tuple[Case, gtpin.Model]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        case = make_case(seed, effects=[], poses=140, held_out=120, noise=Noise(free=free))
+        case = make_case(seed, effects=[], poses=140, held_out=120, noise=SimulatedNoise(free=free))
         return case, gtpin.calibrate(case.dataset).model
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.report.certificate_terms import DEFINITIONS
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
     case = make_case(51, effects=[], poses=60, held_out=10, background=False)
     case.dataset.write(made / "data")
     gtpin.calibrate(case.dataset).save(made / "model")
-    noise = Noise(orientations=False, free=True, free_target=True)
+    noise = SimulatedNoise(orientations=False, free=True, free_target=True)
     arm = make_case(52, effects=[], poses=80, held_out=10, background=False, robot="ur5", noise=noise)
     arm.dataset.write(made / "arm")
     gtpin.calibrate(arm.dataset).save(made / "arm_model")

@@ -9,12 +9,12 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.preparation.prepare import without_contradictions, without_filled_in, without_frozen
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
 
-CONDITIONS = Conditions(rest=0.4, sessions=3)
+CONDITIONS = SimulatedConditions(rest=0.4, sessions=3)
 
 
 def measured(seed: int, *effects: tuple[str, str]) -> gtpin.Dataset:

@@ -9,7 +9,7 @@ from diagnosed import LARGE, POSES, classes, machine, said
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.data import Dataset
 from gtpin.diagnosis import diagnose as room
 from gtpin.diagnosis.result import Diagnosis
@@ -23,7 +23,9 @@ def names(found: Diagnosis) -> set[tuple[str, str]]:
     return {(c.effect, c.site) for c in found.causes}
 
 
-def tooth(poses: int = POSES, noise: Noise | None = None, without: tuple[str, ...] = (), seed: int = 1) -> Dataset:
+def tooth(
+    poses: int = POSES, noise: SimulatedNoise | None = None, without: tuple[str, ...] = (), seed: int = 1
+) -> Dataset:
     case = make_case(seed, effects=[TOOTH], energy=LARGE, poses=poses, noise=noise, without=without)
     return case.dataset
 
@@ -62,7 +64,7 @@ def test_a_covariate_of_no_effect_changes_nothing():
 
 @pytest.mark.slow
 def test_positions_alone_show_the_cause():
-    found = gtpin.diagnose(tooth(noise=Noise(orientations=False)))
+    found = gtpin.diagnose(tooth(noise=SimulatedNoise(orientations=False)))
     assert TOOTH in classes(found)
     assert found.verdict in ("explained", "ambiguous")
     assert set(found.where.axis) == {"x", "y", "z"}
@@ -70,7 +72,7 @@ def test_positions_alone_show_the_cause():
 
 @pytest.mark.slow
 def test_noise_that_is_not_declared_is_no_hindrance():
-    found = gtpin.diagnose(tooth(noise=Noise(declared=False)))
+    found = gtpin.diagnose(tooth(noise=SimulatedNoise(declared=False)))
     assert TOOTH in names(found)
     # Position's noise of 15 um an axis, which nobody told, and a machine that repeats to a few um.
     assert abs(np.log(found.gap.floor / (np.sqrt(3.0) * 1.5e-5))) < 0.2
@@ -78,7 +80,7 @@ def test_noise_that_is_not_declared_is_no_hindrance():
 
 @pytest.mark.slow
 def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
-    noise = Noise(repeatability=(2.4e-5, 2.6e-5))
+    noise = SimulatedNoise(repeatability=(2.4e-5, 2.6e-5))
     case = make_case(1, effects=[], poses=POSES, noise=noise)
     found = gtpin.diagnose(case.dataset)
     assert found.verdict == "none"
@@ -90,10 +92,10 @@ def test_repeatability_larger_than_the_instruments_noise_is_in_the_floor():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_gross_errors_are_no_cause():
-    found = gtpin.diagnose(tooth(noise=Noise(gross=0.04)))
+    found = gtpin.diagnose(tooth(noise=SimulatedNoise(gross=0.04)))
     assert TOOTH in names(found)
-    assert found.gap.shrinkage > 0.0
-    clean = gtpin.diagnose(make_case(2, effects=[], poses=POSES, noise=Noise(gross=0.04)).dataset)
+    assert found.gap.explained_fraction > 0.0
+    clean = gtpin.diagnose(make_case(2, effects=[], poses=POSES, noise=SimulatedNoise(gross=0.04)).dataset)
     assert clean.verdict == "none"
 
 
@@ -125,7 +127,9 @@ def test_bare_commands_and_poses_are_enough():
 @pytest.mark.slow
 @pytest.mark.parametrize("poses", [8, 12, 20])
 @pytest.mark.parametrize("effect", [[], [TOOTH]])
-@pytest.mark.parametrize("noise", [None, Noise(orientations=False, declared=False)], ids=["poses", "positions"])
+@pytest.mark.parametrize(
+    "noise", [None, SimulatedNoise(orientations=False, declared=False)], ids=["poses", "positions"]
+)
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_few_poses_are_diagnosed_or_refused_in_one_line(poses, effect, noise):
     dataset = make_case(1, effects=effect, energy=LARGE, poses=poses, noise=noise).dataset
@@ -165,5 +169,5 @@ def test_more_poses_than_a_search_is_made_on_are_all_fitted(station, monkeypatch
 
 @pytest.mark.slow
 def test_an_instrument_in_a_frame_of_its_own_is_no_cause():
-    found = gtpin.diagnose(make_case(3, effects=[], poses=POSES, noise=Noise(free=True)).dataset)
+    found = gtpin.diagnose(make_case(3, effects=[], poses=POSES, noise=SimulatedNoise(free=True)).dataset)
     assert found.verdict == "none"

@@ -33,7 +33,7 @@ def test_a_machine_without_a_fault_is_said_to_have_none(seed):
     assert found.verdict == "none"
     assert found.causes == ()
     assert found.model.effects == ()
-    assert found.gap.shrinkage is None
+    assert found.gap.explained_fraction is None
     assert found.gap.interval is None
     assert found.gap.before == found.gap.after >= found.gap.floor
 
@@ -59,9 +59,9 @@ def test_the_model_of_the_causes_predicts_other_poses_better_as_it_was_said_to(s
     before, after = (float((e**2).mean()) for e in error)
     assert after < before
     # Half of the poses have an effect on no other: what one fault shrinks by is known to a quarter at worst.
-    assert abs((1.0 - after / before) - found.gap.shrinkage) < 0.25
+    assert abs((1.0 - after / before) - found.gap.explained_fraction) < 0.25
     assert found.gap.after < found.gap.before
-    assert found.gap.interval[0] <= found.gap.shrinkage <= found.gap.interval[1]
+    assert found.gap.interval[0] <= found.gap.explained_fraction <= found.gap.interval[1]
 
 
 @pytest.mark.parametrize(("seed", "effect"), FAULTS[:2])

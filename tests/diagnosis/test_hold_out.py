@@ -98,7 +98,7 @@ def test_shifts_between_sessions_are_named_and_predict_no_other_session():
     assert {c.effect for c in unseen.causes} == {EFFECT}
     assert known.gap.interval[0] > 0.8
     # What a session's own zero is can't be known before it is measured.
-    assert unseen.gap.shrinkage < 0.3
+    assert unseen.gap.explained_fraction < 0.3
     assert unseen.gap.interval[0] < 0.0
     assert unseen.gap.after > 2.0 * unseen.gap.floor
 
@@ -120,7 +120,7 @@ def test_only_where_there_is_one_session_the_interval_is_said_to_ignore_another_
 
 
 def of_days(seed: int, days: int = 4) -> tuple[Gap, float]:
-    """What is said of a linear world in which a cause differs from day to day, and its shrinkage on a day to come."""
+    """What is said of a linear world in which a cause differs from day to day, and its explained fraction on a day to come."""
     rng = np.random.default_rng(seed)
     n, p, k = 30, 4, 3
     modes, mean = rng.standard_normal((p + k, 3, 6)), 2.0 * rng.standard_normal(k)

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
 from gtpin.diagnosis.linear.design import Design
@@ -98,7 +98,12 @@ def test_neighbours_are_merged_where_equal_coefficients_have_the_larger_evidence
 @pytest.mark.slow
 def test_a_shift_of_the_frame_stays_the_cause_where_each_session_has_four_labels() -> None:
     case = make_case(
-        0, effects=[("frame_shift", "frame")], energy=1500.0, poses=100, held_out=1, conditions=Conditions(sessions=3)
+        0,
+        effects=[("frame_shift", "frame")],
+        energy=1500.0,
+        poses=100,
+        held_out=1,
+        conditions=SimulatedConditions(sessions=3),
     )
     ordered = case.dataset.take(np.argsort(case.dataset.covariates["time"]))
     names = np.asarray(ordered.covariates["session"]).astype(str)

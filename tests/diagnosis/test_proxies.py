@@ -9,7 +9,7 @@ from diagnosed import LARGE, POSES
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.effects.basis import along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.sites import carts
@@ -128,7 +128,7 @@ def test_sessions_in_numbers_tell_the_time_in_their_order(seed):
         effects=[("tracker_drift", "frame")],
         energy=LARGE,
         poses=POSES,
-        conditions=Conditions(sessions=12),
+        conditions=SimulatedConditions(sessions=12),
         without=("time", "temp"),
     )
     found = said(case)

@@ -9,7 +9,7 @@ from every_effect import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.reestimate_noise import left_over
@@ -35,7 +35,7 @@ def groups_of(dataset: gtpin.Dataset):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("repeatability", [(1e-6, 4e-6), (4e-5, 6e-5)])
 def test_noise_and_scatter_of_drives_are_one_group(seed: int, repeatability: tuple[float, float]) -> None:
-    noise = Noise(repeatability=repeatability)
+    noise = SimulatedNoise(repeatability=repeatability)
     assert groups_of(make_case(seed, n_effects=0, poses=120, held_out=1, noise=noise).dataset) is None
 
 
@@ -71,7 +71,7 @@ def test_no_verdict_of_silence_stands_on_two_groups() -> None:
     assert any("two groups" in str(w.message) for w in heard)
 
 
-STILL = Conditions(rest=1.0)
+STILL = SimulatedConditions(rest=1.0)
 
 
 @pytest.mark.slow
@@ -112,7 +112,7 @@ def calibrated(dataset: gtpin.Dataset) -> gtpin.Calibration:
 
 @pytest.mark.slow
 def test_scatter_stays_what_it_was_where_nobody_declared_the_sigmas() -> None:
-    noise = Noise(declared=False, repeatability=(2e-5, 2e-5))
+    noise = SimulatedNoise(declared=False, repeatability=(2e-5, 2e-5))
     dataset = make_case(1, effects=[], poses=100, noise=noise).dataset
     baseline = calibrated(dataset)
     assert baseline.noise.repeatability > 0.0

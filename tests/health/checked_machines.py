@@ -7,7 +7,7 @@ import numpy as np
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.recipe import SimulatedNoise
 
 POSES = 10
 
@@ -15,7 +15,7 @@ POSES = 10
 @cache
 def machine(seed: int, *, free: bool = False, robot: str = "gantry_tau") -> tuple[Case, gtpin.Model]:
     """A machine without an effect, and the model of its calibration; not to be changed."""
-    noise = Noise(free=free)
+    noise = SimulatedNoise(free=free)
     case = make_case(seed, effects=[], poses=140, held_out=40, noise=noise, background=False, robot=robot)
     return case, gtpin.calibrate(case.dataset).model
 

@@ -58,7 +58,7 @@ def test_a_change_of_three_tenths_of_a_millimetre_is_measured_to_its_sigma():
     found = gtpin.diagnose(later(case, 1, shift={1: 3e-4}), against=model)
     shift = next(c for c in found.causes if c.effect == "zero_shift").parameters["shift"]
     assert abs(shift.value - 3e-4) < 4.0 * shift.sigma
-    assert found.gap.shrinkage > 0.95
+    assert found.gap.explained_fraction > 0.95
 
 
 @pytest.mark.slow

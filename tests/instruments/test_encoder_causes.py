@@ -80,8 +80,8 @@ def test_a_cause_at_a_drive_is_named(cause: str) -> None:
     (first,) = found.causes
     # Without a column of speeds a lag may be the backlash, and a scale a smooth deviation: the class says so.
     assert (first.effect, first.site) == (cause, SITE[cause])
-    assert found.gap.shrinkage is not None
-    assert found.gap.shrinkage > 0.95
+    assert found.gap.explained_fraction is not None
+    assert found.gap.explained_fraction > 0.95
 
 
 @pytest.mark.parametrize("cause", SITE)

@@ -14,7 +14,7 @@ from family import nominal
 import gtpin
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.sketch import Carrier, Rod, Sketch
+from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -115,7 +115,7 @@ def test_dimensions_have_a_source_and_jugglebot_s_a_licence() -> None:
 
 
 def test_a_sketch_that_can_not_be_is_one_line() -> None:
-    rod = Rod("link1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), carrier="cart9")
+    rod = SketchRod("link1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), carrier="cart9")
     with pytest.raises(RobotError, match="cart9"):
         Sketch("one", [rod], [Carrier("cart1", (0, 0, 1), (1, 0, 0), (-1, 1))], home=[0.0], T=(1, 0, 0)).urdf()
     with pytest.raises(RobotError, match="home has 0 commands for 1 actuators"):

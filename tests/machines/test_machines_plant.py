@@ -10,7 +10,7 @@ from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind, possible
 from gtpin.bench.simulator.energy import Response
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 from gtpin.kinematics.statics import rod_forces
@@ -24,7 +24,9 @@ GUIDES = {"straightness", "cart_rotation", "cart_compliance"}
 def plant_of(name: str) -> Response:
     rng = np.random.default_rng(0)
     machine = RodMachine.draw(known_robot(name), rng)
-    return Response(machine, plan(machine, 60, 10, Conditions(sessions=3, push=150.0, warming=1.5), rng), STATION)
+    return Response(
+        machine, plan(machine, 60, 10, SimulatedConditions(sessions=3, push=150.0, warming=1.5), rng), STATION
+    )
 
 
 @pytest.mark.slow
@@ -63,7 +65,7 @@ def test_forces_are_those_of_the_package_s_statics_where_masses_are_nominal(name
     masses = [sum(robot.model.inertias[j].mass for j in _bodies(robot, i)) for i in range(6)]
     plate = robot.tcp_placement.inverse() * robot.model.inertias[robot.tcp_joint]
     machine = RodMachine(geometry, float(plate.mass), np.array(plate.lever), np.array(masses))
-    plant = Response(machine, plan(machine, 40, 5, Conditions(push=100.0), np.random.default_rng(2)), STATION)
+    plant = Response(machine, plan(machine, 40, 5, SimulatedConditions(push=100.0), np.random.default_rng(2)), STATION)
     visits = plant.visits
     expected = rod_forces(machine.kinematics, visits.q, plant.ideal.poses, visits.force, visits.payload)
     np.testing.assert_allclose(plant.ideal.forces, expected, rtol=1e-7, atol=1e-6)

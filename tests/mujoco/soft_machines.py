@@ -10,13 +10,13 @@ import gtpin
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.situation import RodSituation
-from gtpin.bench.simulator.visits import Visits, plan
+from gtpin.bench.simulator.visits import VirtualVisits, plan
 from gtpin.data import Dataset
 
-CONDITIONS = Conditions(push=150.0)
+CONDITIONS = SimulatedConditions(push=150.0)
 
 
 def linear(springs: Springs, rods_weigh: bool = False) -> Cause:
@@ -44,7 +44,7 @@ class Day:
     """A machine drawn from its tolerances, and a day's visits to its poses."""
 
     machine: RodMachine
-    visits: Visits
+    visits: VirtualVisits
 
     @staticmethod
     def draw(seed: int, poses: int) -> "Day":
@@ -73,7 +73,7 @@ class Day:
 
     def dataset(self, springs: Springs, seed: int) -> Dataset:
         """What a laser tracker reads of the machine in MuJoCo."""
-        noise = Noise()
+        noise = SimulatedNoise()
         seen = noise.measured(self.by_mujoco(springs), np.random.default_rng(seed))
         return Dataset(
             robot="gantry_tau",

@@ -46,7 +46,7 @@ def test_without_positions_only_what_was_read_needs_no_compensation(findings):
     found = findings["none"].diagnosis
     baseline = found.baseline
     plane = replace(baseline.by_instrument[0], name="bed", kind="plane")
-    open_ = replace(baseline.observability, learned=0.0 * baseline.observability.learned)
+    open_ = replace(baseline.observability, variance_reduction=0.0 * baseline.observability.variance_reduction)
     touched = replace(baseline, by_instrument=(plane,), observability=open_)
     said = " ".join(verdict(replace(found, baseline=touched)).advice)
     assert "No compensation is needed for what bed can read. Positions can still be wrong" in said
@@ -119,7 +119,7 @@ def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
 def test_two_causes_are_both_named(findings):
     found = findings["explained"].diagnosis
     half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
-    play = replace(found.causes[0], effect="backlash", site="cart1", shrinkage=0.99, parameters=half)
+    play = replace(found.causes[0], effect="backlash", site="cart1", explained_fraction=0.99, parameters=half)
     two = replace(found, causes=(*found.causes, play))
     first, second = verdict(two).headline.replace("\u00a0", " ").splitlines()
     assert first == "cart1: backlash, half width 27.2 µm (certain; 99 % of the gap)."

@@ -132,7 +132,7 @@ def test_versions_are_told_where_pinocchio_has_another_distribution(monkeypatch:
 
 
 def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
-    small = Gap(before=41e-6, after=40.2e-6, floor=40e-6, shrinkage=0.8, interval=(0.64, 0.96))
+    small = Gap(before=41e-6, after=40.2e-6, floor=40e-6, explained_fraction=0.8, interval=(0.64, 0.96))
     # sqrt(41^2 - 40^2) = 9 um; 1 - sqrt(1 - 0.64) = 0.4 and 1 - sqrt(1 - 0.96) = 0.8 of it.
     assert (
         " ".join(beyond_noise(small).split())

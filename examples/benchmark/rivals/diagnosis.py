@@ -19,5 +19,9 @@ def answer(folder: Path) -> Answer:
         members = [{"effect": member["effect"], "site": member["site"]} for member in said["class"]]
         keys = {"effect": said["effect"], "site": said["site"], "probability": said["probability"], "class": members}
         causes.append(AnsweredCause.model_validate(keys))
-    told = {"causes": tuple(causes), "unknown": found.verdict == "unknown", "explained_fraction": found.gap.shrinkage}
+    told = {
+        "causes": tuple(causes),
+        "unknown": found.verdict == "unknown",
+        "explained_fraction": found.gap.explained_fraction,
+    }
     return predictions(found.model, folder).model_copy(update=told)

@@ -20,7 +20,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Word = Annotated[str, Field(min_length=1)]
 
 
-class Member(BaseModel):
+class OtherEffect(BaseModel):
     """Another effect that a cause could be: its id and its site."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -34,7 +34,7 @@ class Member(BaseModel):
         return f"{self.effect}@{self.site}"
 
 
-class AnsweredCause(Member):
+class AnsweredCause(OtherEffect):
     """A named cause.
 
     ``probability``: probability that it is a cause. ``class_``: what else the cause could be. The cause itself need not be
@@ -42,7 +42,7 @@ class AnsweredCause(Member):
     """
 
     probability: Share
-    class_: Annotated[tuple[Member, ...], Field(alias="class")] = ()
+    class_: Annotated[tuple[OtherEffect, ...], Field(alias="class")] = ()
 
 
 class Answer(BaseModel):

@@ -109,7 +109,7 @@ NUMBER = re.compile(r"-?\d+(\.\d*)?(e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
-class Made:
+class MadeCase:
     """A case that was made: the digests of its files, and its truth before rounding, with displacements."""
 
     name: str
@@ -118,7 +118,7 @@ class Made:
 
 
 @in_one_thread
-def make(draft: Draft, folder: Path) -> Made:
+def make(draft: Draft, folder: Path) -> MadeCase:
     """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
@@ -132,7 +132,7 @@ def make(draft: Draft, folder: Path) -> Made:
     content = _published(truth).model_dump_json(exclude_none=True).encode() + b"\n"
     (folder / TRUTHS).mkdir(exist_ok=True)
     (folder / TRUTHS / f"{draft.name}.json").write_bytes(content)
-    return Made(draft.name, Published(dataset=digest_of_folder(place), truth=digest_of(content)), truth)
+    return MadeCase(draft.name, Published(dataset=digest_of_folder(place), truth=digest_of(content)), truth)
 
 
 def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:

@@ -18,9 +18,8 @@ from gtpin.bench.simulator.energy import Past
 from gtpin.bench.simulator.instruments.build import build_measured
 from gtpin.bench.simulator.instruments.choice import TOUCHED
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.recipe import Noise, Recipe
-from gtpin.bench.simulator.truth import Case, InstrumentCase, Read
-from gtpin.bench.simulator.truth import Truth as Made
+from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
+from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth
 from gtpin.data.files import write_table
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
@@ -33,7 +32,7 @@ ONE_IN = 6
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class LeftOutTouches:
     """Touches of an instrument that are not in its table."""
 
     name: str  # Name of the instrument
@@ -54,7 +53,7 @@ class LeftOut:
         write_table(folder / f"commands-{self.name}.csv", {"pose": self.pose, **commands, **self.columns})
 
 
-def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[LeftOut, ...]]:
+def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[LeftOutTouches, ...]]:
     """A case without some touches, and these touches. E is computed again for the remaining rows.
 
     No touch is left out where an encoder measures too: the displacements of its joint are not known here, so E can't be
@@ -70,7 +69,7 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
     )
     gauges = tuple(gauge.kept(rows) for gauge, rows in zip(case.gauges, kept, strict=True))
     tables = tuple(
-        Read(read.described, read.stop[rows], {name: values[rows] for name, values in read.columns.items()})
+        InstrumentTruth(read.described, read.stop[rows], {name: values[rows] for name, values in read.columns.items()})
         for read, rows in zip(case.dataset.read, kept, strict=True)
     )
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(kept)]) for effect in case.effects)
@@ -86,15 +85,15 @@ def _kept(gauge: Gauge, seed: int) -> Rows:
     return kept
 
 
-def _left_out(case: InstrumentCase, gauge: Gauge, read: Read, rows: Rows) -> LeftOut:
+def _left_out(case: InstrumentCase, gauge: Gauge, read: InstrumentTruth, rows: Rows) -> LeftOutTouches:
     own, data = gauge.kept(rows), case.dataset
     columns = {name: values[rows] for name, values in read.columns.items()}
     columns |= {name: values[own.stop] for name, values in data.covariates.items()}
     values = own.readings(case.steady[own.stop], own.truth)
-    return LeftOut(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
+    return LeftOutTouches(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
 
 
-def _measured_again(case: InstrumentCase) -> tuple[Made, ...]:
+def _measured_again(case: InstrumentCase) -> tuple[EffectTruth, ...]:
     """The effects of a case with E computed as by the simulator, for the rows that the case has; the largest E first."""
     used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
     gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
@@ -220,7 +219,7 @@ def recipe(draft: Draft) -> Recipe:
 
 def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
     """Make a case and write its dataset, its commands and the touches that are left out to a folder."""
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[LeftOutTouches, ...] = ()
     case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
     if isinstance(case, InstrumentCase):
         case, left_out = without_some_touches(case)
@@ -231,7 +230,7 @@ def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
     return case, truth_of(case, draft.kind, left_out)
 
 
-def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut] = ()) -> Truth:
+def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOutTouches] = ()) -> Truth:
     """The truth of a case, to be sealed; ``left_out`` are the touches that are not in the case.
 
     Where other instruments than a tracker alone measured, it has true readings in place of true poses, because readings alone
@@ -245,7 +244,7 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
         poses = {"position": case.truth.T.tolist(), "orientation": case.truth.quaternions.tolist()}
         truth["poses"] = {"pose": case.commands.pose.tolist(), **poses}
     if isinstance(case, Case):
-        usual = Noise()
+        usual = SimulatedNoise()
         truth["sigma"] = (usual.position_sigma,) * 3 + (usual.orientation_sigma,) * 3
         return Truth.model_validate(truth)
     if "poses" not in truth:

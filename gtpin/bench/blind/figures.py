@@ -94,9 +94,9 @@ class ExplainedFraction:
 def explained_fractions(cases: Iterable[Judged]) -> list[ExplainedFraction]:
     """The explained fractions of all cases with a prediction, without the cases of kind `power`."""
     return [
-        ExplainedFraction(c.said.shrinkage, c.said.interval, c.shrunk.share)
+        ExplainedFraction(c.said.explained_fraction, c.said.interval, c.shrunk.share)
         for c in cases
-        if c.said and c.shrunk and c.said.shrinkage is not None and c.kind != "power"
+        if c.said and c.shrunk and c.said.explained_fraction is not None and c.kind != "power"
     ]
 
 
@@ -224,7 +224,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure(
             "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
         ),
-        *_shrinkage(cases, seen),
+        *_explained_fraction(cases, seen),
         Figure("95 % intervals of parameters cover", rate(covered)),
     ]
 
@@ -255,7 +255,7 @@ def _calibrated(cases: Sequence[Judged]) -> Figure:
     return Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05)
 
 
-def _shrinkage(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
+def _explained_fraction(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
     fractions = explained_fractions(cases)
     ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
     return [

@@ -34,8 +34,8 @@ class Statement(BaseModel):
     causes: tuple[Named, ...] = ()
     site: str = ""  # Site with the largest share in ``where``; empty if all shares are zero
     top: str = ""  # Candidate with the largest log evidence, ``effect@site``; empty without candidates
-    # `shrinkage`, `interval`: As in ``diagnosis.json``; None if not given
-    shrinkage: float | None = None
+    # `explained_fraction`, `interval`: As in ``diagnosis.json``; None if not given
+    explained_fraction: float | None = None
     interval: tuple[float, float] | None = None
 
     @property
@@ -73,7 +73,7 @@ class Statement(BaseModel):
             ),
             site=leading if leading and shares[leading] > 0.0 else "",
             top=_name(top) if top else "",
-            shrinkage=gap["shrinkage"],
+            explained_fraction=gap["shrinkage"],
             interval=gap["interval"],
         )
 

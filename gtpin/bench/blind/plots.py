@@ -26,7 +26,7 @@ def plots(result: Mapping[str, Any], cases: Sequence[Judged]) -> dict[str, Plot]
         _reliability(result["reliability"]),
         _power(result["power"]),
         _confusion(result["confusion"]),
-        _shrinkage(cases),
+        _explained_fraction(cases),
         _difficulty(cases),
     )
     return {plot.name: plot for plot in made if plot is not None}
@@ -116,9 +116,11 @@ def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
     return _plot("confusion", title, caption, [trace], layout, height=130 + 24 * len(counts))
 
 
-def _shrinkage(cases: Sequence[Judged]) -> Plot | None:
+def _explained_fraction(cases: Sequence[Judged]) -> Plot | None:
     some = [
-        (c, c.said.shrinkage, c.shrunk.share) for c in cases if c.said and c.shrunk and c.said.shrinkage is not None
+        (c, c.said.explained_fraction, c.shrunk.share)
+        for c in cases
+        if c.said and c.shrunk and c.said.explained_fraction is not None
     ]
     if not some:
         return None

@@ -3,17 +3,18 @@
 from gtpin.bench.simulator.build import measure_at
 from gtpin.bench.simulator.case import draw_case, make_case, simulate_scenario
 from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
-from gtpin.bench.simulator.recipe import Conditions, Noise, digest
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise, digest
 from gtpin.bench.simulator.simulate import Simulation, simulate
-from gtpin.bench.simulator.truth import Case, InstrumentCase, Truth
+from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase
+from gtpin.errors import warn
 
 __all__ = [
     "Case",
-    "Conditions",
+    "EffectTruth",
     "InstrumentCase",
-    "Noise",
+    "SimulatedConditions",
+    "SimulatedNoise",
     "Simulation",
-    "Truth",
     "build_measured",
     "digest",
     "draw_case",
@@ -23,3 +24,13 @@ __all__ = [
     "simulate_measured",
     "simulate_scenario",
 ]
+
+_OLD = {"Conditions": SimulatedConditions, "Noise": SimulatedNoise, "Truth": EffectTruth}
+"""Names until 0.4."""
+
+
+def __getattr__(name: str) -> object:
+    if name not in _OLD:
+        raise AttributeError(f"module 'gtpin.bench.simulator' has no attribute {name!r}")
+    warn(f"{name} is now called {_OLD[name].__name__}; the old name goes with version 0.4", DeprecationWarning)
+    return _OLD[name]

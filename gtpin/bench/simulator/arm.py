@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.tree import Frame, Joint
+from gtpin.bench.simulator.tree import TreeFrame, TreeJoint
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -44,7 +44,7 @@ class Arm:
         return Arm(robot.name, Loops.of(robot, {}), gravity, np.array([position] * 3 + [rotation] * 3))
 
     @property
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[TreeJoint, ...]:
         """All its moving joints, parents first."""
         return self.loops.joints
 
@@ -54,7 +54,7 @@ class Arm:
         return self.loops.driven
 
     @property
-    def tcp(self) -> Frame:
+    def tcp(self) -> TreeFrame:
         """The TCP frame."""
         return self.loops.tcp
 
@@ -140,16 +140,16 @@ class Arm:
             found.append(beyond[0])
         return tuple(found)
 
-    def next_frame(self, joint: int) -> Frame:
+    def next_frame(self, joint: int) -> TreeFrame:
         """End of a joint's body, as a frame on that body: at the next joint, at the TCP, or where the loop closes."""
         line = self.onward(joint)
         if len(line) > 1:
             following = self.joints[line[1]]
-            return Frame(joint, following.R, following.p)
+            return TreeFrame(joint, following.R, following.p)
         if joint == self.tcp.joint:
             return self.tcp
         ends = [end for pair in self.loops.pairs for end in pair if end.joint == joint]
-        return ends[0] if ends else Frame(joint, np.eye(3), np.zeros(3))
+        return ends[0] if ends else TreeFrame(joint, np.eye(3), np.zeros(3))
 
     def length(self, joint: int) -> float:
         """Length of the body of a joint, m."""

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, rounded
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Frame, Joint, Placed, moved, placed
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats
 
@@ -59,7 +59,7 @@ class ArmMachine:
     # moving joints
     masses: Floats
     centres: Floats
-    target: Frame  # Placement of the measured target in the TCP frame
+    target: TreeFrame  # Placement of the measured target in the TCP frame
     # Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is
     free: tuple[bool, bool] = (False, False)
 
@@ -73,7 +73,7 @@ class ArmMachine:
             ends=np.zeros((len(robot.loops.ends), 3)),
             masses=np.array([j.mass for j in robot.joints]),
             centres=np.array([j.centre for j in robot.joints]),
-            target=Frame(-1, np.eye(3), np.zeros(3)),
+            target=TreeFrame(-1, np.eye(3), np.zeros(3)),
         )
 
     @staticmethod
@@ -140,7 +140,7 @@ class ArmMachine:
     # -------------------------------------------------------------------------------------------------- motion
 
     @cached_property
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[TreeJoint, ...]:
         """The joints with their true placements."""
         found = list(self.robot.joints)
         for twist, j in zip(self.twists, self.robot.placed, strict=True):
@@ -154,15 +154,15 @@ class ArmMachine:
         return replace(self.robot.loops.with_ends_moved(self.ends), joints=self.joints)
 
     @cached_property
-    def tcp(self) -> Frame:
+    def tcp(self) -> TreeFrame:
         """The true TCP frame."""
-        return Frame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
+        return TreeFrame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
 
     @cached_property
-    def seen(self) -> Frame:
+    def seen(self) -> TreeFrame:
         """The frame of the measured target."""
         tcp = self.tcp
-        return Frame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
+        return TreeFrame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
 
     def bodies(
         self, q: Floats, deviation: Deviation | None = None, near: Placed | None = None
@@ -214,10 +214,10 @@ class ArmMachine:
         whole[:, list(self.robot.counted)] = counted
         return whole
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         return self.forward(q)
 
-    def forward(self, q: Floats, near: Placed | None = None, read: tuple[str, ...] = ()) -> Poses:
+    def forward(self, q: Floats, near: Placed | None = None, read: tuple[str, ...] = ()) -> VirtualPoses:
         """As :meth:`predict`, with the coordinates of the joints ``read``; ``near`` as in :meth:`bodies`."""
         bodies = self.bodies(q, near=near)[0]
         return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
@@ -237,7 +237,7 @@ class ArmMachine:
 
     # ---------------------------------------------------------------------------------------------- derivatives
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         return self._by_command(q, tuple(poses.joints))
 
     def _by_command(self, q: Floats, read: tuple[str, ...] = ()) -> Floats:
@@ -245,7 +245,7 @@ class ArmMachine:
         pairs = [(self.forward(q + step, near, read), self.forward(q - step, near, read)) for step in steps]
         return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
-    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+    def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
         near, read, placements = self.bodies(q)[0], tuple(poses.joints), np.vstack([self.twists, self.tool])
 
         def by(shape: tuple[int, ...], changed: Callable[[Floats], ArmMachine]) -> Floats:

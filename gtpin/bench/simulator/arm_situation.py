@@ -9,10 +9,10 @@ import numpy as np
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.situation import Situation
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.situation import Postures
 from gtpin.bench.simulator.tree import Bending, Placed
-from gtpin.bench.simulator.visits import Visits
+from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.typing import Floats
 
 SLIDING = 0.3
@@ -20,7 +20,7 @@ SLIDING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class ArmSituation(Situation):
+class ArmSituation(Postures):
     """N postures of an arm."""
 
     machine: ArmMachine
@@ -28,23 +28,23 @@ class ArmSituation(Situation):
     # ends
     bodies: Placed
     bending: Bending
-    tcp: Poses  # The TCP's poses, base frame
+    tcp: VirtualPoses  # The TCP's poses, base frame
 
     @staticmethod
     def of(
-        machine: ArmMachine, visits: Visits, deviation: Deviation | None = None, near: Placed | None = None
+        machine: ArmMachine, visits: VirtualVisits, deviation: Deviation | None = None, near: Placed | None = None
     ) -> ArmSituation:
         """The postures with a deviation; ``near``: nearby postures to start from, where they are known."""
         bodies, bending = machine.bodies(visits.q, deviation, near)
         tcp, target = bodies.at(machine.tcp, bending), machine.target
-        seen = Poses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
+        seen = VirtualPoses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
         return ArmSituation(machine, visits, seen, bodies, bending, tcp)
 
     def settled_by(self, deviation: Deviation) -> ArmSituation:
         """The postures with another deviation."""
         return ArmSituation.of(self.machine, self.visits, deviation, self.bodies)
 
-    def seen(self, read: tuple[str, ...]) -> Poses:
+    def seen(self, read: tuple[str, ...]) -> VirtualPoses:
         """The target's poses, with the coordinates of the joints ``read``."""
         return self.poses.with_joints(self.machine.coordinates_of(self.bodies, read))
 

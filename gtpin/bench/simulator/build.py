@@ -15,11 +15,11 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.energy import Past, Response, Rows, effects_of
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.recipe import Conditions, Recipe
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
-from gtpin.bench.simulator.truth import Case, Truth
-from gtpin.bench.simulator.visits import BACK_OFF, Visits, plan
+from gtpin.bench.simulator.truth import Case, EffectTruth
+from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, plan
 from gtpin.data import Commands, Dataset
 from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
@@ -57,7 +57,7 @@ class Built:
     response: Response  # The machine and all its visits
     # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
     active: Sequence[tuple[Cause, float]]
-    truths: Sequence[Truth]
+    truths: Sequence[EffectTruth]
     rows: Rows  # Indices of the measured visits, in the order of the dataset's rows
     background: float  # Joint energy E of the weak effects
     repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
@@ -67,7 +67,7 @@ class Built:
     away: tuple[Floats, Floats] | None
     rng: np.random.Generator  # Source of the instrument's noise
 
-    def in_frame(self, seen: Poses) -> Poses:
+    def in_frame(self, seen: VirtualPoses) -> VirtualPoses:
         """Poses (N), base frame, in the instrument's frame."""
         return seen if self.away is None else seen.moved(*self.away)
 
@@ -156,7 +156,9 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
     return as_dataset(recipe, commands.pose, commands.q, columns, recipe.noise.measured(true, rng))
 
 
-def _later(day: Visits, commands: Commands, conditions: Conditions, rng: np.random.Generator) -> Visits:
+def _later(
+    day: VirtualVisits, commands: Commands, conditions: SimulatedConditions, rng: np.random.Generator
+) -> VirtualVisits:
     """The commands as visits after those of a day."""
     given, q, total = commands.covariates, commands.q, len(commands)
 
@@ -182,7 +184,7 @@ def _later(day: Visits, commands: Commands, conditions: Conditions, rng: np.rand
             raise GtpinError(f"session {wrong[0]!r}", hint="number the simulator's sessions from 0 to 19")
         session = np.array([int(name) for name in names])
     temperatures = (wanted("temp_frame", day.day.frame[-1]), wanted("temp_link", day.day.link[-1]))
-    return Visits(
+    return VirtualVisits(
         pose=np.arange(total),
         held=np.zeros(total, dtype=bool),
         q=q,
@@ -197,7 +199,7 @@ def _later(day: Visits, commands: Commands, conditions: Conditions, rng: np.rand
     )
 
 
-def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column], seen: Poses) -> Dataset:
+def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column], seen: VirtualPoses) -> Dataset:
     """The measurements as a dataset."""
     return Dataset(
         robot=reference(recipe.robot),

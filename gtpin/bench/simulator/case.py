@@ -15,14 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import build, capacity, known_robot
 from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
-from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe, Wanted
-from gtpin.bench.simulator.truth import Case, Truth
+from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise, Wanted
+from gtpin.bench.simulator.truth import Case, EffectTruth
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import GtpinError
 from gtpin.references import is_path
 from gtpin.robot.robot import Robot
 
-__all__ = ["Case", "Truth", "make_case"]
+__all__ = ["Case", "EffectTruth", "make_case"]
 
 ENERGY = (30.0, 4000.0)
 """Range from which an effect's energy is drawn, uniformly in its logarithm."""
@@ -46,8 +46,8 @@ def make_case(
     energy: float | tuple[float, float] | None = None,
     poses: int | None = None,
     held_out: int = 120,
-    noise: Noise | None = None,
-    conditions: Conditions | None = None,
+    noise: SimulatedNoise | None = None,
+    conditions: SimulatedConditions | None = None,
     without: tuple[str, ...] = (),
     background: bool = True,
     robot: str = "gantry_tau",
@@ -113,8 +113,8 @@ def drawn_recipe(
     energy: float | tuple[float, float] | None = None,
     poses: int | None = None,
     held_out: int = 120,
-    noise: Noise | None = None,
-    conditions: Conditions | None = None,
+    noise: SimulatedNoise | None = None,
+    conditions: SimulatedConditions | None = None,
     without: tuple[str, ...] = (),
     background: bool = True,
     robot: str = "gantry_tau",
@@ -135,7 +135,7 @@ def drawn_recipe(
         place = site or str(rng.choice(sites))
         wanted.append(Wanted(name, place, energy=float(np.exp(rng.uniform(*np.log(span))))))
     needs = {need for name, _ in effects for need in kind(name, found).needs}
-    drawn = Conditions.draw(rng, needs, capacity(found))
+    drawn = SimulatedConditions.draw(rng, needs, capacity(found))
     measured = conditions or drawn
     count = int(rng.integers(POSES[0], POSES[1] + 1))
     return Recipe(
@@ -144,7 +144,7 @@ def drawn_recipe(
         robot=robot,
         poses=poses if poses is not None else count,
         held_out=held_out,
-        noise=noise or Noise(),
+        noise=noise or SimulatedNoise(),
         conditions=measured.model_copy(update={"without": measured.without + without}),
         background=background,
     )
@@ -171,7 +171,7 @@ def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, rob
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     what = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     number = {"one": 1, "two": 2, "none": 0, "unknown": 1}[what]
-    noise: Noise | None = None
+    noise: SimulatedNoise | None = None
     without: tuple[str, ...] = ()
     if rough:
         noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
@@ -180,8 +180,8 @@ def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, rob
     return drawn_recipe(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
 
 
-def _rough_noise(rng: np.random.Generator) -> Noise:
-    return Noise(
+def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
+    return SimulatedNoise(
         declared=bool(rng.random() < 0.5),
         by_range=float(rng.choice([0.0, 0.5])),
         tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
@@ -193,7 +193,7 @@ def _rough_noise(rng: np.random.Generator) -> Noise:
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class Effect(BaseModel):
+class ScenarioEffect(BaseModel):
     """One ``[[effect]]``: its id; and, unless they are drawn, its site, its energy or its amplitude in typical sizes, and its
     numbers of periods a turn."""
 
@@ -217,9 +217,9 @@ class Scenario(BaseModel):
     poses: Annotated[int, Field(ge=2, le=100_000)] = 200
     held_out: Annotated[int, Field(ge=1, le=100_000)] = 120
     background: bool = True
-    effect: tuple[Effect, ...] = ()
-    noise: Noise = Noise()
-    covariates: Conditions = Conditions()
+    effect: tuple[ScenarioEffect, ...] = ()
+    noise: SimulatedNoise = SimulatedNoise()
+    covariates: SimulatedConditions = SimulatedConditions()
 
 
 def read_scenario(file: Path | str) -> Scenario:
@@ -291,7 +291,7 @@ def scenario_recipe(
         poses=scenario.poses if poses is None else poses,
         held_out=scenario.held_out,
         noise=scenario.noise,
-        conditions=Conditions.draw(rng, needs, capacity(known)).model_copy(update=given),
+        conditions=SimulatedConditions.draw(rng, needs, capacity(known)).model_copy(update=given),
         background=scenario.background,
     )
 
@@ -301,7 +301,11 @@ def _explained(file: Path, error: ValidationError) -> GtpinError:
     first: Any = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        sections: dict[str, type[BaseModel]] = {"effect": Effect, "noise": Noise, "covariates": Conditions}
+        sections: dict[str, type[BaseModel]] = {
+            "effect": ScenarioEffect,
+            "noise": SimulatedNoise,
+            "covariates": SimulatedConditions,
+        }
         known = sections.get(str(first["loc"][0]), Scenario).model_fields
         return GtpinError("unknown key", file=file, column=where, hint=f"known here: {', '.join(known)}")
     if first["type"] == "missing":

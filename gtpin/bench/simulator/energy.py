@@ -17,12 +17,12 @@ from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.causes.kinds import kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.machine import Deviation, Machine
-from gtpin.bench.simulator.poses import Poses, exp
+from gtpin.bench.simulator.poses import VirtualPoses, exp
 from gtpin.bench.simulator.recipe import Recipe
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.situation import RodSituation
-from gtpin.bench.simulator.truth import Truth
-from gtpin.bench.simulator.visits import Visits
+from gtpin.bench.simulator.truth import EffectTruth
+from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.errors import ConvergenceError
 from gtpin.typing import Floats
 
@@ -41,7 +41,7 @@ class Response:
     # `machine`, `visits`: The machine, and all its visits. They are solved together, because effects can depend on
     # earlier visits.
     machine: RodMachine | ArmMachine
-    visits: Visits
+    visits: VirtualVisits
     station: Floats  # (3,) position of the instrument, base frame, m
     read: tuple[str, ...] = ()  # Names of the joints that encoders read
 
@@ -53,7 +53,7 @@ class Response:
         return RodSituation.of(self.machine, self.visits)
 
     @cached_property
-    def there(self) -> Poses:
+    def there(self) -> VirtualPoses:
         """(N) poses of this machine without effects, base frame, with the coordinates of the joints ``read``."""
         return self.ideal.seen(self.read)
 
@@ -76,13 +76,13 @@ class Response:
                 return now, deviation
         raise ConvergenceError("the machine does not come to rest", hint="make the effects smaller")
 
-    def seen(self, active: Active, jitter: Deviation | None = None) -> Poses:
+    def seen(self, active: Active, jitter: Deviation | None = None) -> VirtualPoses:
         """(N) poses that the instrument reads without noise, base frame, with the coordinates of the joints ``read``."""
         now, deviation = self.settled(active, jitter)
         T = now.poses.T + np.einsum("nij,nj->ni", now.poses.R, deviation.target) - self.station
         turn = exp(deviation.frame[:, 3:])
         T = (1.0 + deviation.scale)[:, None] * np.einsum("nij,nj->ni", turn, T) + deviation.frame[:, :3]
-        return Poses(T + self.station, turn @ now.poses.R, now.seen(self.read).joints)
+        return VirtualPoses(T + self.station, turn @ now.poses.R, now.seen(self.read).joints)
 
     def displacement(self, active: Active) -> Floats:
         """(N, 6 + k) displacement by the causes alone of the measured poses, m and rad, base frame, and of the k joints
@@ -120,12 +120,12 @@ class Past:
     B: Floats
 
     @staticmethod
-    def of_poses(machine: Machine, q: Floats, poses: Poses, sigma: Floats) -> Past:
+    def of_poses(machine: Machine, q: Floats, poses: VirtualPoses, sigma: Floats) -> Past:
         """For poses (N) of a machine at commands q (N, n), measured with the sigmas (6,)."""
         return Past(sigma, (machine.by_tolerance(q, poses) / sigma[:, None]).reshape(6 * len(q), -1))
 
     @staticmethod
-    def of_readings(gauges: Sequence[Gauge], poses: Poses, by_tolerance: Floats, jitter: Floats) -> Past:
+    def of_readings(gauges: Sequence[Gauge], poses: VirtualPoses, by_tolerance: Floats, jitter: Floats) -> Past:
         """For instruments, and ``poses`` (N) at all stops.
 
         ``by_tolerance``: (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
@@ -163,7 +163,7 @@ class Past:
 
 def effects_of(
     recipe: Recipe, response: Response, rows: Rows, past: Past, rng: np.random.Generator
-) -> tuple[list[tuple[Cause, float]], list[Truth], list[tuple[Cause, float]], float]:
+) -> tuple[list[tuple[Cause, float]], list[EffectTruth], list[tuple[Cause, float]], float]:
     """The effects of a recipe at some of the visits.
 
     Returns ``strong``, ``truths``: those that it asks for, with their amplitudes, and the truth about them. ``weak``,
@@ -180,7 +180,7 @@ def effects_of(
             amplitude = amplitude_for(response, cause, rows, past, want.energy, found.largest)
         displacement = response.displacement([(cause, amplitude)])[rows]
         strong.append((cause, amplitude))
-        truths.append(Truth(want.effect, want.site, past.energy(displacement), amplitude, displacement))
+        truths.append(EffectTruth(want.effect, want.site, past.energy(displacement), amplitude, displacement))
     if not recipe.background:
         return strong, truths, [], 0.0
     taken = {(want.effect, want.site) for want in recipe.wanted}

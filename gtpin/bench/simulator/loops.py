@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Frame, Joint, Placed, moved, placed, read_urdf, turn
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed, read_urdf, turn
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -34,11 +34,11 @@ NUDGE = 1e-6
 class Loops:
     """A tree of J joints, some of them driven, with L pairs of points that coincide."""
 
-    joints: tuple[Joint, ...]  # The joints with their true placements, parents first
+    joints: tuple[TreeJoint, ...]  # The joints with their true placements, parents first
     # `driven`, `passive`: Indices of the commanded joints, and of the passive ones
     driven: tuple[int, ...]
     passive: tuple[int, ...]
-    pairs: tuple[tuple[Frame, Frame], ...]  # Pairs of points that coincide
+    pairs: tuple[tuple[TreeFrame, TreeFrame], ...]  # Pairs of points that coincide
     # `ends`, `axes`: Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and
     # second of each pair, and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints
     ends: tuple[str, ...]
@@ -46,7 +46,7 @@ class Loops:
     # (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that
     # in the plane of a planar loop
     across: Floats
-    tcp: Frame  # The TCP frame
+    tcp: TreeFrame  # The TCP frame
     home_q: Floats  # (n,) commands at home
     start: Floats  # (J,) coordinates of the nominal robot at home. They choose the assembly mode.
 
@@ -68,7 +68,7 @@ class Loops:
             for anchor in (loop.anchor1, loop.anchor2):
                 on, name = urdf.links[anchor.link], f"{loop.name}.{anchor.link}"
                 at = np.array(anchor.xyz) + off.get(f"anchor[{name}]", np.zeros(6))[:3]
-                points.append(Frame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ at))
+                points.append(TreeFrame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ at))
                 ends.append(name)
                 axes.append(on.R)
         pairs = list(zip(points[::2], points[1::2], strict=True))
@@ -101,14 +101,14 @@ class Loops:
         """Indices of the joints of the loops."""
         return tuple(sorted(_closing(self.joints, self.pairs)))
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close.
 
         The poses have the coordinates of the passive joints.
         """
         return self._poses(self.led(q))
 
-    def _poses(self, x: Floats) -> Poses:
+    def _poses(self, x: Floats) -> VirtualPoses:
         return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
@@ -164,7 +164,7 @@ class Loops:
         found[~(change <= CHANGED)] = np.nan
         return found, change
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
         x = self.led(q)
         pairs = [[self._poses(self.closed(x, q + s)) for s in (step, -step)] for step in NUDGE * np.eye(q.shape[1])]
@@ -245,7 +245,7 @@ class Loops:
         return slopes
 
 
-def _on_the_way(joints: tuple[Joint, ...], joint: int) -> list[int]:
+def _on_the_way(joints: tuple[TreeJoint, ...], joint: int) -> list[int]:
     """Indices of the joints from a joint to the base."""
     found = []
     while joint >= 0:
@@ -254,11 +254,11 @@ def _on_the_way(joints: tuple[Joint, ...], joint: int) -> list[int]:
     return found
 
 
-def _closing(joints: tuple[Joint, ...], pairs: Sequence[tuple[Frame, Frame]]) -> set[int]:
+def _closing(joints: tuple[TreeJoint, ...], pairs: Sequence[tuple[TreeFrame, TreeFrame]]) -> set[int]:
     return {j for pair in pairs for end in pair for j in _on_the_way(joints, end.joint)}
 
 
-def _off(joint: Joint, twist: Floats | None) -> Joint:
+def _off(joint: TreeJoint, twist: Floats | None) -> TreeJoint:
     if twist is None:
         return joint
     R, p = moved(joint.R, joint.p, twist)

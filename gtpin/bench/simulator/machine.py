@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -80,10 +80,10 @@ TRIES = 50
 class Moved(Protocol):
     """A machine of any kind, without effects. Everything is in the base frame."""
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         """Poses of the measured target at commands q (N, n); NaN out of reach."""
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector. Of a :class:`Machine` (N, 6 + k, n),
         followed by that of the k joints whose coordinates the poses have."""
 
@@ -121,7 +121,7 @@ class Machine(Moved, Protocol):
     def nominal(self) -> Moved:
         """The nominal robot as a machine."""
 
-    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+    def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6 + k, p) derivative of the poses, and of the k joints whose coordinates they have, by everything that a
         calibration identifies, in units of tolerances."""
 

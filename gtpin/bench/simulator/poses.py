@@ -54,7 +54,7 @@ def across(direction: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Poses:
+class VirtualPoses:
     """Positions T (N, 3), m, and rotations R (N, 3, 3) from the TCP frame to a common frame; NaN out of reach.
 
     ``joints``: coordinates (N,), rad or m, of passive joints that an encoder reads, by name.
@@ -67,8 +67,8 @@ class Poses:
     def __len__(self) -> int:
         return len(self.T)
 
-    def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
-        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
+    def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> VirtualPoses:
+        return VirtualPoses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:
@@ -85,15 +85,15 @@ class Poses:
             wxyz[there] = np.where((found @ found[0] < 0.0)[:, None], -found, found)
         return wxyz
 
-    def with_joints(self, joints: Mapping[str, Floats]) -> Poses:
+    def with_joints(self, joints: Mapping[str, Floats]) -> VirtualPoses:
         """The same poses with the coordinates of some joints."""
         return replace(self, joints=joints)
 
-    def moved(self, T: Floats, R: Floats) -> Poses:
+    def moved(self, T: Floats, R: Floats) -> VirtualPoses:
         """The same poses in another frame, in which the present frame has the position T (3,), m, and rotation R (3, 3)."""
-        return Poses(self.T @ R.T + T, R @ self.R)
+        return VirtualPoses(self.T @ R.T + T, R @ self.R)
 
-    def minus(self, other: Poses) -> Floats:
+    def minus(self, other: VirtualPoses) -> Floats:
         """(N, 6) these poses less others: position, m, and rotation vector, rad, in the common frame; NaN if one is NaN."""
         difference = np.full((len(self), 6), np.nan)
         both = self.reached & other.reached
@@ -101,6 +101,6 @@ class Poses:
         difference[both, 3:] = log(self.R[both] @ np.swapaxes(other.R[both], 1, 2))
         return difference
 
-    def change(self, other: Poses) -> Floats:
+    def change(self, other: VirtualPoses) -> Floats:
         """(N, 6 + k) as :meth:`minus`, followed by the differences of the k joints' coordinates, rad or m."""
         return np.column_stack([self.minus(other), *(x - other.joints[name] for name, x in self.joints.items())])

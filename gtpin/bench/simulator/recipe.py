@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.poses import Poses, exp
-from gtpin.bench.simulator.tree import Frame
+from gtpin.bench.simulator.poses import VirtualPoses, exp
+from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.data import Instrument
 from gtpin.typing import Floats
 
@@ -23,7 +23,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Micro = Annotated[float, Field(ge=0.0, le=1e-3)]
 
 
-class Conditions(BaseModel):
+class SimulatedConditions(BaseModel):
     """Measurement conditions of a machine.
 
     Parameters
@@ -68,7 +68,7 @@ class Conditions(BaseModel):
     without: tuple[str, ...] = ()
 
     @staticmethod
-    def draw(rng: np.random.Generator, needs: Collection[str] = (), capacity: float = 20.0) -> Conditions:
+    def draw(rng: np.random.Generator, needs: Collection[str] = (), capacity: float = 20.0) -> SimulatedConditions:
         """Random conditions; those that ``needs`` names (``session``, ``speed``, ``payload``, ``force``, ``heat``) vary.
 
         Payloads are up to ``capacity``, kg, and forces on the tool are proportional to it.
@@ -77,7 +77,7 @@ class Conditions(BaseModel):
         resting = rng.random() < 0.15 and "speed" not in needs
         sessions = int(rng.integers(2, 4)) if "session" in needs or rng.random() < 0.3 else 1
         constant = rng.random() < 0.15 and "payload" not in needs
-        return Conditions(
+        return SimulatedConditions(
             rest=1.0 if resting else round(float(rng.uniform(0.4, 0.65)), 2),
             sessions=sessions,
             payloads=(part * float(rng.choice([0.0, 10.0, 20.0])),) if constant else (0.0, 10.0 * part, 20.0 * part),
@@ -91,7 +91,7 @@ class Conditions(BaseModel):
         )
 
 
-class Noise(BaseModel):
+class SimulatedNoise(BaseModel):
     """Random errors of the instrument and the machine.
 
     - ``position_sigma``, ``orientation_sigma``: standard deviation per axis, m and rad.
@@ -149,22 +149,22 @@ class Noise(BaseModel):
         """(n,) standard deviation of each cart along its track, m, or of each joint of an arm, rad or m."""
         return np.asarray(rng.uniform(*self.repeatability, machine.n_carts) * machine.per_metre)
 
-    def target(self, rng: np.random.Generator) -> Frame:
+    def target(self, rng: np.random.Generator) -> TreeFrame:
         """A random pose of an arm's target in the TCP frame."""
-        return Frame(-1, exp(rng.standard_normal(3)), np.asarray(rng.uniform(-0.06, 0.06, 3)))
+        return TreeFrame(-1, exp(rng.standard_normal(3)), np.asarray(rng.uniform(-0.06, 0.06, 3)))
 
     def growth(self, T: Floats) -> Floats:
         """(N,) factor on the position's sigma, by the distance of positions (N, 3), m, from the instrument."""
         distance = np.linalg.norm(T - np.array(self.station), axis=1)
         return np.asarray(np.maximum(1.0 + self.by_range * (distance / distance.mean() - 1.0), 0.1))
 
-    def measured(self, true: Poses, rng: np.random.Generator) -> Poses:
+    def measured(self, true: VirtualPoses, rng: np.random.Generator) -> VirtualPoses:
         """Poses (N) as the instrument reads them."""
         sigma = np.array([self.position_sigma] * 3 + [self.orientation_sigma] * 3)
         errors = sigma * self.drawn(rng, (len(true), 6))
         errors[:, :3] *= self.growth(true.T)[:, None]
         errors += sigma * self.drawn_gross(rng, errors.shape)
-        return Poses(true.T + errors[:, :3], exp(errors[:, 3:]) @ true.R)
+        return VirtualPoses(true.T + errors[:, :3], exp(errors[:, 3:]) @ true.R)
 
     def drawn(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
         """Random draws with standard deviation 1."""
@@ -205,8 +205,8 @@ class Recipe:
     robot: str
     poses: int
     held_out: int
-    noise: Noise
-    conditions: Conditions
+    noise: SimulatedNoise
+    conditions: SimulatedConditions
     background: bool = True
 
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, gain, rounded
-from gtpin.bench.simulator.poses import Poses, across, exp
-from gtpin.bench.simulator.rods import RodEnds, Rods, closed
+from gtpin.bench.simulator.poses import VirtualPoses, across, exp
+from gtpin.bench.simulator.rods import Rods, VirtualRodEnds, closed
 from gtpin.bench.simulator.universal import Universal
 from gtpin.errors import RobotError, UnreachableError
 from gtpin.robot.geometry import Geometry
@@ -162,23 +162,25 @@ class RodMachine:
 
     # ---------------------------------------------------------------------------------------------------- poses
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         return self.kinematics.predict(q)
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         J = self.kinematics.command_jacobian(q, poses)
         return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
 
-    def by_tolerance(self, q: Floats, poses: Poses) -> Floats:
+    def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
         J = self.kinematics.geometry_jacobian(q, poses)
         J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
         return np.asarray(J * self.geometry.tolerance)
 
-    def _with_joint(self, J: Floats, q: Floats, poses: Poses, moved: list[tuple[RodEnds, RodEnds]]) -> Floats:
+    def _with_joint(
+        self, J: Floats, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]
+    ) -> Floats:
         own = self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)
         return np.concatenate([J, own], axis=1)
 
-    def ends(self, q: Floats, deviation: Deviation) -> RodEnds:
+    def ends(self, q: Floats, deviation: Deviation) -> VirtualRodEnds:
         """Ends and lengths of the rods at commands q (N, n), with a deviation."""
         arms = ~self.is_leg & ~self.slides
         straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
@@ -189,9 +191,9 @@ class RodMachine:
         L = straight.L + deviation.length
         if self.is_leg.any():
             L = L + (deviation.travel * self.is_leg)[:, self.driver]
-        return RodEnds(straight.P + deviation.joint, C, L)
+        return VirtualRodEnds(straight.P + deviation.joint, C, L)
 
-    def close(self, start: Poses, ends: RodEnds) -> Poses:
+    def close(self, start: VirtualPoses, ends: VirtualRodEnds) -> VirtualPoses:
         """(N) closed poses, base frame, from poses at a distance of less than some millimetres.
 
         Raises UnreachableError if some rods can't be closed.
@@ -251,7 +253,7 @@ class RodMachine:
         return q
 
     @cached_property
-    def _middle(self) -> tuple[Floats, Poses]:
+    def _middle(self) -> tuple[Floats, VirtualPoses]:
         """(1, n) commands in the middle of the ranges and the pose there; home where that can't be reached."""
         robot = self.robot
         middle = (robot.lower + robot.upper) / 2.0

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.poses import Poses, across, exp
+from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind
@@ -28,7 +28,7 @@ SHORTEST = 1.0 / 256.0
 
 
 @dataclass(frozen=True)
-class RodEnds:
+class VirtualRodEnds:
     """Ends of the rods at N poses: P on the platform, (k, 3) or (N, k, 3), TCP frame; C (N, k, 3) on the carriers, base
     frame; lengths L (N, k) or (1, k); all in m.
     """
@@ -37,22 +37,22 @@ class RodEnds:
     C: Floats
     L: Floats
 
-    def take(self, rows: Rows | Bools) -> RodEnds:
+    def take(self, rows: Rows | Bools) -> VirtualRodEnds:
         """The ends at some of the poses."""
-        return RodEnds(
+        return VirtualRodEnds(
             self.P if self.P.ndim == 2 else self.P[rows], self.C[rows], self.L if len(self.L) == 1 else self.L[rows]
         )
 
-    def rods(self, poses: Poses) -> tuple[Floats, Floats]:
+    def rods(self, poses: VirtualPoses) -> tuple[Floats, Floats]:
         """Vectors from each rod's carrier joint, and from the TCP, to its platform joint: both (N, k, 3), base frame, m."""
         arm = self.P @ np.swapaxes(poses.R, 1, 2)
         return poses.T[:, None] + arm - self.C, arm
 
-    def gaps(self, poses: Poses) -> Floats:
+    def gaps(self, poses: VirtualPoses) -> Floats:
         """(N, k) distance of each rod's joints less its length, m."""
         return np.asarray(np.linalg.norm(self.rods(poses)[0], axis=2) - self.L)
 
-    def squares(self, poses: Poses) -> Floats:
+    def squares(self, poses: VirtualPoses) -> Floats:
         """(N, k) half the difference of the squares of that distance and the rod's length, m^2."""
         rods = self.rods(poses)[0]
         return np.asarray((np.einsum("nki,nki->nk", rods, rods) - self.L**2) / 2.0)
@@ -76,7 +76,7 @@ def each_solved(matrices: Floats, right: Floats) -> Floats:
     return np.asarray(solution)
 
 
-def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
+def closed(start: VirtualPoses, ends: VirtualRodEnds, size: float) -> tuple[VirtualPoses, Bools]:
     """Poses (N) at which the rods close, from nearby poses, and (N,) whether they close to the rounding error of ``size``,
     m."""
     T, R = start.T.copy(), start.R.copy()
@@ -84,7 +84,7 @@ def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
     before = np.full(len(T), np.inf)
     rows = np.arange(len(T))
     for _ in range(STEPS):
-        some, here = ends.take(rows), Poses(T[rows], R[rows])
+        some, here = ends.take(rows), VirtualPoses(T[rows], R[rows])
         gaps = some.gaps(here)
         done[rows] = np.abs(gaps).max(axis=1) <= 16.0 * np.finfo(float).eps * size
         step = each_solved(by_pose(*some.rods(here)), -gaps)
@@ -96,10 +96,10 @@ def closed(start: Poses, ends: RodEnds, size: float) -> tuple[Poses, Bools]:
         T[rows] += step[:, :3]
         R[rows] = exp(step[:, 3:]) @ R[rows]
         before[rows] = length
-    return Poses(T, R), done
+    return VirtualPoses(T, R), done
 
 
-def led(way: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Poses:
+def led(way: Callable[[Floats, Rows], VirtualRodEnds], start: VirtualPoses, size: float) -> VirtualPoses:
     """Closed poses (N) at the end of a path of the rods' ends, from the closed poses ``start``, in the same assembly mode.
 
     ``way`` gives the ends at fractions (m,) of the path, for m of the poses. A stride along the path is halved until Newton's
@@ -112,7 +112,7 @@ def led(way: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Po
     while rows.size:
         goal = np.minimum(1.0, at[rows] + stride[rows])
         ends = way(goal, rows)
-        poses, good = closed(Poses(T[rows], R[rows]), ends, size)
+        poses, good = closed(VirtualPoses(T[rows], R[rows]), ends, size)
         good[good] = _side(ends.take(good), poses[good]) == side[rows[good]]
         on, off = rows[good], rows[~good]
         T[on], R[on], at[on] = poses.T[good], poses.R[good], goal[good]
@@ -121,10 +121,10 @@ def led(way: Callable[[Floats, Rows], RodEnds], start: Poses, size: float) -> Po
         lost = off[stride[off] < SHORTEST]
         T[lost], R[lost], at[lost] = np.nan, np.nan, 1.0
         rows = np.flatnonzero(at < 1.0)
-    return Poses(T, R)
+    return VirtualPoses(T, R)
 
 
-def _side(ends: RodEnds, poses: Poses) -> Floats:
+def _side(ends: VirtualRodEnds, poses: VirtualPoses) -> Floats:
     return np.asarray(np.sign(np.linalg.det(by_pose(*ends.rods(poses)))))
 
 
@@ -196,7 +196,7 @@ class Rods:
 
     # -------------------------------------------------------------------------------------------------- motion
 
-    def ends(self, q: Floats) -> RodEnds:
+    def ends(self, q: Floats) -> VirtualRodEnds:
         """The ends of the rods at commands q (N, n)."""
         robot = self.geometry.robot
         travel = np.where(self.driver >= 0, q[:, self.driver], 0.0) * self.scale
@@ -205,32 +205,32 @@ class Rods:
             if rod.carrier is not None and robot.actuators[rod.carrier].revolute:
                 origin = robot.actuators[rod.carrier].origin
                 C[:, i] = origin + exp(travel[:, i, None] * self.v[i]) @ (self.C0[i] - origin)
-        return RodEnds(self.P, C, self.L0 + travel * self.is_leg if self.is_leg.any() else self.L0[None])
+        return VirtualRodEnds(self.P, C, self.L0 + travel * self.is_leg if self.is_leg.any() else self.L0[None])
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the rods can't be closed."""
         q_home, home = self.geometry.robot.home_q, self.home
         T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
         for first in range(0, len(q), CHUNK):
             part = q[first : first + CHUNK]
 
-            def way(s: Floats, rows: npt.NDArray[np.int_], part: Floats = part) -> RodEnds:
+            def way(s: Floats, rows: npt.NDArray[np.int_], part: Floats = part) -> VirtualRodEnds:
                 return self.ends(q_home + s[:, None] * (part[rows] - q_home))
 
-            start = Poses(np.tile(home.T, (len(part), 1)), np.tile(home.R, (len(part), 1, 1)))
+            start = VirtualPoses(np.tile(home.T, (len(part), 1)), np.tile(home.R, (len(part), 1, 1)))
             poses = led(way, start, self.size)
             T[first : first + CHUNK], R[first : first + CHUNK] = poses.T, poses.R
-        return Poses(T, R)
+        return VirtualPoses(T, R)
 
     @cached_property
-    def home(self) -> Poses:
+    def home(self) -> VirtualPoses:
         """(1) pose at the home commands, on the assembly mode of the home pose in the URDF."""
         robot = self.geometry.robot
         nominal = Rods(Geometry(robot, (), np.zeros(0)))
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
 
-        def way(s: Floats, _: npt.NDArray[np.int_]) -> RodEnds:
-            return RodEnds(
+        def way(s: Floats, _: npt.NDArray[np.int_]) -> VirtualRodEnds:
+            return VirtualRodEnds(
                 *(a + s[0] * (b - a) for a, b in zip(vars(before).values(), vars(after).values(), strict=True))
             )
 
@@ -238,19 +238,19 @@ class Rods:
 
     # --------------------------------------------------------------------------------------------- derivatives
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
         return self._answer(q, poses, self.commanded(q), NUDGE)
 
-    def commanded(self, q: Floats) -> list[tuple[RodEnds, RodEnds]]:
+    def commanded(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each command larger, and smaller, by ``NUDGE``."""
         return [(self.ends(q + step), self.ends(q - step)) for step in NUDGE * np.eye(q.shape[1])]
 
-    def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def geometry_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, p) derivative of the pose by the geometry's parameters: position and rotation vector, base frame."""
         return self._answer(q, poses, self.changed(q), NUDGE)
 
-    def changed(self, q: Floats) -> list[tuple[RodEnds, RodEnds]]:
+    def changed(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each parameter of the geometry larger, and smaller, by ``NUDGE``."""
         values = self.geometry.values
         steps = NUDGE * np.eye(len(values))
@@ -259,7 +259,9 @@ class Rods:
     def _with(self, values: Floats) -> Rods:
         return replace(self, geometry=self.geometry.with_values(values))
 
-    def _answer(self, q: Floats, poses: Poses, moved: list[tuple[RodEnds, RodEnds]], nudge: float) -> Floats:
+    def _answer(
+        self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]], nudge: float
+    ) -> Floats:
         """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``nudge`` of each number."""
         # Gaps as half the differences of squared lengths: the same at closed poses, and published cases were made with them.
         opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * nudge) for one, other in moved]
@@ -268,7 +270,7 @@ class Rods:
         return np.asarray(-np.linalg.solve(by, np.stack(opened, axis=2)))
 
 
-def _assembled(nominal: Rods, ends: RodEnds) -> Poses:
+def _assembled(nominal: Rods, ends: VirtualRodEnds) -> VirtualPoses:
     """(1) closed pose at the home commands, near the home pose in the URDF, by damped Newton steps.
 
     Raises UnreachableError if there is none near it.
@@ -280,7 +282,7 @@ def _assembled(nominal: Rods, ends: RodEnds) -> Poses:
     if told is not None:
         R = exp(told.tcp_rotvec) @ robot.home_placement.rotation.T
         T = np.array(told.tcp_xyz) - R @ robot.home_placement.translation
-    pose = Poses((T + R @ frame.translation)[None], (R @ frame.rotation)[None])
+    pose = VirtualPoses((T + R @ frame.translation)[None], (R @ frame.rotation)[None])
     for _ in range(200):
         there, done = closed(pose, ends, nominal.size)
         if done[0]:
@@ -289,7 +291,7 @@ def _assembled(nominal: Rods, ends: RodEnds) -> Poses:
         step = each_solved(by_pose(*ends.rods(pose)), -gap)[0]
         share = 1.0
         while share > 1e-3:
-            trial = Poses(pose.T + share * step[:3], exp(share * step[3:]) @ pose.R)
+            trial = VirtualPoses(pose.T + share * step[:3], exp(share * step[3:]) @ pose.R)
             if np.abs(ends.gaps(trial)).max() < np.abs(gap).max():
                 break
             share /= 2.0

@@ -12,7 +12,7 @@ from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.machine import CONDITIONED, collected, gain, rounded
-from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.rods import Rods
 from gtpin.bench.simulator.universal import Universal
 from gtpin.bench.simulator.visits import REPEATED
@@ -48,7 +48,7 @@ class TrueRobot:
         twists = np.array([off.get(place, np.zeros(6)) for place in places])
         return replace(ArmMachine.of(arm), twists=twists[:-1], tool=twists[-1])
 
-    def predict(self, q: Floats) -> Poses:
+    def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame; NaN out of reach."""
         poses, chain = self.chain.predict(q), self.chain
         if not self.read or not isinstance(chain, Rods):
@@ -57,7 +57,7 @@ class TrueRobot:
         angle[there] = joint.coordinate(poses[there], chain.ends(q[there]))
         return poses.with_joints({joint.name: angle})
 
-    def command_jacobian(self, q: Floats, poses: Poses) -> Floats:
+    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector, base frame."""
         return self.chain.command_jacobian(q, poses)
 
@@ -86,7 +86,7 @@ class Simulation:
     dataset: Dataset
     machine: TrueRobot
     commands: Commands
-    truth: Poses
+    truth: VirtualPoses
 
 
 def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:

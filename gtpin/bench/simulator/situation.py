@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.rod_machine import RodMachine
-from gtpin.bench.simulator.rods import RodEnds, by_pose, each_solved
-from gtpin.bench.simulator.visits import Visits
+from gtpin.bench.simulator.rods import VirtualRodEnds, by_pose, each_solved
+from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class Postures:
     """N postures of a machine of any kind, in the order of time."""
 
     # `machine`, `visits`: The machine, and its commands and conditions
     machine: Any
-    visits: Visits
-    poses: Poses  # Poses of the platform or of the target, base frame
+    visits: VirtualVisits
+    poses: VirtualPoses  # Poses of the platform or of the target, base frame
 
     def __len__(self) -> int:
         return len(self.visits)
@@ -63,14 +63,14 @@ class Situation:
 
 
 @dataclass(frozen=True, eq=False)
-class RodSituation(Situation):
+class RodSituation(Postures):
     """N closed postures of a machine on rods; ``ends``: the rods' ends there."""
 
     machine: RodMachine
-    ends: RodEnds
+    ends: VirtualRodEnds
 
     @staticmethod
-    def of(machine: RodMachine, visits: Visits) -> RodSituation:
+    def of(machine: RodMachine, visits: VirtualVisits) -> RodSituation:
         """The machine with errors of its geometry alone."""
         ends = machine.ends(visits.q, machine.unbent(len(visits)))
         return RodSituation(machine, visits, machine.predict(visits.q), ends)
@@ -80,13 +80,13 @@ class RodSituation(Situation):
         ends = self.machine.ends(self.visits.q, deviation)
         return RodSituation(self.machine, self.visits, self.machine.close(self.poses, ends), ends)
 
-    def seen(self, read: tuple[str, ...]) -> Poses:
+    def seen(self, read: tuple[str, ...]) -> VirtualPoses:
         """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
         return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
-        """See :meth:`~gtpin.bench.simulator.rods.RodEnds.rods`."""
+        """See :meth:`~gtpin.bench.simulator.rods.VirtualRodEnds.rods`."""
         return self.ends.rods(self.poses)
 
     @cached_property

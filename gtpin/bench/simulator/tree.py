@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from defusedxml.ElementTree import fromstring
 
-from gtpin.bench.simulator.poses import Poses, cross_matrix, exp
+from gtpin.bench.simulator.poses import VirtualPoses, cross_matrix, exp
 from gtpin.errors import RobotError
 from gtpin.typing import Floats
 
@@ -18,7 +18,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class TreeJoint:
     """A moving joint and its body: its child link with everything that is fixed to it."""
 
     # `name`, `link`: Names of the URDF's joint and of its child link
@@ -41,7 +41,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class TreeFrame:
     """A frame on the body of a joint (index; -1: the base): rotation R (3, 3) and position p (3,), m."""
 
     joint: int
@@ -53,8 +53,8 @@ class Frame:
 class Urdf:
     """The moving joints of a URDF, parents first, and the frames of its links, by name, on their bodies."""
 
-    joints: tuple[Joint, ...]
-    links: dict[str, Frame]
+    joints: tuple[TreeJoint, ...]
+    links: dict[str, TreeFrame]
 
     def index(self, name: str) -> int:
         """Index of a joint by its name."""
@@ -72,7 +72,7 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
     children = {_link(joint, "child") for joint in elements}
     bodies: list[dict[str, object]] = []
     masses: list[tuple[float, Floats]] = []
-    frames = {name: Frame(-1, np.eye(3), np.zeros(3)) for name in inertials if name not in children}
+    frames = {name: TreeFrame(-1, np.eye(3), np.zeros(3)) for name in inertials if name not in children}
     waiting = list(elements)
     while waiting:
         ready = next((joint for joint in waiting if _link(joint, "parent") in frames), None)
@@ -81,14 +81,14 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
         waiting.remove(ready)
         on, kind, name = frames[_link(ready, "parent")], str(ready.get("type")), str(ready.get("name"))
         local_R, local_p = _origin(ready)
-        frame = Frame(on.joint, on.R @ local_R, on.p + on.R @ local_p)
+        frame = TreeFrame(on.joint, on.R @ local_R, on.p + on.R @ local_p)
         child = _link(ready, "child")
         if kind in MOVING:
             bodies.append(
                 {"element": ready, "name": name, "link": child, "parent": frame.joint, "R": frame.R, "p": frame.p}
             )
             masses.append((0.0, np.zeros(3)))
-            frame = Frame(len(bodies) - 1, np.eye(3), np.zeros(3))
+            frame = TreeFrame(len(bodies) - 1, np.eye(3), np.zeros(3))
         elif kind != "fixed" and kind not in still:
             raise RobotError(f"joint {name} is {kind}", hint="the simulator moves joints that turn or slide")
         frames[child] = frame
@@ -101,7 +101,7 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
     return Urdf(tuple(joints), frames)
 
 
-def _joint(body: dict[str, object], names: list[str], mass: float, moment: Floats) -> Joint:
+def _joint(body: dict[str, object], names: list[str], mass: float, moment: Floats) -> TreeJoint:
     element = body.pop("element")
     assert isinstance(element, Element)
     axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0))
@@ -115,7 +115,7 @@ def _joint(body: dict[str, object], names: list[str], mass: float, moment: Float
     if mimic is not None and mimic.get("joint") in names:
         leader = names.index(str(mimic.get("joint")))
         follows = leader, float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
-    return Joint(
+    return TreeJoint(
         **body,  # type: ignore[arg-type]
         axis=axis / np.linalg.norm(axis),
         slides=element.get("type") == "prismatic",
@@ -209,17 +209,19 @@ class Placed:
     seats: Floats
     x: Floats  # (N, J) the joints' coordinates, rad or m
 
-    def at(self, frame: Frame, bending: Bending = STRAIGHT) -> Poses:
+    def at(self, frame: TreeFrame, bending: Bending = STRAIGHT) -> VirtualPoses:
         """Poses of a frame on a body."""
         count = len(self.R)
         if frame.joint < 0:
-            return Poses(np.tile(frame.p, (count, 1)), np.tile(frame.R, (count, 1, 1)))
+            return VirtualPoses(np.tile(frame.p, (count, 1)), np.tile(frame.R, (count, 1, 1)))
         R, p = self.R[:, frame.joint], self.p[:, frame.joint]
         local_p, local_R = bending.on(frame.p, frame.R, frame.joint)
-        return Poses(p + np.einsum("nij,...j->ni" if local_p.ndim == 1 else "nij,nj->ni", R, local_p), R @ local_R)
+        return VirtualPoses(
+            p + np.einsum("nij,...j->ni" if local_p.ndim == 1 else "nij,nj->ni", R, local_p), R @ local_R
+        )
 
 
-def placed(joints: tuple[Joint, ...], x: Floats, bending: Bending = STRAIGHT) -> Placed:
+def placed(joints: tuple[TreeJoint, ...], x: Floats, bending: Bending = STRAIGHT) -> Placed:
     """The bodies of a tree at joint coordinates x (N, J), m and rad."""
     count, number = x.shape
     R, p, seats = np.empty((count, number, 3, 3)), np.empty((count, number, 3)), np.empty((count, number, 3, 3))

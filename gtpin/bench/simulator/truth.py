@@ -14,10 +14,10 @@ import tomli_w
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.poses import Poses
+from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe
 from gtpin.bench.simulator.rod_machine import RodMachine
-from gtpin.bench.simulator.visits import Visits
+from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.data import Commands, Dataset
 from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
@@ -35,7 +35,7 @@ DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class EffectTruth:
     """An effect that a machine has."""
 
     # `effect`, `site`: Its id and its site
@@ -67,10 +67,10 @@ class AnyCase:
     name: str
     dataset: Any
     commands: Commands
-    truth: Poses
-    effects: tuple[Truth, ...]
+    truth: VirtualPoses
+    effects: tuple[EffectTruth, ...]
     machine: Any
-    true: Poses
+    true: VirtualPoses
     recipe: Recipe | None
 
     @property
@@ -118,12 +118,12 @@ class Case(AnyCase):
     dataset: Dataset
     machine: RodMachine | ArmMachine
     recipe: Recipe
-    visits: Visits
+    visits: VirtualVisits
     background: float
 
 
 @dataclass(frozen=True, eq=False)
-class Read:
+class InstrumentTruth:
     """An instrument's ``[[instrument]]`` in dataset.toml, and its table: the stop of each row (M,), and its own columns."""
 
     described: dict[str, Any]
@@ -143,7 +143,7 @@ class Tables:
     pose: Ids
     q: Floats
     covariates: dict[str, Column]
-    read: tuple[Read, ...]  # Description and table of each instrument
+    read: tuple[InstrumentTruth, ...]  # Description and table of each instrument
 
     def __len__(self) -> int:
         return sum(len(one.stop) for one in self.read)
@@ -176,7 +176,7 @@ class InstrumentCase(AnyCase):
 
     dataset: Tables
     gauges: tuple[Gauge, ...]
-    steady: Poses
+    steady: VirtualPoses
     geometry: dict[str, float]
     repeatability: Floats
     held: dict[str, tuple[Floats, Floats]]

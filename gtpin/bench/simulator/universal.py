@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.bench.simulator.poses import Poses, exp
-from gtpin.bench.simulator.rods import NUDGE, RodEnds
+from gtpin.bench.simulator.poses import VirtualPoses, exp
+from gtpin.bench.simulator.rods import NUDGE, VirtualRodEnds
 from gtpin.bench.simulator.tree import read_urdf
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
@@ -61,11 +61,13 @@ class Universal:
             first.name, rod, tcp.R.T @ first.R, second.R, first.axis, second.axis, tip / np.linalg.norm(tip)
         )
 
-    def coordinate(self, poses: Poses, ends: RodEnds) -> Floats:
+    def coordinate(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
         """(N,) angle about the first axis, rad, at poses with the rods' ends; NaN where the rod is parallel to the axis."""
         return self._angles(self._direction(poses, ends))[:, 0]
 
-    def by_motion(self, poses: Poses, ends: RodEnds, J: Floats, moved: list[tuple[RodEnds, RodEnds]]) -> Floats:
+    def by_motion(
+        self, poses: VirtualPoses, ends: VirtualRodEnds, J: Floats, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]
+    ) -> Floats:
         """(N, 1, m) derivative of the angle by m numbers; J (N, 6, m) is the derivative of the poses by them.
 
         ``moved`` has the rods' ends with each number larger, and smaller, by ``NUDGE``.
@@ -75,12 +77,12 @@ class Universal:
         found = []
         for way, (more, less) in zip(NUDGE * np.moveaxis(J, 2, 0), moved, strict=True):
             turn = exp(way[:, 3:])
-            ahead = self._direction(Poses(poses.T + way[:, :3], turn @ poses.R), more)
-            behind = self._direction(Poses(poses.T - way[:, :3], np.swapaxes(turn, 1, 2) @ poses.R), less)
+            ahead = self._direction(VirtualPoses(poses.T + way[:, :3], turn @ poses.R), more)
+            behind = self._direction(VirtualPoses(poses.T - way[:, :3], np.swapaxes(turn, 1, 2) @ poses.R), less)
             found.append(self._step(x, (ahead - behind) / (2.0 * NUDGE))[:, 0])
         return np.stack(found, axis=1)[:, None]
 
-    def _direction(self, poses: Poses, ends: RodEnds) -> Floats:
+    def _direction(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
         """(N, 3) unit vector along the rod, away from the platform, TCP frame."""
         away = -np.einsum("nji,nj->ni", poses.R, ends.rods(poses)[0][:, self.rod])
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))

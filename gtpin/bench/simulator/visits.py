@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
@@ -81,7 +81,7 @@ SPEED = (0.05, 0.30)
 
 
 @dataclass(frozen=True)
-class Visits:
+class VirtualVisits:
     """N visits in the order of time."""
 
     pose: Ints  # (N,) number of the pose; two visits of one pose share it
@@ -112,12 +112,12 @@ class Visits:
         """(N,) time over the end of the day: 0 to 1, and more for later visits."""
         return np.asarray(self.time / self.day.end)
 
-    def take(self, rows: Ints | Bools) -> Visits:
+    def take(self, rows: Ints | Bools) -> VirtualVisits:
         """Some of the visits."""
         changed: dict[str, Any] = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "day"}
         return replace(self, **changed)
 
-    def columns(self, conditions: Conditions) -> dict[str, Column]:
+    def columns(self, conditions: SimulatedConditions) -> dict[str, Column]:
         """The covariates that the dataset records, by name."""
         columns: dict[str, Column] = {"time": self.time}
         if conditions.sessions > 1:
@@ -137,7 +137,9 @@ def session_ids(session: Ints) -> Ids:
     return np.array([str(s) for s in session], dtype=object)
 
 
-def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rng: np.random.Generator) -> Visits:
+def plan(
+    machine: Machine, poses: int, held_out: int, conditions: SimulatedConditions, rng: np.random.Generator
+) -> VirtualVisits:
     """A day's visits: of ``poses`` poses, a tenth of them twice, and of ``held_out`` others in between.
 
     Raises UnreachableError if hardly any poses can be reached.
@@ -146,8 +148,8 @@ def plan(machine: Machine, poses: int, held_out: int, conditions: Conditions, rn
 
 
 def visited(
-    machine: Machine, q: Floats, poses: int, repeatable: int, conditions: Conditions, rng: np.random.Generator
-) -> Visits:
+    machine: Machine, q: Floats, poses: int, repeatable: int, conditions: SimulatedConditions, rng: np.random.Generator
+) -> VirtualVisits:
     """A day's visits of commands q (P, n): the first ``poses`` are measured, a tenth of the first ``repeatable`` twice."""
     again = rng.choice(repeatable, size=int(REPEATED * repeatable), replace=False)
     pose = np.concatenate([np.arange(len(q)), again])
@@ -165,7 +167,7 @@ def visited(
     before = _starts(q, conditions.direct, rng)
     moving = rng.random(total) >= conditions.rest
     way = (q - before) / np.abs(q - before).max(axis=1, keepdims=True) * moving[:, None]
-    return Visits(
+    return VirtualVisits(
         pose=pose,
         held=pose >= poses,
         q=q,

@@ -210,9 +210,9 @@ def _whole_chance(x: Floats, seen: Observability) -> float:
 
     Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
     """
-    told = seen.learned > UNSEEN
+    told = seen.variance_reduction > UNSEEN
     along = seen.directions[:, told].T @ x
-    return float(chi2.sf(float((along**2 / seen.learned[told]).sum()), max(int(told.sum()), 1)))
+    return float(chi2.sf(float((along**2 / seen.variance_reduction[told]).sum()), max(int(told.sum()), 1)))
 
 
 def _far(values: Floats, names: list[str] | tuple[str, ...]) -> str:

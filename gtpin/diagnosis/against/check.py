@@ -144,14 +144,14 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
-        causes.append(replace(one, shrinkage=takes[hypothesis.place]))
+        causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
     assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
     kept = {tuple(place) for place in data.places}
     aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)
     return HealthCheck(
         verdict=found.verdict,
-        causes=tuple(sorted(causes, key=lambda c: -c.shrinkage)),
+        causes=tuple(sorted(causes, key=lambda c: -c.explained_fraction)),
         candidates=considered(hypotheses, found, tried.changes.proposal.untested, ()),
         where=where(hypotheses, found.alone, regions),
         gap=whole,

@@ -25,7 +25,7 @@ WITHIN = 0.6827
 def cause(
     model: FittedModel, hypothesis: Hypothesis, found: Conclusion, named: Hypothesis, hypotheses: HypothesisSet
 ) -> Cause:
-    """A cause ``named`` in a conclusion, with its parameters from the fitted model; ``shrinkage`` is 0 until it is computed.
+    """A cause ``named`` in a conclusion, with its parameters from the fitted model. Its ``explained_fraction`` is 0 at first.
 
     The others of its class have the parameters of a linear fit in its place.
     """

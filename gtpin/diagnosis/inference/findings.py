@@ -9,6 +9,7 @@ from typing import Literal
 
 from gtpin.effects.effect import Nature
 from gtpin.effects.untestable import Untestable
+from gtpin.errors import renamed
 from gtpin.estimate import Estimate
 
 Verdict = Literal["none", "explained", "ambiguous", "unknown"]
@@ -44,7 +45,7 @@ class Cause:
         one of them where a proxy supports it.
     parameters
         The parameters of the leader, by name.
-    shrinkage
+    explained_fraction
         Explained fraction of the gap's power, given the other causes.
     nature
         The nature of the leader's effect: :attr:`gtpin.effects.effect.Effect.nature`.
@@ -55,8 +56,9 @@ class Cause:
     probability: float
     members: tuple[Member, ...]
     parameters: dict[str, Estimate]
-    shrinkage: float
+    explained_fraction: float
     nature: Nature = "mechanism"
+    shrinkage = renamed("shrinkage", "explained_fraction")
 
 
 @dataclass(frozen=True)

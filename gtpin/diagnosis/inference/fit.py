@@ -96,7 +96,7 @@ def fit(
     checked, takes = gaps_by("region")
     whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
     found = without_undecided(hypotheses, found)
-    causes = [replace(c, shrinkage=takes[c.effect, c.site]) for c in causes]
+    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
@@ -108,7 +108,9 @@ def fit(
     return Fitted(
         conclusion=found,
         model=model,
-        causes=tuple(sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.shrinkage)),
+        causes=tuple(
+            sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.explained_fraction)
+        ),
         also=undecided(hypotheses, found),
         gap=whole,
         unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),

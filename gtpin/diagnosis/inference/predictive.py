@@ -47,8 +47,8 @@ def gaps(
         )
 
     whole = of(columns)
-    shares = {place: of(p for p in columns if p != place).shrinkage or 0.0 for place in columns}
-    return whole, {place: (whole.shrinkage or 0.0) - share for place, share in shares.items()}
+    shares = {place: of(p for p in columns if p != place).explained_fraction or 0.0 for place in columns}
+    return whole, {place: (whole.explained_fraction or 0.0) - share for place, share in shares.items()}
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:

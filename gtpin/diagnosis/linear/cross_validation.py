@@ -9,12 +9,13 @@ import numpy as np
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.hold_out import HoldOut
+from gtpin.errors import renamed
 from gtpin.typing import Floats, Mask
 
 DRAWS = 400
 """Number of random draws from which an interval is computed."""
 ASKED = 120
-"""Number of other poses for which the interval of the shrinkage is computed. Assumed: a user wants to predict this many."""
+"""Number of other poses of the explained fraction's interval. Assumed: a user wants to predict this many."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,8 @@ class Gap:
     - ``before``, ``after``: root mean square length of the position error, m: with the geometry alone, and with the causes.
     - ``floor``: noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits
       show; by the inferred one where neither exists.
-    - ``shrinkage``: explained fraction of the gap, 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no
-      causes.
-    - ``interval``: 95 % interval of the ``shrinkage`` that other poses of the same kind would show, or, with ``hold_out``
+    - ``explained_fraction``: 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
+    - ``interval``: 95 % interval of it that other poses of the same kind would show, or, with ``hold_out``
       ``session``, another session.
     - ``hold_out``, ``blocks``: which poses were left out together, and the number of these blocks.
     - ``sessions``: number of sessions in the data; 1 where no column tells them apart.
@@ -63,7 +63,7 @@ class Gap:
     before: float
     after: float
     floor: float
-    shrinkage: float | None
+    explained_fraction: float | None
     interval: tuple[float, float] | None
     hold_out: HoldOut = "region"
     blocks: int = 0
@@ -72,6 +72,7 @@ class Gap:
     by_instrument: tuple[InstrumentGap, ...] = ()
     inferred: float = np.nan
     """The same by the noise that the search for causes assumed, m: it is estimated from residuals, where no cause is found."""
+    shrinkage = renamed("shrinkage", "explained_fraction")
 
 
 @dataclass(frozen=True)
@@ -164,16 +165,18 @@ def gap(
     a2 = (whole.errors**2).sum(axis=1)
     # The noise of these poses as the fit shows it, but at most two standard deviations of chance above the known noise.
     least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / alone.kept.sum())))
-    shrinkage = _share(float(b2.mean()), float(a2.mean()), least)
+    explained_fraction = _share(float(b2.mean()), float(a2.mean()), least)
     drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
     low, high = (float(value) for value in np.percentile(drawn, (2.5, 97.5)))
     if of_blocks:
-        reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, shrinkage)
-        low, high = min(low, max(shrinkage - reach, -1.0)), max(high, min(shrinkage + reach, 1.0))
-    interval = (min(low, shrinkage), max(high, shrinkage))
+        reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, explained_fraction)
+        low, high = min(low, max(explained_fraction - reach, -1.0)), max(high, min(explained_fraction + reach, 1.0))
+    interval = (min(low, explained_fraction), max(high, explained_fraction))
     turns, of = _turns(design, alone, whole), instrument_gaps(design, alone, whole, *of_numbers)
     floor_ = float(np.sqrt(least))
-    return Gap(_root(b2), _root(a2), floor_, shrinkage, interval, turns=turns, by_instrument=of, inferred=assumed)
+    return Gap(
+        _root(b2), _root(a2), floor_, explained_fraction, interval, turns=turns, by_instrument=of, inferred=assumed
+    )
 
 
 def instrument_gaps(
@@ -207,11 +210,11 @@ def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
     return Turns(before, after, min(floor, before))
 
 
-def _reach(powers: Floats, shrinkage: float) -> float:
-    """Half width of the 95 % interval of another block's shrinkage, from the differences of K blocks.
+def _reach(powers: Floats, explained_fraction: float) -> float:
+    """Half width of the 95 % interval of another block's explained fraction, from the differences of K blocks.
 
-    The shrinkage is a ratio of means, 1 - mean(after) / mean(before), and block k departs from it by
-    e_k = (before_k - after_k - shrinkage before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
+    The explained fraction f is a ratio of means, 1 - mean(after) / mean(before), and block k departs from it by
+    e_k = (before_k - after_k - f before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
     block's departure is Student's t with K - 1 degrees of freedom, times the e_k's scatter, times sqrt(1 + 1 / K).
 
     ``powers``: (K, 2) each block's mean square error before and after, less the floor, m^2.
@@ -219,14 +222,14 @@ def _reach(powers: Floats, shrinkage: float) -> float:
     from scipy.stats import t
 
     before, after = powers.T
-    departure = (before - after - shrinkage * before) / max(float(before.mean()), 1e-300)
+    departure = (before - after - explained_fraction * before) / max(float(before.mean()), 1e-300)
     free = len(powers) - 1
     scatter = float(np.sqrt((departure**2).sum() / free))
     return float(t.ppf(0.975, free)) * scatter * float(np.sqrt(1.0 + 1.0 / len(powers)))
 
 
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
-    """Random draws (DRAWS,) of the shrinkage on other poses, given the covariance of what was fitted.
+    """Random draws (DRAWS,) of the explained fraction on other poses, given the covariance of what was fitted.
 
     ``error``: mean squared length of the prediction error on left-out poses without noise, m^2. ``squares``: (N,) squared
     errors of the poses left out, m^2.

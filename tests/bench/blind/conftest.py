@@ -23,7 +23,7 @@ def cases(tmp_path: Path, small: Case) -> Path:
     """Seven cases made by hand, with truths; see ``test_a_folder_of_cases_is_scored_by_hand``."""
     folder = tmp_path / "given"
     folder.mkdir()
-    alone = diagnosis("explained", cause("linearity@cart1"), shrinkage=0.7, interval=(0.5, 0.8))
+    alone = diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.7, interval=(0.5, 0.8))
     # Off by 4 um before and 2 um after: three quarters of the gap's power go away.
     at = {"baseline": shifted(small.truth.T, 4e-6), "model": shifted(small.truth.T, 2e-6)}
     write_case(folder, "a", small, [("linearity", "cart1")], {"said": alone, "at": at})

@@ -36,7 +36,7 @@ def diagnosis(
     *causes: Mapping[str, Any],
     site: str = "cart1",
     top: str = "linearity@cart1",
-    shrinkage: float | None = None,
+    explained_fraction: float | None = None,
     interval: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
     """The content of a ``diagnosis.json``, as the contract has it."""
@@ -66,7 +66,7 @@ def diagnosis(
         "causes": list(causes),
         "candidates": candidates,
         "where": {"rod": {}, "site": {site: 0.7, "frame": 0.3}, "axis": {}, "covariate": {}, "region": []},
-        "gap": {"shrinkage": shrinkage, "interval": interval},
+        "gap": {"shrinkage": explained_fraction, "interval": interval},
         "unexplained": {},
         "next_experiment": [],
     }

@@ -6,7 +6,7 @@ import pytest
 from gtpin.bench.blind.baselines import fit_known_causes, gaussian_process_positions
 from gtpin.bench.blind.difficulty import SCALES, Difficulty
 from gtpin.bench.simulator.case import Case, make_case
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.effects.catalogue import effects_by_id
@@ -17,7 +17,7 @@ SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 
 
 def made(effect: str, site: str) -> Case:
-    conditions = Conditions(payloads=(0.0, 10.0, 20.0))
+    conditions = SimulatedConditions(payloads=(0.0, 10.0, 20.0))
     return make_case(
         3, effects=[(effect, site)], energy=1000.0, poses=80, held_out=40, conditions=conditions, background=False
     )

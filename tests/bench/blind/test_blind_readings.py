@@ -1,4 +1,4 @@
-"""D and the realised shrinkage of cases that instruments read."""
+"""D and the realised explained fraction of cases that instruments read."""
 
 import json
 import shutil
@@ -147,7 +147,7 @@ def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Pa
     assert found.shrunk is not None
 
 
-# ------------------------------------------------------------------------------------------------- realised shrinkage
+# ------------------------------------------------------------------------------------------------- realised explained fraction
 
 
 @pytest.mark.slow

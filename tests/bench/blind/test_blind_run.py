@@ -18,7 +18,7 @@ from gtpin.bench.blind.score import score
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import Case, drawn_recipe
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError, GtpinWarning
 
@@ -298,7 +298,7 @@ def test_a_dataset_of_schema_2_is_taken_in_with_the_urdf_that_it_names(tmp_path:
     urdf = tmp_path / "robots" / "mine.urdf"
     urdf.parent.mkdir()
     urdf.write_text(gtpin.load_robot("gantry_tau").description.xml)
-    recipe = drawn_recipe(1, effects=[], poses=8, held_out=2, robot=str(urdf), conditions=Conditions())
+    recipe = drawn_recipe(1, effects=[], poses=8, held_out=2, robot=str(urdf), conditions=SimulatedConditions())
     made = build_measured(recipe, ["range"])
     made.write_dataset(tmp_path / "cases" / "a")
     made.write_truth(tmp_path / "cases", "a")

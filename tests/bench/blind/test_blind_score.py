@@ -147,10 +147,14 @@ def test_probabilities_are_held_against_how_often_they_were_right() -> None:
 def test_shrinkage_is_held_against_the_true_poses() -> None:
     shrunk = Shrunk(before=1e-4, after=5e-5, knowing=4e-5, smoothed=8e-5)  # three quarters of the power
     inside = one(
-        "i", diagnosis("explained", cause("linearity@cart1"), shrinkage=0.70, interval=(0.6, 0.8)), shrunk=shrunk
+        "i",
+        diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.70, interval=(0.6, 0.8)),
+        shrunk=shrunk,
     )
     outside = one(
-        "o", diagnosis("explained", cause("linearity@cart1"), shrinkage=0.90, interval=(0.8, 0.95)), shrunk=shrunk
+        "o",
+        diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.90, interval=(0.8, 0.95)),
+        shrunk=shrunk,
     )
     cases = [inside, outside, RIGHT]
     assert figure(cases, "shrinkage said less realised, absolute")[0] == pytest.approx(0.10)
@@ -305,7 +309,7 @@ def test_each_instrument_has_its_own_rates_with_wilsons_bounds() -> None:
         instruments=BED,
         shrunk=Shrunk(before=2.0, after=1.0),
     )
-    gap = diagnosis("explained", cause("linearity@cart1"), shrinkage=0.5)
+    gap = diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.5)
     both = one("both", gap, instruments=("plane", "range"), shrunk=Shrunk(before=2.0, after=1.0))
     silent = judged("silent", "none", [], diagnosis("none"), instruments=BED)
     plain = judged("plain", "none", [], diagnosis("unknown"))

@@ -9,7 +9,7 @@ import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.energy import Response
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.visits import plan
 from gtpin.robot.description import RobotDescription
 
@@ -139,5 +139,5 @@ def a_plant(name: str, poses: int = 50, warming: float = 1.5) -> Response:
     rng = np.random.default_rng(0)
     machine = ArmMachine.draw(nominal(name)[1], rng)
     push, payload = (30.0, 2.0) if name == "seven" else (5.0, 0.5)
-    conditions = Conditions(sessions=3, push=push, payloads=(0.0, payload, 2.0 * payload), warming=warming)
+    conditions = SimulatedConditions(sessions=3, push=push, payloads=(0.0, payload, 2.0 * payload), warming=warming)
     return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))

@@ -11,7 +11,7 @@ from gtpin.bench.simulator.case import make_case
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, CATALOGUE, kind
 from gtpin.bench.simulator.causes.without_rods import ALUMINIUM, _beam
 from gtpin.bench.simulator.energy import Response
-from gtpin.bench.simulator.visits import Visits
+from gtpin.bench.simulator.visits import VirtualVisits
 
 ARM = nominal("seven")[1]
 PLANT = a_plant("seven", 70)
@@ -30,7 +30,7 @@ def cause(name: str, site: str, seed: int = 0):
     return kind(name, ARM).at(ARM, site, np.random.default_rng(seed))
 
 
-def changed(visits: Visits, **fields: object) -> Response:
+def changed(visits: VirtualVisits, **fields: object) -> Response:
     return Response(PLANT.machine, replace(visits, **fields), PLANT.station)
 
 
@@ -149,7 +149,7 @@ def test_a_periodic_error_has_the_lines_that_a_scenario_asks_for() -> None:
     assert set(np.argsort(np.abs(np.fft.rfft(wave)))[-2:]) == {7, 23}
 
 
-def _at(visits: Visits, q: np.ndarray) -> ArmSituation:
+def _at(visits: VirtualVisits, q: np.ndarray) -> ArmSituation:
     """A situation in which only the elbow's command matters."""
     commands = np.zeros((len(q), ARM.n_actuators))
     commands[:, ARM.sites.index("elbow")] = q

@@ -13,7 +13,7 @@ from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import log
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.tree import read_urdf
 
 ROBOT, ARM = nominal("seven")
@@ -61,7 +61,7 @@ def test_commands_keep_the_arm_in_front_of_its_base_above_the_floor_and_spread_i
 
 def test_payloads_and_pushes_are_those_of_the_robot_s_size() -> None:
     assert 3.0 <= ARM.capacity <= 5.0  # moves 21.2 kg
-    drawn = [Conditions.draw(np.random.default_rng(s), ("force", "payload"), ARM.capacity) for s in range(30)]
+    drawn = [SimulatedConditions.draw(np.random.default_rng(s), ("force", "payload"), ARM.capacity) for s in range(30)]
     assert {max(c.payloads) for c in drawn} == {ARM.capacity}
     assert max(c.push for c in drawn) <= 250.0 * ARM.capacity / 20.0
 
@@ -70,7 +70,7 @@ def test_payloads_and_pushes_are_those_of_the_robot_s_size() -> None:
 def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_path: Path) -> None:
     file = urdf_file("seven", tmp_path)
     asked = {"effects": [("backlash", "elbow")], "energy": 500.0, "poses": 60, "held_out": 10, "robot": file}
-    plain, free = (make_case(3, noise=Noise(free=f, free_target=f), **asked) for f in (False, True))
+    plain, free = (make_case(3, noise=SimulatedNoise(free=f, free_target=f), **asked) for f in (False, True))
     assert free.dataset.instrument.frame == "free"
     assert free.dataset.instrument.target == "free"
     assert plain.dataset.instrument.target == "tcp"
@@ -97,4 +97,4 @@ def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(t
         with pytest.raises(gtpin.GtpinError):
             make_case(0, effects=effects, robot=file)
     with pytest.raises(gtpin.GtpinError, match="free target"):
-        make_case(0, noise=Noise(free_target=True), robot="gantry_tau")
+        make_case(0, noise=SimulatedNoise(free_target=True), robot="gantry_tau")

@@ -17,7 +17,7 @@ from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.instruments import build
 from gtpin.bench.simulator.instruments.build import build_measured
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.cli import app
 from gtpin.instruments.readings import Readings, single
@@ -33,7 +33,7 @@ JOINT = "elbow_left"
 EXACT = 1e-8
 
 
-def none(gauge: Gauge, noise: Noise, seed: int) -> Floats:
+def none(gauge: Gauge, noise: SimulatedNoise, seed: int) -> Floats:
     return np.zeros(gauge.sigma.shape)
 
 
@@ -52,8 +52,8 @@ def built(
         background=False,
         robot=robot,
         energy=500.0,
-        conditions=Conditions(),
-        noise=Noise(repeatability=repeatability),
+        conditions=SimulatedConditions(),
+        noise=SimulatedNoise(repeatability=repeatability),
     )
     return build_measured(recipe, instruments)
 

@@ -17,7 +17,7 @@ from gtpin.bench.simulator.instruments import build
 from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.instruments.choice import KINDS
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.recipe import Conditions, Noise, Recipe
+from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
@@ -32,7 +32,7 @@ TABLES = {"tracker": "tracker", "camera": "camera", "range": "wire", "plane": "b
 TABLES |= {"ballbar": "ballbar"}
 
 
-def none(gauge: Gauge, noise: Noise, seed: int) -> np.ndarray:
+def none(gauge: Gauge, noise: SimulatedNoise, seed: int) -> np.ndarray:
     return np.zeros(gauge.sigma.shape)
 
 
@@ -44,8 +44,8 @@ def recipe(effects: list[tuple[str, str | None]], robot: str = "gantry_tau", **c
         held_out=4,
         background=False,
         robot=robot,
-        conditions=Conditions(),
-        noise=Noise(**changed),  # type: ignore[arg-type]
+        conditions=SimulatedConditions(),
+        noise=SimulatedNoise(**changed),  # type: ignore[arg-type]
     )
 
 

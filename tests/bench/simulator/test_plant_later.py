@@ -5,16 +5,16 @@ import pytest
 from scipy import stats
 
 from gtpin.bench.simulator import make_case, measure_at
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.kinematics.rotations import from_quaternions, log
 
-EXACT = Noise(repeatability=(0.0, 0.0))
+EXACT = SimulatedNoise(repeatability=(0.0, 0.0))
 
 
-@pytest.mark.parametrize("noise", [EXACT, Noise(repeatability=(0.0, 0.0), free=True)], ids=["robot", "free"])
-def test_at_held_out_commands_it_is_where_the_truth_says_but_for_the_noise(noise: Noise) -> None:
+@pytest.mark.parametrize("noise", [EXACT, SimulatedNoise(repeatability=(0.0, 0.0), free=True)], ids=["robot", "free"])
+def test_at_held_out_commands_it_is_where_the_truth_says_but_for_the_noise(noise: SimulatedNoise) -> None:
     case = make_case(2, effects=[("rack_periodic", "cart2")], energy=4000.0, noise=noise, background=False)
     again = measure_at(case, Commands(case.commands.pose, case.commands.q))
     off = (again.position - case.truth.T) / noise.position_sigma
@@ -37,7 +37,7 @@ def test_it_comes_from_where_the_commands_say_and_shows_it() -> None:
 
 @pytest.mark.slow
 def test_its_covariates_are_those_of_the_case_and_what_the_commands_say() -> None:
-    case = make_case(4, conditions=Conditions(without=("payload",)))
+    case = make_case(4, conditions=SimulatedConditions(without=("payload",)))
     asked = Commands(
         case.commands.pose, case.commands.q, {"payload": np.full(120, 7.0), "session": np.array(["1"] * 120)}
     )

@@ -11,8 +11,8 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.tree import Frame
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.statics import joint_loads
@@ -37,8 +37,8 @@ def gtpin_robot(machine: ArmMachine) -> gtpin.Robot:
     return next(nominal(name)[0] for name in NAMES if nominal(name)[1] is machine.robot)
 
 
-def off(found: Poses, expected: object) -> float:
-    return float(np.abs(found.minus(Poses(expected.T, expected.R))).max())  # type: ignore[attr-defined]
+def off(found: VirtualPoses, expected: object) -> float:
+    return float(np.abs(found.minus(VirtualPoses(expected.T, expected.R))).max())  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", LOOPED)
@@ -147,8 +147,8 @@ def test_what_sits_beside_a_link_s_end_moves_with_it_as_one_body() -> None:
         atol=1e-12,
     )
     column = near.R[:, names.index("waist")]
-    tilted = found.at(Frame(plate, np.eye(3), np.zeros(3)), bending).minus(
-        near.at(Frame(plate, np.eye(3), np.zeros(3)))
+    tilted = found.at(TreeFrame(plate, np.eye(3), np.zeros(3)), bending).minus(
+        near.at(TreeFrame(plate, np.eye(3), np.zeros(3)))
     )
     np.testing.assert_allclose(tilted[:, 3:], column @ turn, atol=1e-5)
 

@@ -16,7 +16,7 @@ from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, kind, listed, unlisted
 from gtpin.bench.simulator.energy import Response
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.cli import app
 from gtpin.data import Commands
 
@@ -120,7 +120,7 @@ def test_what_goes_by_a_load_is_pushed_in_a_machine_with_loops() -> None:
 def test_a_machine_of_one_command_is_made_in_every_order_of_its_poses(tmp_path: Path) -> None:
     for order in ("random", "layers"):
         case = make_case(
-            1, poses=30, held_out=5, conditions=Conditions(order=order), robot=urdf_file("spatial", tmp_path)
+            1, poses=30, held_out=5, conditions=SimulatedConditions(order=order), robot=urdf_file("spatial", tmp_path)
         )
         assert case.dataset.q.shape[1] == 1
         assert np.isfinite(case.truth.T).all()

@@ -7,17 +7,17 @@ from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind
 from gtpin.bench.simulator.energy import Response
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 
 ROBOT = known_robot("gantry_tau")
 STATION = np.array([1.5, -7.0, 0.3])
-EVERYTHING = Conditions(sessions=3, push=150.0, warming=1.5)
+EVERYTHING = SimulatedConditions(sessions=3, push=150.0, warming=1.5)
 PLACES = [(k.name, site) for k in (*CATALOGUE, *UNLISTED) for site in k.sites(ROBOT)]
 
 
-def a_plant(seed: int = 0, conditions: Conditions = EVERYTHING, poses: int = 90) -> Response:
+def a_plant(seed: int = 0, conditions: SimulatedConditions = EVERYTHING, poses: int = 90) -> Response:
     rng = np.random.default_rng(seed)
     machine = RodMachine.draw(ROBOT, rng)
     return Response(machine, plan(machine, poses, 10, conditions, rng), STATION)
@@ -141,7 +141,7 @@ def test_compliance_does_nothing_that_geometry_does_not_where_the_load_does_not_
 
 
 def test_thermal_effects_are_nothing_before_it_gets_warm_and_zero_shifts_hold_through_a_session() -> None:
-    cool = a_plant(conditions=Conditions(warming=0.0, sessions=3))
+    cool = a_plant(conditions=SimulatedConditions(warming=0.0, sessions=3))
     assert (cause("thermal_links", "arm")(cool.ideal).length == 0.0).all()
     assert (travel("thermal_track", cool) == 0.0).all()
     shifts = travel("zero_shift", cool)

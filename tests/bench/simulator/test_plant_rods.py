@@ -6,8 +6,8 @@ from pinocchio_rods import PinocchioRods
 from scipy.optimize import approx_fprime
 
 import gtpin
-from gtpin.bench.simulator.poses import Poses, exp, log
-from gtpin.bench.simulator.rods import RodEnds, Rods, closed, each_solved
+from gtpin.bench.simulator.poses import VirtualPoses, exp, log
+from gtpin.bench.simulator.rods import Rods, VirtualRodEnds, closed, each_solved
 
 NAMES = gtpin.robot_names()
 
@@ -60,8 +60,8 @@ def test_a_singular_platform_is_not_closed_and_a_regular_one_beside_it_is() -> N
     rng = np.random.default_rng(0)
     P, C = rng.uniform(-0.3, 0.3, (6, 3)), rng.uniform(-1.0, 1.0, (6, 3))
     L = np.linalg.norm(P - C, axis=1)
-    off = Poses(np.full((2, 3), 1e-3), np.stack([np.eye(3)] * 2))
-    ends = RodEnds(np.stack([P, np.tile(P[0], (6, 1))]), np.stack([C, np.tile(C[0], (6, 1))]), np.stack([L, L]))
+    off = VirtualPoses(np.full((2, 3), 1e-3), np.stack([np.eye(3)] * 2))
+    ends = VirtualRodEnds(np.stack([P, np.tile(P[0], (6, 1))]), np.stack([C, np.tile(C[0], (6, 1))]), np.stack([L, L]))
     poses, done = closed(off, ends, 1.0)
     assert done.tolist() == [True, False]
     assert np.abs(np.linalg.norm(poses.T[0] + P @ poses.R[0].T - C, axis=1) - L).max() < 1e-14

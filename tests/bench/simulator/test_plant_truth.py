@@ -10,7 +10,7 @@ from scipy import stats
 
 from gtpin.bench.simulator import Case, draw_case, make_case
 from gtpin.bench.simulator.case import bulk_recipe
-from gtpin.bench.simulator.recipe import Conditions, Noise
+from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.data import Commands, Dataset
 from gtpin.errors import GtpinError
 from gtpin.kinematics.rotations import from_quaternions, log
@@ -100,19 +100,19 @@ def test_visits_to_one_pose_differ_by_noise_and_repeatability_where_nothing_else
 
 @pytest.mark.slow
 def test_heavy_tails_keep_their_sigma_and_gross_errors_are_as_many_as_asked() -> None:
-    heavy = make_case(6, n_effects=0, poses=3000, held_out=1, noise=Noise(tails=6.0), background=False)
+    heavy = make_case(6, n_effects=0, poses=3000, held_out=1, noise=SimulatedNoise(tails=6.0), background=False)
     off = (heavy.dataset.position - heavy.true.T) / POSITION
     assert off.std() == pytest.approx(1.0, abs=0.05)
     assert stats.kurtosis(off.ravel()) > 1.0
-    gross = make_case(6, n_effects=0, poses=3000, held_out=1, noise=Noise(gross=0.05), background=False)
+    gross = make_case(6, n_effects=0, poses=3000, held_out=1, noise=SimulatedNoise(gross=0.05), background=False)
     far = np.linalg.norm(np.hstack([(gross.dataset.position - gross.true.T) / POSITION]), axis=1) > 6.0
     assert 0.02 < far.mean() < 0.06
 
 
 @pytest.mark.slow
 def test_noise_by_range_is_larger_far_from_the_instrument() -> None:
-    case = make_case(7, n_effects=0, poses=3000, held_out=1, noise=Noise(by_range=1.0), background=False)
-    distance = np.linalg.norm(case.true.T - np.array(Noise().station), axis=1)
+    case = make_case(7, n_effects=0, poses=3000, held_out=1, noise=SimulatedNoise(by_range=1.0), background=False)
+    distance = np.linalg.norm(case.true.T - np.array(SimulatedNoise().station), axis=1)
     off = np.linalg.norm(case.dataset.position - case.true.T, axis=1)
     far = distance > np.median(distance)
     assert off[far].mean() > 1.05 * off[~far].mean()
@@ -120,7 +120,9 @@ def test_noise_by_range_is_larger_far_from_the_instrument() -> None:
 
 def test_what_is_not_declared_or_not_measured_is_not_in_the_dataset() -> None:
     case = make_case(
-        8, noise=Noise(declared=False, orientations=False), conditions=Conditions(without=("temp", "time"))
+        8,
+        noise=SimulatedNoise(declared=False, orientations=False),
+        conditions=SimulatedConditions(without=("temp", "time")),
     )
     assert case.dataset.instrument.position_sigma is None
     assert case.dataset.orientation is None
@@ -130,7 +132,7 @@ def test_what_is_not_declared_or_not_measured_is_not_in_the_dataset() -> None:
 
 @pytest.mark.slow
 def test_an_instrument_with_a_frame_of_its_own_sees_the_same_machine_from_elsewhere() -> None:
-    robot, free = (make_case(9, noise=Noise(free=value)) for value in (False, True))
+    robot, free = (make_case(9, noise=SimulatedNoise(free=value)) for value in (False, True))
     assert free.dataset.instrument.frame == "free"
     between = [np.linalg.norm(c.truth.T[1:] - c.truth.T[:-1], axis=1) for c in (robot, free)]
     np.testing.assert_allclose(between[0], between[1], atol=1e-12)
@@ -150,7 +152,7 @@ def test_same_seed_same_bytes_and_other_seeds_other_machines(tmp_path: Path) -> 
 
 
 def test_a_case_is_written_as_blind_reads_it(tmp_path: Path) -> None:
-    case = make_case(13, n_effects=2, conditions=Conditions(sessions=2))
+    case = make_case(13, n_effects=2, conditions=SimulatedConditions(sessions=2))
     case.write(tmp_path, name="two")
     dataset, commands = Dataset.read(tmp_path / "two"), Commands.read(tmp_path / "two" / "commands.csv")
     np.testing.assert_array_equal(dataset.position, case.dataset.position)

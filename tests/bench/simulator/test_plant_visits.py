@@ -6,20 +6,20 @@ import pytest
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.fields import Field, curve, play, uneven_curve
-from gtpin.bench.simulator.recipe import Conditions
+from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import BACK_OFF, Day, plan
 
 MACHINE = RodMachine.draw(known_robot("gantry_tau"), np.random.default_rng(0))
 
 
-def visits(conditions: Conditions, seed: int = 1, poses: int = 200):
+def visits(conditions: SimulatedConditions, seed: int = 1, poses: int = 200):
     return plan(MACHINE, poses, 120, conditions, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("order", ["random", "layers"])
 def test_every_pose_is_visited_and_a_tenth_of_the_measured_ones_twice(order: str) -> None:
-    way = visits(Conditions(order=order))
+    way = visits(SimulatedConditions(order=order))
     numbers, counts = np.unique(way.pose, return_counts=True)
     assert list(numbers) == list(range(320))
     assert (counts[:200] == 2).sum() == 20
@@ -28,7 +28,7 @@ def test_every_pose_is_visited_and_a_tenth_of_the_measured_ones_twice(order: str
 
 
 def test_approach_is_the_sign_of_the_last_move_which_starts_at_the_visit_before_or_near_by() -> None:
-    way = visits(Conditions(direct=0.5))
+    way = visits(SimulatedConditions(direct=0.5))
     moved = way.q - way.before
     np.testing.assert_array_equal(way.approach, np.sign(moved))
     straight = (way.before[1:] == way.q[:-1]).all(axis=1)
@@ -39,7 +39,7 @@ def test_approach_is_the_sign_of_the_last_move_which_starts_at_the_visit_before_
 
 
 def test_speed_is_along_the_last_move_and_zero_at_rest() -> None:
-    way = visits(Conditions(rest=0.5))
+    way = visits(SimulatedConditions(rest=0.5))
     moving = way.speed.any(axis=1)
     assert 0.35 < moving.mean() < 0.65
     moved = way.q - way.before
@@ -47,11 +47,11 @@ def test_speed_is_along_the_last_move_and_zero_at_rest() -> None:
     assert np.abs(crossed).max() < 1e-12
     assert (way.speed[moving] * way.approach[moving] > 0.0).all()
     assert np.abs(way.speed).max() <= 0.3
-    assert not visits(Conditions(rest=1.0)).speed.any()
+    assert not visits(SimulatedConditions(rest=1.0)).speed.any()
 
 
 def test_time_goes_on_sessions_follow_each_other_with_breaks_and_loads_come_in_blocks() -> None:
-    way = visits(Conditions(sessions=3, payload_blocks=6))
+    way = visits(SimulatedConditions(sessions=3, payload_blocks=6))
     gaps = np.diff(way.time)
     assert (gaps > 0.0).all()
     assert list(np.unique(way.session)) == [0, 1, 2]
@@ -74,7 +74,7 @@ def test_temperatures_follow_one_day_smoothly_from_the_reference_and_not_in_step
 
 
 def test_rows_are_shuffled_but_their_covariates_are_those_of_their_time() -> None:
-    case = make_case(3, conditions=Conditions(sessions=2, push=50.0))
+    case = make_case(3, conditions=SimulatedConditions(sessions=2, push=50.0))
     order = np.argsort(case.dataset.covariates["time"])
     assert (np.diff(order) != 1).mean() > 0.9
     sessions = case.dataset.covariates["session"][order].astype(int)
@@ -88,7 +88,7 @@ def test_rows_are_shuffled_but_their_covariates_are_those_of_their_time() -> Non
 
 
 def test_commands_are_rounded_in_range_and_keep_the_tcp_in_its_box() -> None:
-    way = visits(Conditions())
+    way = visits(SimulatedConditions())
     robot = MACHINE.robot
     assert np.abs(way.q * 1e6 - np.round(way.q * 1e6)).max() < 1e-6
     assert ((way.q >= robot.lower) & (way.q <= robot.upper)).all()
@@ -100,7 +100,7 @@ def test_commands_are_rounded_in_range_and_keep_the_tcp_in_its_box() -> None:
 
 def test_conditions_drawn_for_an_effect_let_it_show() -> None:
     for seed in range(40):
-        drawn = Conditions.draw(np.random.default_rng(seed), ("session", "speed", "payload", "force"))
+        drawn = SimulatedConditions.draw(np.random.default_rng(seed), ("session", "speed", "payload", "force"))
         assert drawn.sessions >= 2
         assert drawn.rest < 1.0
         assert len(drawn.payloads) > 1

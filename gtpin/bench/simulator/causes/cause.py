@@ -48,7 +48,7 @@ class Site:
 
 
 @dataclass(frozen=True)
-class Kind:
+class CauseKind:
     """A kind of error."""
 
     name: str  # Its id: that of the catalogue's effect, or of an unlisted one

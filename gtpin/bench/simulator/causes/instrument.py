@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.situation import Situation
+from gtpin.bench.simulator.situation import Postures
 
 SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
 """Typical shift, m, and rotation, rad, of the instrument: at some metres of distance both have similar effects."""
@@ -25,7 +25,7 @@ def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
     jolt, when = 0.4 * rng.standard_normal(6) * (rng.random() < 0.4), rng.uniform(0.1, 0.9)
     part, sizes = rng.uniform(0.03, 0.12), SIZES * rng.uniform(0.4, 1.4, 6)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         t = now.visits.phase
         columns = [w(t) + part * r(t) for w, r in zip(wander, rough, strict=True)]
         moved = np.column_stack(columns) + settling * (1.0 - np.exp(-t / soon))[:, None] + jolt * (t > when)[:, None]
@@ -40,7 +40,7 @@ def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
     drift = [curve(rng, 0.0, 1.0, 0.2, "twice") for _ in range(6)]
     part = rng.uniform(0.03, 0.12)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         within = np.column_stack([d(now.visits.phase) for d in drift])
         return now.off(frame=(..., shifts[now.visits.session] + part * SIZES * within))
 
@@ -52,7 +52,7 @@ def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
     sign, air = rng.choice([-1.0, 1.0]), rng.uniform(-1.5e-7, 1.5e-7)
     wander, part = curve(rng, 0.0, 1.0, 0.3, "twice"), rng.uniform(0.003, 0.012)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         day = now.visits.day
         warm = day.frame_at(now.visits.time) - day.frame[0]
         return now.off(scale=(..., sign * 2e-5 * (1.0 + part * wander(now.visits.phase)) + air * warm))
@@ -68,7 +68,7 @@ def target_offset(site: Site, rng: np.random.Generator) -> Cause:
     offset, yields = rng.standard_normal(3), rng.uniform(-0.001, 0.001, 3)
     creep = curve(rng, 0.0, 1.0, 0.4, "twice")
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         load = now.visits.payload[:, None] / 20.0
         return now.off(target=(..., 1e-4 * (offset + yields * load + 0.0003 * creep(now.visits.phase)[:, None])))
 

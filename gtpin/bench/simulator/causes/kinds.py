@@ -8,64 +8,64 @@ from functools import partial
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.causes import instrument, with_rods, without_rods
 from gtpin.bench.simulator.causes import unlisted as outside
-from gtpin.bench.simulator.causes.cause import Kind
+from gtpin.bench.simulator.causes.cause import CauseKind
 from gtpin.errors import GtpinError
 from gtpin.robot.robot import Robot
 
 CATALOGUE = (
-    Kind("encoder_scale", "carts", with_rods.encoder_scale, largest=10.0),
-    Kind("linearity", "carts", with_rods.linearity),
-    Kind("rack_periodic", "carts", with_rods.rack_periodic),
-    Kind("rack_step", "carts", with_rods.rack_step),
-    Kind("zero_shift", "carts", with_rods.zero_shift, ("session",)),
-    Kind("backlash", "carts", with_rods.backlash),
-    Kind("servo_lag", "carts", with_rods.servo_lag, ("speed",)),
-    Kind("cross_coupling", "carts", with_rods.cross_coupling),
-    Kind("straightness", "guides", with_rods.straightness),
-    Kind("cart_rotation", "turning", with_rods.cart_rotation),
-    Kind("cart_compliance", "guides", with_rods.cart_compliance, ("payload",)),
-    Kind("link_compliance", "arm", with_rods.link_compliance, ("payload",)),
-    Kind("joint_clearance", "links", with_rods.joint_clearance, ("force",), largest=6.0),
-    Kind("joint_runout", "links", with_rods.joint_runout),
-    Kind("thermal_links", "arm", with_rods.thermal_links, ("heat",)),
-    Kind("thermal_track", "carts", with_rods.thermal_track, ("heat",)),
-    Kind("tracker_drift", "frame", instrument.tracker_drift),
-    Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
-    Kind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
-    Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
+    CauseKind("encoder_scale", "carts", with_rods.encoder_scale, largest=10.0),
+    CauseKind("linearity", "carts", with_rods.linearity),
+    CauseKind("rack_periodic", "carts", with_rods.rack_periodic),
+    CauseKind("rack_step", "carts", with_rods.rack_step),
+    CauseKind("zero_shift", "carts", with_rods.zero_shift, ("session",)),
+    CauseKind("backlash", "carts", with_rods.backlash),
+    CauseKind("servo_lag", "carts", with_rods.servo_lag, ("speed",)),
+    CauseKind("cross_coupling", "carts", with_rods.cross_coupling),
+    CauseKind("straightness", "guides", with_rods.straightness),
+    CauseKind("cart_rotation", "turning", with_rods.cart_rotation),
+    CauseKind("cart_compliance", "guides", with_rods.cart_compliance, ("payload",)),
+    CauseKind("link_compliance", "arm", with_rods.link_compliance, ("payload",)),
+    CauseKind("joint_clearance", "links", with_rods.joint_clearance, ("force",), largest=6.0),
+    CauseKind("joint_runout", "links", with_rods.joint_runout),
+    CauseKind("thermal_links", "arm", with_rods.thermal_links, ("heat",)),
+    CauseKind("thermal_track", "carts", with_rods.thermal_track, ("heat",)),
+    CauseKind("tracker_drift", "frame", instrument.tracker_drift),
+    CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
+    CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
+    CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
 """The effects of the catalogue, on robots with rods."""
 UNLISTED = (
-    Kind("hose_drag", "platform", outside.hose_drag),
-    Kind("cable_chain", "guides", outside.cable_chain),
-    Kind("plate_bending", "platform", outside.plate_bending, ("payload",)),
-    Kind("foot_settling", "carts", outside.foot_settling),
-    Kind("joint_stick", "links", outside.joint_stick),
-    Kind("frame_bending", "frame", outside.frame_bending),
-    Kind("thermal_twist", "frame", outside.thermal_twist, ("heat",)),
-    Kind("nest_tilt", "platform", partial(outside.nest_tilt, level=True)),
-    Kind("encoder_slip", "carts", with_rods.encoder_slip),
-    Kind("guide_whip", "guides", outside.guide_whip, ("speed",)),
+    CauseKind("hose_drag", "platform", outside.hose_drag),
+    CauseKind("cable_chain", "guides", outside.cable_chain),
+    CauseKind("plate_bending", "platform", outside.plate_bending, ("payload",)),
+    CauseKind("foot_settling", "carts", outside.foot_settling),
+    CauseKind("joint_stick", "links", outside.joint_stick),
+    CauseKind("frame_bending", "frame", outside.frame_bending),
+    CauseKind("thermal_twist", "frame", outside.thermal_twist, ("heat",)),
+    CauseKind("nest_tilt", "platform", partial(outside.nest_tilt, level=True)),
+    CauseKind("encoder_slip", "carts", with_rods.encoder_slip),
+    CauseKind("guide_whip", "guides", outside.guide_whip, ("speed",)),
 )
 """Unlisted effects of robots with rods."""
 ARM_CATALOGUE = (
-    Kind("encoder_scale", "joints", without_rods.encoder_scale, largest=10.0),
-    Kind("linearity", "joints", partial(with_rods.linearity, size=1e-4), largest=10.0),
-    Kind("rack_periodic", "joints", without_rods.rack_periodic, largest=5.0, periodic=True),
-    Kind("zero_shift", "joints", partial(with_rods.zero_shift, size=1e-4), ("session",)),
-    Kind("backlash", "joints", without_rods.backlash, largest=15.0),
-    Kind("servo_lag", "joints", without_rods.servo_lag, ("speed",)),
-    Kind("cross_coupling", "coupled", without_rods.cross_coupling, largest=10.0),
-    Kind("joint_compliance", "joints", without_rods.joint_compliance, ("payload",), largest=10.0),
-    Kind("bearing_compliance", "joints", without_rods.bearing_compliance, ("payload",), largest=6.0),
-    Kind("axis_motion", "joints", without_rods.axis_motion, largest=5.0),
-    Kind("joint_clearance", "joints", without_rods.joint_clearance, ("force",), largest=6.0),
-    Kind("link_compliance", "arm", without_rods.link_compliance, ("payload",), largest=10.0),
-    Kind("thermal_links", "arm", without_rods.thermal_links, ("heat",), largest=4.0),
-    Kind("tracker_drift", "frame", instrument.tracker_drift),
-    Kind("frame_shift", "frame", instrument.frame_shift, ("session",)),
-    Kind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
-    Kind("target_offset", "platform", instrument.target_offset, largest=5.0),
+    CauseKind("encoder_scale", "joints", without_rods.encoder_scale, largest=10.0),
+    CauseKind("linearity", "joints", partial(with_rods.linearity, size=1e-4), largest=10.0),
+    CauseKind("rack_periodic", "joints", without_rods.rack_periodic, largest=5.0, periodic=True),
+    CauseKind("zero_shift", "joints", partial(with_rods.zero_shift, size=1e-4), ("session",)),
+    CauseKind("backlash", "joints", without_rods.backlash, largest=15.0),
+    CauseKind("servo_lag", "joints", without_rods.servo_lag, ("speed",)),
+    CauseKind("cross_coupling", "coupled", without_rods.cross_coupling, largest=10.0),
+    CauseKind("joint_compliance", "joints", without_rods.joint_compliance, ("payload",), largest=10.0),
+    CauseKind("bearing_compliance", "joints", without_rods.bearing_compliance, ("payload",), largest=6.0),
+    CauseKind("axis_motion", "joints", without_rods.axis_motion, largest=5.0),
+    CauseKind("joint_clearance", "joints", without_rods.joint_clearance, ("force",), largest=6.0),
+    CauseKind("link_compliance", "arm", without_rods.link_compliance, ("payload",), largest=10.0),
+    CauseKind("thermal_links", "arm", without_rods.thermal_links, ("heat",), largest=4.0),
+    CauseKind("tracker_drift", "frame", instrument.tracker_drift),
+    CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
+    CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
+    CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
 """The effects of the catalogue. At ``largest`` times the typical size, an error is as large as on the worst machines:
 
@@ -86,19 +86,19 @@ ARM_CATALOGUE = (
   temperature of the air is then 0.9 ppm/K: the refractive index of air changes by 1 ppm/K (Ciddor 1996).
 """
 ARM_UNLISTED = (
-    Kind("creep", "joints", outside.creep, ("payload",)),
-    Kind("dress_pack", "coupled", outside.dress_pack),
-    Kind("loose_foot", "frame", outside.loose_foot, ("payload",)),
-    Kind("sunny_side", "links", outside.sunny_side, ("heat",)),
-    Kind("loose_gripper", "platform", outside.loose_gripper, ("payload",)),
-    Kind("slipping_disc", "joints", partial(with_rods.encoder_slip, size=1e-4)),
-    Kind("whip", "links", outside.whip, ("speed",)),
-    Kind("nest_tilt", "platform", outside.nest_tilt),
+    CauseKind("creep", "joints", outside.creep, ("payload",)),
+    CauseKind("dress_pack", "coupled", outside.dress_pack),
+    CauseKind("loose_foot", "frame", outside.loose_foot, ("payload",)),
+    CauseKind("sunny_side", "links", outside.sunny_side, ("heat",)),
+    CauseKind("loose_gripper", "platform", outside.loose_gripper, ("payload",)),
+    CauseKind("slipping_disc", "joints", partial(with_rods.encoder_slip, size=1e-4)),
+    CauseKind("whip", "links", outside.whip, ("speed",)),
+    CauseKind("nest_tilt", "platform", outside.nest_tilt),
 )
 """Unlisted effects."""
 
 
-def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+def pushed(kinds: tuple[CauseKind, ...]) -> tuple[CauseKind, ...]:
     """The same kinds for robots with loops: effects of a load also need forces on the tool.
 
     Gravity does not load the drives of a loop in a horizontal plane, nor the bearings of a loop in a vertical plane across it.
@@ -107,32 +107,32 @@ def pushed(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
 
 
 LOOPED_CATALOGUE = pushed(ARM_CATALOGUE)
-LOOPED_UNLISTED = pushed((*ARM_UNLISTED, Kind("worn_pin", "pins", outside.worn_pin, ("payload",))))
+LOOPED_UNLISTED = pushed((*ARM_UNLISTED, CauseKind("worn_pin", "pins", outside.worn_pin, ("payload",))))
 """Unlisted effects of robots whose loops are not rods."""
 
 
-def possible(kinds: tuple[Kind, ...], robot: Robot | Arm) -> tuple[Kind, ...]:
+def possible(kinds: tuple[CauseKind, ...], robot: Robot | Arm) -> tuple[CauseKind, ...]:
     """Those of some kinds that can occur on a robot."""
     return tuple(kind for kind in kinds if kind.sites(robot))
 
 
-def _known(robot: Robot | Arm) -> tuple[tuple[Kind, ...], tuple[Kind, ...]]:
+def _known(robot: Robot | Arm) -> tuple[tuple[CauseKind, ...], tuple[CauseKind, ...]]:
     if not isinstance(robot, Arm):
         return CATALOGUE, UNLISTED
     return (LOOPED_CATALOGUE, LOOPED_UNLISTED) if robot.loops.pairs else (ARM_CATALOGUE, ARM_UNLISTED)
 
 
-def listed(robot: Robot | Arm) -> tuple[Kind, ...]:
+def listed(robot: Robot | Arm) -> tuple[CauseKind, ...]:
     """Kinds of error of the catalogue that can occur on a robot."""
     return possible(_known(robot)[0], robot)
 
 
-def unlisted(robot: Robot | Arm) -> tuple[Kind, ...]:
+def unlisted(robot: Robot | Arm) -> tuple[CauseKind, ...]:
     """Unlisted kinds of error that can occur on a robot."""
     return possible(_known(robot)[1], robot)
 
 
-def kind(name: str, robot: Robot | Arm) -> Kind:
+def kind(name: str, robot: Robot | Arm) -> CauseKind:
     """The kind of error with a name, on a robot. Raises GtpinError if the robot has no such kind."""
     known = [one for kinds in _known(robot) for one in kinds]
     for one in known:

@@ -10,7 +10,7 @@ from gtpin.bench.simulator.causes.with_rods import GIVE, STRETCH
 from gtpin.bench.simulator.fields import Field, curve, play
 from gtpin.bench.simulator.machine import REACH, Deviation
 from gtpin.bench.simulator.poses import across
-from gtpin.bench.simulator.situation import RodSituation, Situation
+from gtpin.bench.simulator.situation import Postures, RodSituation
 from gtpin.typing import Floats
 
 
@@ -144,7 +144,7 @@ def nest_tilt(site: Site, rng: np.random.Generator, level: bool = False) -> Caus
     rock, lean = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
     sharp, swift = rng.uniform(0.2, 0.5), rng.uniform(0.5, 2.0)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         came = np.einsum("ni,nij->nj", now.motion, now.poses.R)
         down = -now.poses.R[:, 2]
         moving = 1.0 + swift * np.abs(now.visits.speed).max(axis=1, keepdims=True) / 0.3

@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
 from gtpin.bench.simulator.machine import REACH, Deviation
-from gtpin.bench.simulator.situation import RodSituation, Situation
+from gtpin.bench.simulator.situation import Postures, RodSituation
 from gtpin.typing import Floats
 
 
@@ -68,7 +68,7 @@ def zero_shift(site: Site, rng: np.random.Generator, size: float = 3e-5) -> Caus
     a session, with a time constant of 10 min."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         session, time = now.visits.session, now.visits.time
         since = time - np.array([time[session == s].min() for s in session])
         return now.driven(site.cart, size * shifts[session] * (1.0 - settling * np.exp(-since / 600.0)))
@@ -155,7 +155,7 @@ def encoder_slip(site: Site, rng: np.random.Generator, size: float = 2.5e-5) -> 
     directions; unlisted."""
     slips, hard = rng.standard_normal(4096), rng.uniform(0.5, 0.8)
 
-    def cause(now: Situation) -> Deviation:
+    def cause(now: Postures) -> Deviation:
         approach, moved = now.visits.approach[:, site.cart], np.abs(np.diff(now.q[:, site.cart], prepend=0.0))
         reversal = (np.diff(approach, prepend=0.0) != 0.0) & (moved > np.quantile(moved, hard))
         slipped = np.cumsum(slips[np.arange(len(now)) % len(slips)] * reversal)

@@ -22,13 +22,13 @@ from gtpin.bench.simulator.instruments.choice import (
 )
 from gtpin.bench.simulator.instruments.circles import circles
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
-from gtpin.bench.simulator.instruments.readers import Range, Tracker
+from gtpin.bench.simulator.instruments.readers import VirtualRange, VirtualTracker
 from gtpin.bench.simulator.instruments.touch import DayWay, PlainWay, Way, begun, felt
 from gtpin.bench.simulator.machine import Moved
-from gtpin.bench.simulator.recipe import Noise, Recipe
+from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
-from gtpin.bench.simulator.truth import InstrumentCase, Read, Tables, Truth
-from gtpin.bench.simulator.visits import REPEATED, Visits, visited
+from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, InstrumentTruth, Tables
+from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, visited
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.robot.geometry import Geometry
@@ -62,7 +62,7 @@ def outing(
     robot: Robot | Arm,
     pool: Floats,
     poses: int,
-    noise: Noise,
+    noise: SimulatedNoise,
     seed: int,
 ) -> tuple[Layout, list[OwnStops]]:
     """The workspace that the commands ``pool`` (P, n) fill, and the instruments with their own stops.
@@ -78,7 +78,7 @@ def outing(
             found.append(OwnStops(kind, gauge, begun(gauge, moved, pool, ranges, rng)))
         elif kind == BAR:
             q, speed = circles(nominal, layout, pool, ranges, poses)
-            found.append(OwnStops(kind, Range.bar(layout, np.arange(len(q)), noise.declared, rng), q, speed))
+            found.append(OwnStops(kind, VirtualRange.bar(layout, np.arange(len(q)), noise.declared, rng), q, speed))
     return layout, found
 
 
@@ -138,7 +138,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     truths = []
     for want, (cause, amplitude) in zip(recipe.wanted, strong, strict=True):
         d = response.displacement([(cause, amplitude)])
-        truths.append(Truth(want.effect, want.site, past.energy(d), amplitude, d[rows, :6]))
+        truths.append(EffectTruth(want.effect, want.site, past.energy(d), amplitude, d[rows, :6]))
     return InstrumentCase(
         name=f"case{seed:05d}",
         dataset=Tables(
@@ -164,7 +164,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     )
 
 
-def _round(visits: Visits, first: int, q: Floats, speed: Floats) -> Visits:
+def _round(visits: VirtualVisits, first: int, q: Floats, speed: Floats) -> VirtualVisits:
     """Visits whose poses from ``first`` on are along circles, in the order of travel."""
     place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in order of time
     changed = {name: getattr(visits, name).copy() for name in ("pose", "q", "before", "speed", "acceleration")}
@@ -179,13 +179,13 @@ def _past(response: Response, gauges: Sequence[Gauge], repeatability: Floats) ->
     return Past.of_readings(gauges, poses, response.machine.by_tolerance(response.visits.q, poses), jitter)
 
 
-def _tracker(gauges: Sequence[Gauge]) -> Tracker | None:
-    return next((gauge for gauge in gauges if isinstance(gauge, Tracker)), None)
+def _tracker(gauges: Sequence[Gauge]) -> VirtualTracker | None:
+    return next((gauge for gauge in gauges if isinstance(gauge, VirtualTracker)), None)
 
 
-def _read(way: Way, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[Read, ...]:
+def _read(way: Way, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[InstrumentTruth, ...]:
     return tuple(
-        Read(gauge.described(), gauge.stop, gauge.columns(way.poses[gauge.stop], error))
+        InstrumentTruth(gauge.described(), gauge.stop, gauge.columns(way.poses[gauge.stop], error))
         for gauge, error in zip(gauges, missed, strict=True)
     )
 
@@ -211,7 +211,7 @@ def simulate_measured(
     Raises `GtpinError` if an instrument is not known, the robot hardly reaches its range or can't make the touches, or
     there is nothing to measure.
     """
-    kinds, noise = checked(instruments), Noise()
+    kinds, noise = checked(instruments), SimulatedNoise()
     if not kinds or poses < 1 or held_out < 1:
         what = f"{len(kinds)} instruments, {poses} poses and {held_out} held out"
         raise GtpinError(what, hint="ask for at least one of each")

@@ -7,18 +7,24 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
-from gtpin.bench.simulator.instruments.readers import Camera, Encoder, Range, Tilt, Tracker
-from gtpin.bench.simulator.instruments.touch import Plane, Socket
-from gtpin.bench.simulator.poses import Poses
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.instruments.readers import (
+    VirtualCamera,
+    VirtualEncoder,
+    VirtualRange,
+    VirtualTilt,
+    VirtualTracker,
+)
+from gtpin.bench.simulator.instruments.touch import VirtualPlane, VirtualSocket
+from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.errors import GtpinError
 from gtpin.typing import Floats, Ints
 
 KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
 """Kinds of instruments: those of a dataset, a camera (a tracker of several targets), and a ball bar (a range)."""
 TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] = {
-    "plane": Plane.drawn,
-    "socket": Socket.drawn,
+    "plane": VirtualPlane.drawn,
+    "socket": VirtualSocket.drawn,
 }
 """Kinds of touched instruments: the machine moves to them. The others read at any pose."""
 BAR = "ballbar"
@@ -45,7 +51,7 @@ def stream(seed: int, kind: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, 6, KINDS.index(kind)]))
 
 
-def drawn(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, seed: int) -> Gauge:
+def drawn(kind: str, layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, seed: int) -> Gauge:
     """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
 
     Raises GtpinError for an encoder, if the poses have no joint's coordinates; for a tilt sensor, if it is never near
@@ -53,17 +59,17 @@ def drawn(kind: str, layout: Layout, poses: Poses, stops: Ints, noise: Noise, se
     """
     rng = stream(seed, kind)
     if kind == "tracker":
-        return Tracker.drawn(poses, stops, noise, rng)
+        return VirtualTracker.drawn(poses, stops, noise, rng)
     if kind == "camera":
-        return Camera.drawn(layout, poses, stops, noise.declared, rng)
+        return VirtualCamera.drawn(layout, poses, stops, noise.declared, rng)
     if kind == "range":
-        return Range.wires(layout, stops, noise.declared, rng)
+        return VirtualRange.wires(layout, stops, noise.declared, rng)
     if kind == "tilt":
-        return Tilt.drawn(layout, poses, stops, noise.declared, rng)
-    return Encoder.drawn(poses, stops, noise.declared, rng)
+        return VirtualTilt.drawn(layout, poses, stops, noise.declared, rng)
+    return VirtualEncoder.drawn(poses, stops, noise.declared, rng)
 
 
-def errors(gauge: Gauge, noise: Noise, seed: int) -> Floats:
+def errors(gauge: Gauge, noise: SimulatedNoise, seed: int) -> Floats:
     """(M, c) random errors of an instrument's readings: with its sigma, and with the tails and gross errors of ``noise``.
 
     They are the same whatever other instruments there are.
@@ -73,7 +79,7 @@ def errors(gauge: Gauge, noise: Noise, seed: int) -> Floats:
     return np.asarray(found + gauge.sigma * noise.drawn_gross(rng, found.shape))
 
 
-def held_readings(gauges: Sequence[Gauge], poses: Poses) -> dict[str, tuple[Floats, Floats]]:
+def held_readings(gauges: Sequence[Gauge], poses: VirtualPoses) -> dict[str, tuple[Floats, Floats]]:
     """Readings of instruments at poses (H) without noise, with ids in turn, and their sigmas, by name; see ``InstrumentCase``.
 
     Touched instruments are left out: the machine does not touch them at these poses.

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.bench.simulator.poses import Poses, across, exp
+from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
 
@@ -80,13 +80,13 @@ class Gauge(ABC):
         return np.asarray(np.sqrt(self.sigma**2 + ((by_motion @ jitter) ** 2).sum(axis=2)))
 
     @abstractmethod
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         """(M, c) readings without noise, m or rad, at poses (M) of the TCP, base frame, for values ``u`` (k,) of the unknowns.
 
         For a touched instrument, the distance of the target from it.
         """
 
-    def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
+    def change(self, one: VirtualPoses, other: VirtualPoses, u: Floats, v: Floats) -> Floats:
         """(M, c) readings at poses ``one`` and unknowns ``u``, less those at poses ``other`` and unknowns ``v``."""
         return self.readings(one, u) - self.readings(other, v)
 
@@ -104,7 +104,7 @@ class Gauge(ABC):
         """All other keys."""
         return {}
 
-    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         """The instrument's columns in its table, with errors (M, c) of the readings."""
         ids = {name: self.ids(name) for name, of in self.by_row.items() if of}
         found: dict[str, Column] = {
@@ -118,21 +118,24 @@ class Gauge(ABC):
 
     # --------------------------------------------------------------------------------------------- derivatives
 
-    def by_pose(self, poses: Poses) -> Floats:
+    def by_pose(self, poses: VirtualPoses) -> Floats:
         """(M, c, 6) derivative of the readings by the pose: position and rotation vector, base frame."""
         found = []
         for step in NUDGE * np.eye(6):
             turn = exp(step[3:])
-            there, back = Poses(poses.T + step[:3], turn @ poses.R), Poses(poses.T - step[:3], turn.T @ poses.R)
+            there, back = (
+                VirtualPoses(poses.T + step[:3], turn @ poses.R),
+                VirtualPoses(poses.T - step[:3], turn.T @ poses.R),
+            )
             found.append(self.change(there, back, self.truth, self.truth) / (2.0 * NUDGE))
         return np.stack(found, axis=2)
 
-    def by_motion(self, poses: Poses) -> Floats:
+    def by_motion(self, poses: VirtualPoses) -> Floats:
         """(M, c, 6 + k) derivative of the readings by the pose, and by the k joints whose coordinates the poses have."""
         by_pose = self.by_pose(poses)
         return np.concatenate([by_pose, np.zeros((*by_pose.shape[:2], len(poses.joints)))], axis=2)
 
-    def by_hidden(self, poses: Poses) -> Floats:
+    def by_hidden(self, poses: VirtualPoses) -> Floats:
         """(M, c, k) derivative of the readings by the unknowns."""
         steps = NUDGE * np.eye(len(self.hidden))
         u = self.truth
@@ -173,7 +176,7 @@ class Targeted(Gauge):
         points = {name: list(point) for name, point in self.targets.items()}
         return {"target_sigma": TARGET_SIGMA, **({"target": points[""]} if "" in points else {"targets": points})}
 
-    def positions(self, poses: Poses, u: Floats, which: Ints | int = 0) -> Floats:
+    def positions(self, poses: VirtualPoses, u: Floats, which: Ints | int = 0) -> Floats:
         """(M, 3) positions of the targets ``which`` (M,), m, base frame."""
         local = u[: 3 * len(self.targets)].reshape(-1, 3)[np.broadcast_to(which, len(poses))]
         return np.asarray(poses.T + np.einsum("nij,nj->ni", poses.R, local))
@@ -209,7 +212,7 @@ class Layout:
     freedoms: int  # Number of commands
 
     @staticmethod
-    def of(poses: Poses, gravity: Floats, freedoms: int) -> Layout:
+    def of(poses: VirtualPoses, gravity: Floats, freedoms: int) -> Layout:
         """The workspace that some poses of the TCP fill."""
         size = float(np.linalg.norm(gravity))
         up = 0.0 - gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])

@@ -18,8 +18,8 @@ from gtpin.bench.simulator.instruments.gauge import (
     drawn_targets,
     hidden,
 )
-from gtpin.bench.simulator.poses import Poses, exp, log
-from gtpin.bench.simulator.recipe import Noise
+from gtpin.bench.simulator.poses import VirtualPoses, exp, log
+from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.typing import Floats, Ints
@@ -51,7 +51,7 @@ others then hardly depend on the tilt, and noise can make their squares sum to m
 
 
 @dataclass(frozen=True, eq=False)
-class Tracker(Gauge):
+class VirtualTracker(Gauge):
     """z: the pose of the TCP in the instrument's frame."""
 
     kind: ClassVar[str] = "tracker"
@@ -61,27 +61,27 @@ class Tracker(Gauge):
     free: bool  # Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset
 
     @staticmethod
-    def drawn(poses: Poses, stops: Ints, noise: Noise, rng: np.random.Generator) -> Tracker:
+    def drawn(poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator) -> VirtualTracker:
         """A tracker that reads at all ``stops``, with ``poses`` (M), base frame, and with the noise of a tracker's dataset."""
         T, R = noise.elsewhere(rng) if noise.free else (np.zeros(3), np.eye(3))
         frame = hidden("tracker.frame", (*T, *log(R)), np.inf if noise.free else 0.0)
         sigmas = np.tile(noise.sigma[: 6 if noise.orientations else 3], (len(stops), 1))
         sigmas[:, :3] *= noise.growth(poses.T)[:, None]
-        return Tracker("tracker", stops, tuple(frame), noise.declared, sigmas, noise.free)
+        return VirtualTracker("tracker", stops, tuple(frame), noise.declared, sigmas, noise.free)
 
     @property
     def sigma(self) -> Floats:
         return self.sigmas
 
-    def seen(self, poses: Poses, u: Floats) -> Poses:
+    def seen(self, poses: VirtualPoses, u: Floats) -> VirtualPoses:
         """(M) poses in the instrument's frame."""
         return poses.moved(u[:3], exp(u[3:]))
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         """Orientations as rotation vectors. Use :meth:`change` for differences of orientations."""
-        return self.change(poses, Poses(np.zeros_like(poses.T), np.tile(np.eye(3), (len(poses), 1, 1))), u, u)
+        return self.change(poses, VirtualPoses(np.zeros_like(poses.T), np.tile(np.eye(3), (len(poses), 1, 1))), u, u)
 
-    def change(self, one: Poses, other: Poses, u: Floats, v: Floats) -> Floats:
+    def change(self, one: VirtualPoses, other: VirtualPoses, u: Floats, v: Floats) -> Floats:
         return self.seen(one, u).minus(self.seen(other, v))[:, : self.sigmas.shape[1]]
 
     def stated(self) -> dict[str, float]:
@@ -93,17 +93,17 @@ class Tracker(Gauge):
     def table(self) -> dict[str, Any]:
         return {"frame": "free"} if self.free else {}
 
-    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         seen = self.seen(poses, self.truth)
         position = dict(zip("xyz", (seen.T + errors[:, :3]).T, strict=True))
         if errors.shape[1] == 3:
             return {**position}
-        turned = Poses(seen.T, exp(errors[:, 3:]) @ seen.R)
+        turned = VirtualPoses(seen.T, exp(errors[:, 3:]) @ seen.R)
         return {**position, **dict(zip(("qw", "qx", "qy", "qz"), turned.quaternions.T, strict=True))}
 
 
 @dataclass(frozen=True, eq=False)
-class Camera(Targeted):
+class VirtualCamera(Targeted):
     """z: the position of a target in the camera's frame, whose z axis is the line of sight."""
 
     kind: ClassVar[str] = "tracker"
@@ -114,7 +114,9 @@ class Camera(Targeted):
     sigmas: Floats  # (M, 3) noise along the camera's axes, m: the table states it row by row
 
     @staticmethod
-    def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Camera:
+    def drawn(
+        layout: Layout, poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator
+    ) -> VirtualCamera:
         """A camera at the side of the workspace that measures three targets at all ``stops``, with ``poses`` (M), base
         frame."""
         distance = CAMERA_AWAY * layout.radius + CAMERA_CLEAR
@@ -127,13 +129,13 @@ class Camera(Targeted):
         far = (np.linalg.norm(poses.T - place, axis=1) / distance) ** 2
         sigmas = np.repeat(far, len(THREE))[:, None] * np.array([SIDEWAYS, SIDEWAYS, ALONG])
         target = np.tile(np.arange(len(THREE)), len(stops))
-        return Camera("camera", np.repeat(stops, len(THREE)), unknown, declared, THREE, target, sigmas)
+        return VirtualCamera("camera", np.repeat(stops, len(THREE)), unknown, declared, THREE, target, sigmas)
 
     @property
     def sigma(self) -> Floats:
         return self.sigmas
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         frame = self.others(u)
         return np.asarray(self.positions(poses, u, self.target) @ exp(frame[3:]).T + frame[:3])
 
@@ -143,13 +145,13 @@ class Camera(Targeted):
     def table(self) -> dict[str, Any]:
         return {**super().table(), "frame": "free"}
 
-    def columns(self, poses: Poses, errors: Floats) -> dict[str, Column]:
+    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         found = super().columns(poses, errors)
         return found | dict(zip(("sx", "sy", "sz"), self.sigmas.T, strict=True)) if self.declared else found
 
 
 @dataclass(frozen=True, eq=False)
-class Range(Targeted):
+class VirtualRange(Targeted):
     """z = |p - s| + o, with target p, the station's centre s and its offset o, m."""
 
     kind: ClassVar[str] = "range"
@@ -162,7 +164,7 @@ class Range(Targeted):
     sigmas: tuple[float, float, float]
 
     @staticmethod
-    def wires(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Range:
+    def wires(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """Draw wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
         away = STATION_AWAY * layout.radius + STATION_CLEAR
         stations = {
@@ -171,13 +173,15 @@ class Range(Targeted):
         }
         tape = float(np.exp(rng.uniform(*np.log(TAPE))))
         sigmas = (WIRE_SIGMA, STATION_SIGMA, WIRE_OFFSET_SIGMA)
-        return Range._of("wire", stops, stations, tape, sigmas, declared, rng)
+        return VirtualRange._of("wire", stops, stations, tape, sigmas, declared, rng)
 
     @staticmethod
-    def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Range:
+    def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """A ball bar from a pivot at the workspace's centre, which reads at all stops."""
         sigmas = (BAR_SIGMA, PIVOT_SIGMA, BAR_OFFSET_SIGMA)
-        return Range._of("ballbar", stops, {"pivot": layout.at(0.0, 0.0, 0.0)}, PIVOT_SIGMA, sigmas, declared, rng)
+        return VirtualRange._of(
+            "ballbar", stops, {"pivot": layout.at(0.0, 0.0, 0.0)}, PIVOT_SIGMA, sigmas, declared, rng
+        )
 
     @staticmethod
     def _of(
@@ -188,7 +192,7 @@ class Range(Targeted):
         sigmas: tuple[float, float, float],
         declared: bool,
         rng: np.random.Generator,
-    ) -> Range:
+    ) -> VirtualRange:
         """Stations with random errors of standard deviation ``tape``, m."""
         unknown = drawn_targets(name, ONE, rng)
         for one, place in stations.items():
@@ -197,13 +201,13 @@ class Range(Targeted):
             unknown.append(Hidden(f"{name}.offset[{one}]", sigmas[2] * rng.standard_normal(), sigmas[2]))
         count = len(stations)
         station = np.tile(np.arange(count), len(stops))
-        return Range(name, np.repeat(stops, count), tuple(unknown), declared, ONE, stations, station, sigmas)
+        return VirtualRange(name, np.repeat(stops, count), tuple(unknown), declared, ONE, stations, station, sigmas)
 
     @property
     def sigma(self) -> Floats:
         return np.full((len(self.stop), 1), self.sigmas[0])
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         centres, offsets = np.split(self.others(u), [3 * len(self.stations)])
         away = np.linalg.norm(self.positions(poses, u) - centres.reshape(-1, 3)[self.station], axis=1)
         return np.asarray(away + offsets[self.station])[:, None]
@@ -215,7 +219,7 @@ class Range(Targeted):
 
 
 @dataclass(frozen=True, eq=False)
-class Encoder(Gauge):
+class VirtualEncoder(Gauge):
     """z = x + zero, with x the coordinate of a passive ``joint``."""
 
     kind: ClassVar[str] = "encoder"
@@ -225,7 +229,7 @@ class Encoder(Gauge):
     joint: str
 
     @staticmethod
-    def drawn(poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Encoder:
+    def drawn(poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualEncoder:
         """An encoder at the first joint whose coordinates the poses have; it reads at all stops.
 
         Raises GtpinError if they have none.
@@ -236,15 +240,15 @@ class Encoder(Gauge):
                 hint="the simulator has encoders at joints that follow: of loops, and of rods' universal joints",
             )
         zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
-        return Encoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
+        return VirtualEncoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray(poses.joints[self.joint] + u[0])[:, None]
 
-    def by_pose(self, poses: Poses) -> Floats:
+    def by_pose(self, poses: VirtualPoses) -> Floats:
         return np.zeros((len(poses), 1, 6))
 
-    def by_motion(self, poses: Poses) -> Floats:
+    def by_motion(self, poses: VirtualPoses) -> Floats:
         own = [float(name == self.joint) for name in poses.joints]
         return np.tile(np.concatenate([np.zeros(6), own]), (len(poses), 1, 1))
 
@@ -253,7 +257,7 @@ class Encoder(Gauge):
 
 
 @dataclass(frozen=True, eq=False)
-class Tilt(Gauge):
+class VirtualTilt(Gauge):
     """z: the first two components of R_s' up, with R_s = R exp(mount) and ``up`` (3,) the unit vector against gravity, base
     frame. The sensor's axes are the TCP's, rotated by its mounting.
     """
@@ -265,7 +269,9 @@ class Tilt(Gauge):
     up: Floats
 
     @staticmethod
-    def drawn(layout: Layout, poses: Poses, stops: Ints, declared: bool, rng: np.random.Generator) -> Tilt:
+    def drawn(
+        layout: Layout, poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator
+    ) -> VirtualTilt:
         """A sensor that reads at those of the ``stops``, with ``poses`` (M), at which its z axis is not too near horizontal.
 
         Raises GtpinError if there are fewer than two such stops.
@@ -277,7 +283,7 @@ class Tilt(Gauge):
             hint = "turn its TCP frame so that z is nearly upright"
             raise GtpinError("a tilt sensor on this robot is never near level", hint=hint)
         mount = hidden("level.mount", MOUNT_SIGMA * rng.standard_normal(3), MOUNT_SIGMA, ("rx", "ry", "rz"))
-        return Tilt("level", stops[level], tuple(mount), declared, layout.up)
+        return VirtualTilt("level", stops[level], tuple(mount), declared, layout.up)
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray((np.swapaxes(poses.R @ exp(u), 1, 2) @ self.up)[:, :2])

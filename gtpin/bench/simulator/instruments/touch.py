@@ -24,7 +24,7 @@ from gtpin.bench.simulator.instruments.gauge import (
     hidden,
 )
 from gtpin.bench.simulator.machine import Deviation, Moved
-from gtpin.bench.simulator.poses import Poses, across, exp
+from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Ints
 
@@ -43,7 +43,7 @@ DISTANCE_SIGMA = 5e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Plane(Targeted):
+class VirtualPlane(Targeted):
     """z = n . (p - point) - height, with target p, and the plane's normal n and a point of it."""
 
     kind: ClassVar[str] = "plane"
@@ -55,7 +55,7 @@ class Plane(Targeted):
     plane: Ints  # (M,) index of each row's plane
 
     @staticmethod
-    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Plane:
+    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualPlane:
         """Two level planes at different heights, and a tilted one, touched in turn."""
         tilted = np.sin(TILTED) * layout.axes[0] + np.cos(TILTED) * layout.up
         planes = {
@@ -70,9 +70,9 @@ class Plane(Targeted):
             for what, prior in priors.items()
         ]
         unknown = (*drawn_targets("bed", ONE, rng), *off)
-        return Plane("bed", stops, unknown, declared, ONE, planes, np.arange(len(stops)) % len(planes))
+        return VirtualPlane("bed", stops, unknown, declared, ONE, planes, np.arange(len(stops)) % len(planes))
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         height, a, b = self.others(u).reshape(-1, 3)[self.plane].T
         points = np.array([point for point, _ in self.planes.values()])[self.plane]
         normals = np.array([normal for _, normal in self.planes.values()])
@@ -87,7 +87,7 @@ class Plane(Targeted):
 
 
 @dataclass(frozen=True, eq=False)
-class Socket(Targeted):
+class VirtualSocket(Targeted):
     """z = p - s, with target p and socket s, m."""
 
     kind: ClassVar[str] = "socket"
@@ -102,7 +102,7 @@ class Socket(Targeted):
     target: Ints
 
     @staticmethod
-    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> Socket:
+    def drawn(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualSocket:
         """Four sockets in the workspace; three targets where the platform has fewer than six degrees of freedom, else one."""
         targets = ONE if layout.freedoms >= 6 else THREE
         sockets = tuple(f"S{i + 1}" for i in range(len(CORNERS)))
@@ -114,9 +114,9 @@ class Socket(Targeted):
         for socket, place in zip(sockets, places, strict=True):
             unknown += hidden(f"cup.point[{socket}]", place, np.inf)
         which, target = np.divmod(np.arange(len(stops)) % (len(sockets) * len(targets)), len(sockets))[::-1]
-        return Socket("cup", stops, tuple(unknown), declared, targets, sockets, distance, which, target)
+        return VirtualSocket("cup", stops, tuple(unknown), declared, targets, sockets, distance, which, target)
 
-    def readings(self, poses: Poses, u: Floats) -> Floats:
+    def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray(self.positions(poses, u, self.target) - self.others(u).reshape(-1, 3)[self.socket])
 
     def table(self) -> dict[str, Any]:
@@ -147,7 +147,7 @@ class Way(Protocol):
         """(N, n) commands."""
 
     @property
-    def poses(self) -> Poses:
+    def poses(self) -> VirtualPoses:
         """(N) true poses of the TCP as instruments measure them, base frame; NaN out of reach."""
 
     def by_command(self) -> Floats:
@@ -165,7 +165,7 @@ class PlainWay:
     q: Floats
 
     @cached_property
-    def poses(self) -> Poses:
+    def poses(self) -> VirtualPoses:
         return self.machine.predict(self.q)
 
     def by_command(self) -> Floats:
@@ -191,7 +191,7 @@ class DayWay:
         return self.response.visits.q
 
     @cached_property
-    def poses(self) -> Poses:
+    def poses(self) -> VirtualPoses:
         return self.response.seen(self.active, self.jitter)
 
     def by_command(self) -> Floats:

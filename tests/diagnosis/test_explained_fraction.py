@@ -1,4 +1,4 @@
-"""Blocks left out by leverage are blocks left out; noise and shrinkage are what a linear world has."""
+"""Blocks left out by leverage are blocks left out; noise and explained fraction are what a linear world has."""
 
 from functools import cache
 
@@ -119,13 +119,13 @@ def compared(strength: float) -> list[tuple[Gap, float]]:
 @pytest.mark.parametrize("strength", [0.3, 1.0])
 def test_intervals_cover_the_shrinkage_on_other_poses(strength):
     inside = [said.interval[0] <= true <= said.interval[1] for said, true in compared(strength)]
-    assert all(said.interval[0] <= said.shrinkage <= said.interval[1] for said, _ in compared(strength))
+    assert all(said.interval[0] <= said.explained_fraction <= said.interval[1] for said, _ in compared(strength))
     assert np.mean(inside) >= 0.85, np.mean(inside)
 
 
 @pytest.mark.parametrize("strength", [0.3, 1.0])
 def test_shrinkage_is_the_realised_one_in_the_mean(strength):
-    errors = [said.shrinkage - true for said, true in compared(strength)]
+    errors = [said.explained_fraction - true for said, true in compared(strength)]
     chance = np.std(errors) / np.sqrt(len(errors))
     assert abs(np.mean(errors)) < 4.0 * chance + 0.01, (np.mean(errors), chance)
 
@@ -138,7 +138,7 @@ def test_without_causes_nothing_shrinks_and_the_floor_is_no_higher_than_the_gap(
         found = gap(design, none, np.full((80, 3), scale * SIGMA**2), partition(80, 20), np.random.default_rng(0))
         assert found.before == found.after
         assert found.floor <= found.before
-        assert found.shrinkage is None
+        assert found.explained_fraction is None
         assert found.interval is None
 
 
