@@ -38,6 +38,7 @@ def held(found: gtpin.Diagnosis) -> set[tuple[str, str]]:
 
 HIDDEN = [
     ("backlash", "cart1", ("approach",)),
+    ("backlash", "cart2", ("approach",)),
     ("servo_lag", "cart2", ("speed",)),
     ("frame_shift", "frame", ("session",)),
     ("thermal_links", "arm", ("temp_link",)),
@@ -50,6 +51,8 @@ def test_no_other_cause_is_sure_where_what_the_true_one_goes_with_was_not_record
     assert all(c.probability < CONFIDENT for c in found.causes)
     rows = {(c.effect, c.site): c for c in found.candidates}
     assert not rows[effect, site].testable
+    if effect == "backlash":  # one cause that nobody recorded is not reported as two
+        assert len(found.causes) <= 1
     if found.causes:
         assert (effect, site) in {(m.effect, m.site) for c in found.causes for m in c.members}
         assert rows[effect, site].probability > 0.0
@@ -104,7 +107,9 @@ def test_what_is_found_where_it_was_recorded_is_in_sight_where_it_was_not():
         if truth in held(said(machine(seed, *truth))):
             recorded += 1
             assert truth in held(said(machine(seed, *truth, without=("session",)))), seed
-    assert recorded >= 2
+        if recorded == 2:
+            return
+    pytest.fail("hardly ever found where it was recorded")
 
 
 @pytest.mark.parametrize("kind", ["plate_bending", "cable_chain", "thermal_twist"])
@@ -136,12 +141,6 @@ def test_sessions_in_numbers_tell_the_time_in_their_order(seed):
     assert ("tracker_drift", "frame") in held(found)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_one_cause_that_nobody_recorded_is_not_reported_as_two(seed):
-    found = said(machine(seed, "backlash", "cart2", ("approach",)))
-    assert len(found.causes) <= 1
-
-
 class OfOthers(Effect):
     """Goes with a covariate that was not recorded, and can't do with a guess of it."""
 
@@ -161,7 +160,9 @@ class OfOthers(Effect):
 
 
 class WithPeriod(OfOthers):
-    """Goes with the payload by a period that has to be scanned for."""
+    """Goes with the payload by a period that has to be scanned for: no guess of the payload is tried."""
+
+    id = "with_period"
 
     def covariates(self, robot, site):
         return ()
@@ -177,17 +178,10 @@ class WithPeriod(OfOthers):
         return along_track(at, site, np.sin(2.0 * np.pi * q / nonlinear), np.array([3e-5]))
 
 
-def diagnosed_beside(kind: type[Effect]) -> gtpin.Diagnosis:
+def test_effects_of_others_without_a_guess_are_warned_of_or_not_guessed_and_stand_in_no_class():
     dataset = machine(1, "rack_periodic", "cart2", ("payload", "session", "fx", "fy", "fz")).dataset
-    return gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), kind()])
-
-
-def test_an_effect_of_others_that_can_do_with_no_guess_is_warned_of_and_stands_in_no_class():
-    with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a proxy .*KeyError"):
-        found = diagnosed_beside(OfOthers)
+    with pytest.warns(gtpin.GtpinWarning, match="of_others can't be tried with a proxy .*KeyError") as heard:
+        found = gtpin.diagnose(dataset, effects=[*gtpin.catalogue(), OfOthers(), WithPeriod()])
+    assert not [w for w in heard if "with_period" in str(w.message)]
     assert ("rack_periodic", "cart2") in held(found)
-    assert all(effect != "of_others" for effect, _ in held(found))
-
-
-def test_an_effect_with_a_period_is_not_guessed_under_loads():
-    assert ("rack_periodic", "cart2") in held(diagnosed_beside(WithPeriod))
+    assert {effect for effect, _ in held(found)}.isdisjoint({"of_others", "with_period"})
