@@ -180,9 +180,8 @@ def _boxes(
                 "arrayminus": middle - below,
                 "color": color,
             }
-            traces.append(scatter("markers", names, middle, error_y=bars | look, offsetgroup=name))
+            traces.append(scatter("markers", names, middle, name=name, error_y=bars | look, offsetgroup=name))
             traces[-1] |= {"marker": {"color": color, "symbol": "line-ew-open", "size": 14}, "hoverinfo": "y"}
-        traces[-1] |= {"name": name}
     return traces
 
 
