@@ -19,7 +19,7 @@ from gtpin.report.words import coordinate_words
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-MOST = 1200
+MOST = 1000
 """Largest number of poses in a plot; of more, an even selection is shown."""
 QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
 POINTS = {"size": 4.5, "opacity": 0.6}

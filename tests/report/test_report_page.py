@@ -168,7 +168,8 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
 @pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
-    assert len(diagnosis_page(single.diagnosis, many).encode()) < 2e6
+    size = len(diagnosis_page(single.diagnosis, many).encode())
+    assert size < 2e6
 
 
 def resolved(value, shared: Shared):

@@ -19,7 +19,7 @@ def answer(folder: Path) -> Answer:
     problem = Problem.of(folder)
     plain = predictions(problem.baseline, folder)
     dataset = problem.prepared.dataset
-    if plain.readings.names or dataset.instrument.frame == "free":
+    if plain.readings or dataset.instrument.frame == "free":
         return plain
     used = dataset.take(problem.prepared.baseline.used(dataset))
     commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
