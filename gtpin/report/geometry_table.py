@@ -44,8 +44,8 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
 
 STEADY = 1e-3
 """Share of its sigma below which a correction that is not determined is zero."""
-UNKNOWN = "What is unknown may be in them too."
-UNTESTED = "Effects may be in them too: gtpin diagnose tests this."
+UNKNOWN = "What is unknown may move them beyond their sigmas."
+UNTESTED = "Effects may move them beyond their sigmas: run gtpin diagnose first."
 
 
 def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:

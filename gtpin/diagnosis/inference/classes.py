@@ -81,11 +81,13 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
         / heat
         for s, gain in against.items()
     }
-    whole = np.logaddexp.reduce([*log.values(), max(smooth.values(), default=-np.inf)])
-    probability = {h: float(np.exp(value - whole)) for h, value in log.items()}
+    top = max(*log.values(), *smooth.values())  # large numbers would round their sum
+    weight = {term: float(np.exp(value - top)) for term, value in (*log.items(), *smooth.items())}
+    whole = sum(weight[h] for h in log) + max((weight[term] for term in smooth), default=0.0)
+    probability = {h: weight[h] / whole for h in log}
     every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
     named = _ordered(every, cause)
-    shares = ((term, float(np.exp(value - whole))) for term, value in smooth.items())
+    shares = ((term, weight[term] / whole) for term in smooth)
     return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), heat)
 
 
