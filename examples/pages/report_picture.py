@@ -55,7 +55,7 @@ def draw(report: Path) -> None:
     with sync_playwright() as driver:
         launched = driver.chromium.launch(executable_path=browser, args=["--no-sandbox"])
         tab = launched.new_context(viewport={"width": WIDTH, "height": 900}, color_scheme="light").new_page()
-        tab.goto(report.as_uri())
+        tab.goto(report.as_uri(), timeout=120_000.0)
         end = tab.locator("main nav").first.bounding_box()
         assert end is not None
         size = {"x": 0.0, "y": 0.0, "width": float(WIDTH), "height": end["y"] - 8.0}

@@ -81,7 +81,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
         / heat
         for s, gain in against.items()
     }
-    top = max(*log.values(), *smooth.values())  # large numbers would round their sum
+    top = max([*log.values(), *smooth.values()])  # large numbers would round their sum
     weight = {term: float(np.exp(value - top)) for term, value in (*log.items(), *smooth.items())}
     whole = sum(weight[h] for h in log) + max((weight[term] for term in smooth), default=0.0)
     probability = {h: weight[h] / whole for h in log}
