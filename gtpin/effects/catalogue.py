@@ -12,21 +12,31 @@ from gtpin import effects
 from gtpin.effects.effect import Effect
 from gtpin.errors import ModelError
 
-ORDER = (
-    *(
-        "encoder_scale",
-        "linearity",
-        "rack_periodic",
-        "rack_step",
-        "zero_shift",
-        "backlash",
-        "servo_lag",
-        "cross_coupling",
-    ),
-    *("straightness", "cart_rotation", "cart_compliance", "link_compliance", "joint_clearance", "joint_runout"),
-    *("joint_compliance", "bearing_compliance", "axis_motion", "thermal_links", "thermal_track"),
-    *("tracker_drift", "frame_shift", "tracker_scale", "target_offset"),
-)
+ORDER = [
+    "encoder_scale",
+    "linearity",
+    "rack_periodic",
+    "rack_step",
+    "zero_shift",
+    "backlash",
+    "servo_lag",
+    "cross_coupling",
+    "straightness",
+    "cart_rotation",
+    "cart_compliance",
+    "link_compliance",
+    "joint_clearance",
+    "joint_runout",
+    "joint_compliance",
+    "bearing_compliance",
+    "axis_motion",
+    "thermal_links",
+    "thermal_track",
+    "tracker_drift",
+    "frame_shift",
+    "tracker_scale",
+    "target_offset",
+]
 """Order of effects in results: from the drives to the target. Effects that are not in it follow, by their ids."""
 
 

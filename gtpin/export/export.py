@@ -141,7 +141,8 @@ def texts(
         what = f"{form} takes no box, temperatures, firmware or controller"
         raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
     if form == "dh":
-        return Export({file.name: _dh(model)}, tuple(name for name in left_out(model) if "@" in name))
+        missing = tuple(name for name in left_out(model) if "@" in name)
+        return Export({file.name: _dh(model)}, missing, notes=_doubt(model))
     if form in ("csv", "linuxcnc"):
         return _corrections(model, file, form, session)
     urdf = calibrated_urdf(model)
@@ -177,6 +178,16 @@ def _corrections(model: Model, file: Path, form: Format, session: str | None) ->
     else:
         files = {f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}
     return Export(files, missing, notes=left_of_drives(model, carried, session))
+
+
+def _doubt(model: Model) -> tuple[str, ...]:
+    """A message where the sigmas of a table are too small if what the model leaves of the data is no noise."""
+    left = model.unexplained
+    if left is None or left.none:
+        return ()
+    size = f"{1e6 * left.position:.3g} um" if left.position else f"{1e6 * left.orientation:.3g} urad"
+    kind = "beyond noise, so" if left.noise_known else "an axis: if these are no noise,"
+    return (f"is of a model that leaves {size} {kind} corrections may be off by more than their sigmas",)
 
 
 def _dh(model: Model) -> str:

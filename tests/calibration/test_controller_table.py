@@ -1,5 +1,8 @@
 """The table of Denavit and Hartenberg of an arm, and its corrections, against matrices multiplied by hand."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ import gtpin
 from gtpin.data import Instrument
 from gtpin.export import export
 from gtpin.model.dh import controller_table
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.report.geometry_table import controller_words
 
 A = np.array([0.0, -0.425, -0.39225, 0.0, 0.0, 0.0])
@@ -106,6 +110,18 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
     assert rows[0] == ["joint", "parameter", "unit", "nominal", "correction", "sigma", "determined"]
     assert len(rows) == 1 + len(found)
+
+
+@pytest.mark.parametrize(
+    ("known", "what"), [(True, "174 um beyond noise, so"), (False, "174 um an axis: if these are no")]
+)
+def test_a_table_of_a_model_that_leaves_more_says_that_its_sigmas_are_too_small(known, what, tmp_path) -> None:
+    plain = gtpin.read_model("ur5")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(replace(plain, unexplained=ModelDiscrepancy(0.0, 0.0)), tmp_path / "all.csv", "dh")
+    with pytest.warns(gtpin.GtpinWarning, match=rf"dh.csv is of a model that leaves {what}"):
+        export(replace(plain, unexplained=ModelDiscrepancy(1.743e-4, 0.0, known)), tmp_path / "dh.csv", "dh")
 
 
 @pytest.mark.parametrize("name", ["gantry_tau", "panda"])

@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scipy.stats import t
 
@@ -15,6 +16,7 @@ from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
 from gtpin.effects.rack import LEAST_TURNS
 from gtpin.effects.smooth import SLOWEST_LINE
+from gtpin.report import residual_plots
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))
@@ -48,6 +50,8 @@ CONSTANTS = (
     ("docs/diagnosis.md", "{} % for related hypotheses", 100 * priors.PRIORS.related),
     ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),
     ("docs/diagnosis.md", "With more than {} poses, the search uses", f"{MOST_POSES:,}"),
+    ("docs/diagnosis.md", "no form of their own: there, odds of {} to 1", f"{np.exp(priors.PRIORS.same_clock):.0f}"),
+    ("docs/speed.md", "Plots show at most {} poses", f"{residual_plots.MOST:,}"),
     ("docs/diagnosis.md", "gain: below {} nats, only", splitting.HOPELESS),
     ("docs/diagnosis.md", "below {} %, how many rounds", 100 * PROMISED),
     ("docs/diagnosis.md", "with {} simulated", DRAWN),

@@ -236,10 +236,8 @@ def _conditions(at: Situation) -> Functions:
     """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
-            yield (
-                (name,),
-                *_over_range(at.covariate(name), *((DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0))),
-            )
+            orders, decay = (DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0)  # those of tracker_drift
+            yield (name,), *_over_range(at.covariate(name), orders, decay)
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])
