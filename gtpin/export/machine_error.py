@@ -13,6 +13,7 @@ from gtpin.certificate.response import At, ModelPosterior, by_unknowns
 from gtpin.compensation.box import Box
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers
+from gtpin.data.instrument_tables import PlaneTable
 from gtpin.errors import ModelError
 from gtpin.export.loss import postures
 from gtpin.kinematics.rotations import frame_motions
@@ -51,6 +52,13 @@ class OpenDirections:
         power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
         low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL), 0.0))
         return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
+
+
+def touches_one_plane(model: Model) -> bool:
+    """Whether a model is of touches of one plane alone, which show no shift along it and no turn about its normal."""
+    tables = [one.table for one in model.instruments]
+    planes = [len(table.planes) for table in tables if isinstance(table, PlaneTable)]
+    return len(planes) == len(tables) and sum(planes) == 1
 
 
 def on_the_bed(errors: Floats, xyz: Floats) -> Floats:

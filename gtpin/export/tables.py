@@ -25,6 +25,7 @@ from gtpin.export.machine_error import (
     determined,
     on_the_bed,
     open_directions,
+    touches_one_plane,
 )
 from gtpin.importers.klipper import TOWERS, tower_dimensions
 from gtpin.importers.klipper_config import needed, read_config
@@ -176,9 +177,10 @@ def printer_correction(
     ``undetermined``: whether settings change that the data do not determine.
     """
     plain, first = ModelController(believed, box.origin), machines[0]
-    shown = _shown(first, plain, drives, box)
+    shown, standing = _shown(first, plain, drives, box), touches_one_plane(model)
+    if standing:
+        shown[[D + PARTS.index("offset x"), D + PARTS.index("offset y")]] = False
     chosen = shown | undetermined
-    standing = not shown[[D + PARTS.index("offset x"), D + PARTS.index("offset y")]].any()
 
     def corrected(part: CompensatedMachine) -> tuple[Towers | None, Controller]:
         """The dimensions and the controller with them. They are fitted at the lowest temperature, and used at all."""

@@ -14,12 +14,22 @@ from drawn_machines import Drawn
 from scipy.stats import binom
 from with_effects import active
 
+import gtpin
 from gtpin.compensation.machine import machine_at
 from gtpin.compensation.plane_tables import NODES, PARTS, PlaneTables
 from gtpin.compensation.towers import DIMENSIONS, drives_of
+from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, TrackerTable
 from gtpin.errors import GtpinWarning
 from gtpin.export import Box, TablesFor, export
-from gtpin.export.machine_error import Left, OpenDirections, changed_dimensions, on_the_bed, open_directions
+from gtpin.export.machine_error import (
+    Left,
+    OpenDirections,
+    changed_dimensions,
+    on_the_bed,
+    open_directions,
+    touches_one_plane,
+)
+from gtpin.model.model import FittedInstrument
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
@@ -106,6 +116,44 @@ def test_a_changed_dimension_has_the_sigma_of_drawn_machines(by_script: object) 
     said = [float(value) for value in re.findall(r"end stop . by [+-]0.000 \+- (\S+) mm", text)]
     # Both rods of a tower hang on its cart: the end stop is off by the mean of their joints' heights.
     np.testing.assert_allclose(said, 0.1 / np.sqrt(2.0), rtol=0.2)
+
+
+UP, ASIDE = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}, {"point": [0.4, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("tables", "one"),
+    [
+        ([PlaneTable(name="bed", kind="plane", planes={"A": UP})], True),
+        ([PlaneTable(name="bed", kind="plane", planes={"A": UP, "B": ASIDE})], False),
+        ([PlaneTable(name="bed", kind="plane", planes={"A": UP}), TrackerTable(name="laser", kind="tracker")], False),
+        ([], False),
+    ],
+    ids=["a bed", "a bed and a side", "a bed and a tracker", "poses"],
+)
+def test_touches_of_one_plane_alone_show_no_place_on_it(tables: list[InstrumentTable], one: bool) -> None:
+    model = gtpin.read_model("linear_delta")
+    assert touches_one_plane(replace(model, instruments=tuple(FittedInstrument(table) for table in tables))) is one
+
+
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.2])
+def test_a_place_on_the_bed_stays_as_it_is_whatever_the_box(height: float, tmp_path: Path) -> None:
+    """Also where the prior of the offsets is large, and the data seem to make them smaller."""
+    geometry = gtpin.read_model("linear_delta").geometry
+    tolerance = geometry.tolerance
+    off = geometry.with_values(
+        geometry.values + 0.2 * tolerance * np.random.default_rng(0).standard_normal(len(tolerance))
+    )
+    known = gtpin.Model(off, covariance=1e-4 * np.diag(tolerance**2))
+    touched = FittedInstrument(PlaneTable(name="bed", kind="plane", planes={"A": UP}))
+    box = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, height), (0.0, 0.0, 0.3))
+    for instruments, stays in (((touched,), True), ((), False)):
+        machine, where = replace(known, instruments=instruments), tmp_path / f"{stays}.cfg"
+        with pytest.warns(GtpinWarning) as told:
+            export(machine, where, tables=TablesFor(box=box))
+        said = "\n".join(str(one.message) for one in told)
+        assert ("offset x, offset y" in said) is stays
+        assert ("a shift or turn of the part on the bed is no error" in said) is stays
 
 
 @pytest.fixture
