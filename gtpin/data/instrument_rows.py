@@ -87,9 +87,10 @@ class InstrumentRows:
         """The same rows without sockets that none of them visits: their ids, and the known distances that they have.
 
         Points that dataset.toml declares with ``socket_sigma`` stay. Of more known distances than rows, the first stay: each
-        is assigned to a row. Rows of single components refer to distances by their number: nothing is left out of them.
+        is assigned to a row. Rows of single components, and those with a column ``link``, refer to distances by their number:
+        nothing is left out of them.
         """
-        if (self.component >= 0).any():
+        if "link" in self.columns or (self.component >= 0).any():
             return self
         tables, known = list(self.tables), list(self.known)
         for i, table in enumerate(self.tables):
