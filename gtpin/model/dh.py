@@ -17,7 +17,8 @@ from gtpin.typing import Floats
 PARALLEL = 1e-6
 """Sine of the angle between two axes below which they are parallel."""
 DETERMINED = 0.5
-"""Largest sigma, relative to its prior, of a parameter that the data determine: three quarters of its variance are gone."""
+"""Largest sigma, relative to that of its prior, of a parameter that the data determine: a variance reduction of 75 %.
+Assumed."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,12 @@ class DhParameter:
 def dh_parameters(geometry: Geometry, covariance: Floats | None) -> tuple[DhParameter, ...]:
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
-    The placements of a calibration are redundant; a table is a smallest set. Its corrections d are those of the calibration
-    with placements V d: of the normal posterior with the mean m and covariance C, ``(V' C^-1 V)^-1 V' C^-1 m``. The place of
-    the first axis in the base frame, which no table has, is identified with them.
+    The placements of a calibration are redundant parameters; those of a table are minimal. Its corrections d are the weighted
+    least squares estimate from the calibration's deviations m with covariance C, where V d are the deviations that d causes:
+    ``(V' C^-1 V)^-1 V' C^-1 m``. The pose of the first axis in the base frame, which no table has, is estimated with them.
 
-    ``covariance``: (p, p) of the geometry's parameters; None for a nominal geometry.
-
-    ``geometry``: of a serial arm, with six parameters for each joint and the TCP.
+    ``geometry``: of a serial arm, with six parameters for each joint and the TCP. ``covariance``: (p, p) of its parameters;
+    None for a nominal geometry.
     """
     rows, V, fixed = _directions(geometry.robot, geometry)
     if covariance is None or not geometry.deviation.any():
