@@ -43,7 +43,7 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
         return found
     places = {(d.effect, d.site) for d in told}
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
-    return kept.only(hypotheses, kept.sure()).doubted(*doubts) if doubts else kept
+    return kept.only(hypotheses, kept.beside_unknown()).doubted(*doubts) if doubts else kept
 
 
 def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:

@@ -52,7 +52,7 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
         return found
     # Errors of this actuator change too fast for smooth terms: causes of other sites are kept where they are sure.
     own = f"q{hypotheses.design.situation.robot.sites.index(site) + 1}"
-    kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != site])
+    kept = found.only(hypotheses, [cause for cause in found.beside_unknown() if cause.site != site])
     return kept.doubted(Doubt("restless", site, (own,)))
 
 
@@ -67,24 +67,25 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     mixed = search(hypotheses, hypotheses.every, alone, start=start)
     needed = smooth_terms(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
-        named = hypotheses.only(mixed, _apart(hypotheses, mixed))
+        named = hypotheses.only(mixed, (*_apart(hypotheses, mixed), *needed))
     elif needed := _replacing(hypotheses, named):
         better = tuned(hypotheses.groups, (*named.terms, *needed), (*named.scale, *(1.0 for _ in needed)))
-        named = hypotheses.only(better, _apart(hypotheses, better))
+        named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     if not needed:
         named = exchanged_for_two(hypotheses, named)
+    # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     apart = set(causes(named))
     named = _led(hypotheses, named)
     if needed:  # the leader of a class may look like a smooth term where the cause that it replaces does not
         kept = [c for c in causes(named) if c in apart or not _alike(hypotheses, c, needed)]
-        named = hypotheses.only(named, kept)
+        named = hypotheses.only(named, (*kept, *needed))
     named = without_redundant(hypotheses, named, partial(contenders, hypotheses))
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
-    found = Conclusion(named, classes, doubts, alone, tuple(needed))
-    return found.only(hypotheses, found.sure()) if doubts else found
+    found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, tuple(needed))
+    return found.only(hypotheses, found.beside_unknown()) if doubts else found
 
 
 def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) -> float:

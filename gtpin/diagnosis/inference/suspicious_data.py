@@ -163,7 +163,7 @@ def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Reading
         if alone is None or two_values(alone.errors[:, drive], alone.variance[:, drive]) < least:
             continue
         if whole.excess[drive] > priors.two_valued_left * alone.excess[drive]:
-            kept = found.only(hypotheses, [cause for cause in found.sure() if cause.site != site])
+            kept = found.only(hypotheses, [cause for cause in found.beside_unknown() if cause.site != site])
             return kept.doubted(Doubt("two_valued", site, (f"approach{drive + 1}",)))
     return found
 

@@ -9,7 +9,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.inference.findings import Considered, Doubt, FlexibleFamily, Member, Verdict
-from gtpin.diagnosis.priors import SURE
+from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.effects.effect import Nature
 
 
@@ -87,6 +87,14 @@ class Conclusion:
             cause
             for cause, members in self.classes.items()
             if members[0].hypothesis.place == cause.place and members[0].probability >= SURE
+        ]
+
+    def beside_unknown(self) -> list[Hypothesis]:
+        """Causes that stand beside something unknown: surely one of their class, so that no smooth term is in their place."""
+        return [
+            cause
+            for cause, members in self.classes.items()
+            if members[0].probability >= UNDECIDED and sum(m.probability for m in members) >= SURE
         ]
 
 
