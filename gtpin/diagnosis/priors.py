@@ -98,9 +98,10 @@ class Priors:
     base axis with the largest range. Assumed."""
 
     # What can be tested.
-    large: float = 10.0
+    large: float = 28.5
     """Multiple of an effect's typical size at which it is checked whether geometry absorbs the effect. If so, it can't be
-    tested. Assumed."""
+    tested. Derived: exp(2.576 ``scale_spread``), the size that one effect of 200 exceeds. With ten times the typical size, a
+    link's compliance of 60 times could not be named though its data were clear."""
     shows: float = 15.8
     """Smallest whitened energy that an effect must have after geometry has absorbed what it can. Derived: a matched filter with
     95 % detections at 1 % false alarms, (z_0.95 + z_0.99)^2, z the quantile of the normal distribution."""

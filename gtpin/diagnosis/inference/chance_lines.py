@@ -25,9 +25,7 @@ def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothes
     lines = [c for c in causes(found.model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
         return ()
-    model = found.model
-    if found.beside:
-        model = hypotheses.of((*model.terms, *found.beside), (*model.scale, *(1.0 for _ in found.beside)))
+    model = found.whole(hypotheses)
     return tuple(c for c in lines if FittedLines.of(hypotheses, model, c).chance() > hypotheses.priors.chance_line)
 
 

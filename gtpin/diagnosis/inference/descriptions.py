@@ -30,7 +30,7 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     for cause, members in found.classes.items():
         if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
             continue
-        if is_mechanism(hypotheses, found.model, cause):
+        if is_mechanism(hypotheses, found.whole(hypotheses), cause):
             mechanisms.add(cause.place)
         else:
             over = tuple(sorted(cause.drivers(hypotheses.design.situation.robot)))

@@ -84,7 +84,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
-    found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, tuple(needed))
+    found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, hypotheses.only(named, needed))
     return found.only(hypotheses, found.beside_unknown()) if doubts else found
 
 

@@ -97,13 +97,13 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 
     ``blocks``: (N,) masks of the poses left out together, a partition.
     """
-    design, groups = hypotheses.design, hypotheses.groups
+    design, groups, beside = hypotheses.design, hypotheses.groups, _beside(hypotheses, found)
     columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
     kept = list(found.classes)
     for cause in found.classes:
-        others = [columns[c] for c in kept if c != cause]
+        others = [*beside, *(columns[c] for c in kept if c != cause)]
         gain = _log_density(design, [*others, columns[cause]], blocks) - _log_density(design, others, blocks)
-        model = hypotheses.only(found.model, kept)
+        model = found.only(hypotheses, kept).whole(hypotheses)
         evidence = model.log_evidence - without(groups, model, cause).log_evidence
         if gain <= hypotheses.priors.predicted * max(evidence, 0.0):
             kept = [c for c in kept if c != cause]
@@ -113,24 +113,30 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask], floor: Floats) -> Conclusion:
     """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
-    The errors are those of positions. In two cases it is enough that the errors of measured orientations become smaller: where
-    the position errors of the geometry alone are at the noise floor, and for robots without rods, whose wrist can rotate the
-    tool and hardly shift it.
+    The errors are those of positions. It is enough that the errors of measured orientations become smaller where the position
+    errors without the causes are at the noise floor, for robots without rods, whose wrist can rotate the tool and hardly shift
+    it, and where something unknown is in the positions anyway.
 
     ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N, k) as for
     :func:`~gtpin.diagnosis.linear.cross_validation.gap`.
     """
     if not found.classes:
         return found
-    columns = np.hstack([hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes])
-    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (columns[:, :0], columns))
+    beside = np.hstack([np.zeros((len(hypotheses.design.y), 0)), *_beside(hypotheses, found)])
+    columns = np.hstack([beside, *(hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes)])
+    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (beside, columns))
     compared = [(alone.errors, whole.errors)]
     at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    if alone.turned.size and (at_noise or not hypotheses.design.situation.robot.rods):
+    if alone.turned.size and (at_noise or found.doubts or not hypotheses.design.situation.robot.rods):
         compared.append((alone.turned, whole.turned))
     if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
+
+
+def _beside(hypotheses: HypothesisSet, found: Conclusion) -> list[Floats]:
+    """Displacements of the smooth terms beside the causes, without which a cause would predict what they explain."""
+    return [hypotheses.groups.columns(t) * s for t, s in zip(found.beside.terms, found.beside.scale, strict=True)]
 
 
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
 from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.inference.findings import Considered, Doubt, FlexibleFamily, Member, Verdict
+from gtpin.diagnosis.linear.posterior import NOTHING, fixed
 from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.effects.effect import Nature
 
@@ -33,7 +34,7 @@ class Conclusion:
 
     ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
     first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
-    of every hypothesis and smooth term as the only one. ``beside``: smooth terms that are needed beside the causes.
+    of every hypothesis and smooth term as the only one. ``beside``: the smooth terms that are needed beside the causes.
     ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
     fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
     """
@@ -42,7 +43,7 @@ class Conclusion:
     classes: Mapping[Hypothesis, tuple[Contender, ...]]
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
-    beside: tuple[SmoothTerm, ...] = ()
+    beside: Explanation = NOTHING
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
     mechanisms: frozenset[tuple[str, str]] = frozenset()
@@ -60,6 +61,13 @@ class Conclusion:
     def scale(self) -> Mapping[Term, float]:
         """Scale of each cause: its size over the typical size."""
         return scales(self.model)
+
+    def whole(self, hypotheses: HypothesisSet) -> Explanation:
+        """The model of the causes with the smooth terms beside them."""
+        model, beside = self.model, self.beside
+        if not beside.terms:
+            return model
+        return fixed(hypotheses.groups, (*model.terms, *beside.terms), (*model.scale, *beside.scale))
 
     def doubted(self, *doubts: Doubt) -> Conclusion:
         """The conclusion with further doubts."""
