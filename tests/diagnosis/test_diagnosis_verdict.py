@@ -98,6 +98,18 @@ def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
     assert found.unexplained.p_value < 0.05
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("kind", ["encoder_slip", "frame_bending"])
+def test_a_cause_is_named_beside_a_large_fault_that_is_in_no_catalogue(kind, seed):
+    effects = [(kind, "cart1" if kind == "encoder_slip" else None), ("backlash", "cart2")]
+    case = make_case(seed, effects=effects, energy=LARGE, poses=120)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large fault makes look like gross errors
+        found = gtpin.diagnose(case.dataset)
+    assert found.verdict == "unknown"
+    assert [(cause.effect, cause.site) for cause in found.causes] == [("backlash", "cart2")]
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_stretches_the_whole_machine_is_not_three_drives_fault_once_its_name_is_excluded(seed):
     found = said(seed, "tracker_scale", exclude=("tracker_scale",))
@@ -150,14 +162,26 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
             assert row.probability == row.log_evidence == 0.0
 
 
-@pytest.mark.parametrize(("shares", "sure"), [((0.99, 0.005), True), ((0.9, 0.1), False), ((0.005, 0.99), False)])
-def test_a_cause_is_sure_where_it_leads_its_class_and_no_other_member_is_likely(shares, sure):
+@pytest.mark.parametrize(
+    ("shares", "sure", "stays"),
+    [
+        ((0.99, 0.005), True, True),
+        ((0.9, 0.1), False, True),
+        ((0.005, 0.99), False, True),
+        ((0.8, 0.1), False, False),  # a smooth term has the rest
+        ((0.49, 0.48), False, False),
+    ],
+)
+def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_where_its_class_is_sure(
+    shares, sure, stays
+):
     cause, other = (Hypothesis(effect, "cart1") for effect in gtpin.catalogue()[:2])
     members = sorted(
         (Contender(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
     )
     found = Conclusion(NOTHING, {cause: tuple(members)}, (), {})
     assert found.sure() == ([cause] if sure else [])
+    assert found.beside_unknown() == ([cause] if stays else [])
     assert found.verdict == ("explained" if sure else "ambiguous")
 
 
