@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.data import Instrument
+from gtpin.robot.library import urdf_path
 
 Floats = np.ndarray
 
@@ -146,7 +147,7 @@ def turned(v: Floats, turn: Floats) -> Floats:
 @cache
 def nominal(name: str) -> "Closures":
     """A shipped machine's closures."""
-    root = ElementTree.parse(gtpin.robot.library.urdf_path(name)).getroot()
+    root = ElementTree.parse(urdf_path(name)).getroot()
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     loops = {loop.get("name"): loop for loop in root.findall("loop_joint")}
     own = root.find("gtpin")
