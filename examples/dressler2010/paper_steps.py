@@ -8,10 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp, zyz_change

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.signal import Signal, signal
 from gtpin.calibration.observability import Observability
 from gtpin.errors import ModelError
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.threads import in_one_thread

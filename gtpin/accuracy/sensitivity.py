@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.special import ndtr
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, rod_vectors
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rod_steps import RodStep, rod_step

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.calibration.observability import Observability, observability
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model, in_frame
 from gtpin.noise.noise import Noise
