@@ -1,8 +1,10 @@
-"""Correction tables for a controller, one per actuator: deviations that depend on the actuator's own position."""
+"""Correction tables for a controller, one per actuator, for what depends on its own position; as CSV and for LinuxCNC."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +13,12 @@ from gtpin.data.ids import normal_ids
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.sites import number
 from gtpin.effects.situation import Column, Situation
-from gtpin.errors import ModelError
+from gtpin.errors import ModelError, warn
 from gtpin.model.model import Model
 from gtpin.typing import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DENSE = 16001
 """Number of commands over an actuator's range at which its deviation is evaluated."""
@@ -25,6 +30,10 @@ CLOSE = 1e-7
 """Largest interpolation error of a table, m or rad, before more points are added."""
 FEWEST, MOST = 17, 4097
 """Smallest and largest number of points of a table."""
+TRIPLETS = 256
+"""Largest number of lines (triplets) in LinuxCNC's compensation file of a joint."""
+COARSE = 1e-6
+"""Interpolation error of a table, m or rad, above which a warning is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,3 +179,27 @@ def _deviations(
             hint="check the model's parameters",
         )
     return np.interp(q, q[there], below[there]), np.interp(q, q[there], above[there])
+
+
+def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
+    """Columns ``actuator nominal forward reverse``: commands that bring the actuator to ``nominal``, m or rad."""
+    import pandas as pd
+
+    rows = [
+        pd.DataFrame({"actuator": t.site, "nominal": t.nominal, "forward": t.forward, "reverse": t.reverse})
+        for t in tables
+    ]
+    return pd.concat(rows, ignore_index=True)
+
+
+def linuxcnc_file(table: Correction) -> str:
+    """A joint's compensation file for LinuxCNC, ``COMP_FILE_TYPE = 1``: nominal, forward trim, reverse trim.
+
+    In mm, or degrees for a revolute joint. LinuxCNC adds the trim, interpolated, to the position that it sends to the motor
+    (``usrmotLoadComp`` in its ``usrmotintf.cc``). It reads at most 256 lines, with ascending nominals and without comments.
+    """
+    if table.off > COARSE:
+        warn(f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)")
+    unit = 180.0 / np.pi if table.revolute else 1e3
+    trims = (table.nominal, table.forward - table.nominal, table.reverse - table.nominal)
+    return "".join(f"{n:.7f} {f:.7f} {r:.7f}\n" for n, f, r in zip(*(unit * column for column in trims), strict=True))

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from gtpin.compensation.box import Box
-from gtpin.compensation.controller import ModelController, positions_to_ask_for
+from gtpin.compensation.controller import Box, ModelController, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model

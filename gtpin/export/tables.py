@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.compensation.box import Box, spread
-from gtpin.compensation.controller import Controller, ModelController, there
+from gtpin.compensation.controller import Box, Controller, ModelController, spread, there
 from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
 from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables

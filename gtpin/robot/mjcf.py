@@ -6,7 +6,6 @@ After that the robot is treated like any other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -15,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_equalities import WORLD, EqualityTargets, add_equality
 from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import MAIN, Part, Values
+from gtpin.robot.mjcf_values import MAIN, Part, Values, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
+WORLD = "world"
 MOST = 300
 """Largest number of elements that may be nested: bodies, frames, default classes."""
 REFUSED = ("replicate", "attach", "composite", "flexcomp")
@@ -84,10 +83,8 @@ class _Writer:
         for world in root.findall("worldbody"):
             self._children(list(self.values.parts(world, MAIN)), WORLD)
         own = Element("gtpin")
-        made = EqualityTargets(self.values, self.robot, self.bodies, self.sites, self.at, self.initial, _text)
-        for equality in root.findall("equality"):
-            for element in equality:
-                add_equality(made, element)
+        for element in root.iterfind("equality/*"):
+            self._equality(element)
         marked = self._marked(root)
         # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
         if root.find("equality/connect") is not None or marked is not None:
@@ -228,6 +225,86 @@ class _Writer:
             if name in self.initial and name not in tied:
                 SubElement(own, "actuator", joint=name)
 
+    # ------------------------------------------------------------------------------------------------ equalities
+
+    def _equality(self, element: Element) -> None:
+        """Write an equality constraint, if it is active: a loop, a joint that follows another, or one that does not move."""
+        given = self.values.attributes(element, MAIN, "equality")
+        if given.get("active", "true") != "true":
+            return
+        if element.tag == "connect":
+            self._connect(given)
+        elif element.tag == "joint":
+            self._tie(given)
+        else:
+            what = f"equality/{element.tag} {given.get('name', '')}".strip() + " is not read"
+            raise RobotError(what, file=self.values.source, hint="use connect, or joint")
+
+    def _connect(self, given: dict[str, str]) -> None:
+        name = given.get("name", f"connect{len(self.robot.findall('loop_joint')) + 1}")
+        if "site1" in given or "site2" in given:
+            ends = [self.sites.get(given.get(key, ""), ("", None)) for key in ("site1", "site2")]
+            missing = next((given.get(f"site{i + 1}", "") for i, (_, at) in enumerate(ends) if at is None), None)
+            points = [(link, None if at is None else at.translation) for link, at in ends]
+        else:
+            names = given.get("body1", ""), given.get("body2", WORLD)
+            missing = next((body for body in names if body not in self.bodies), None)
+            if missing is None:
+                first, second = (self.bodies[body] for body in names)
+                anchor = self.values.numbers(given, "anchor", "", 3)
+                # They meet at the initial posture.
+                points = [(first, anchor), (second, self.at[second].actInv(self.at[first].act(anchor)))]
+        if missing is not None:
+            raise RobotError(
+                f"connect {name} of unknown {missing!r}", file=self.values.source, hint="name two bodies or sites"
+            )
+        loop = SubElement(self.robot, "loop_joint", name=name, type="spherical")
+        for tag, (link, xyz) in zip(("link1", "link2"), points, strict=True):
+            SubElement(loop, tag, link=link, xyz=_text(np.asarray(xyz)))
+
+    def _tie(self, given: dict[str, str]) -> None:
+        """Let a joint follow another by ``<mimic>``; without another one, fix it."""
+        joints = {joint.get("name", ""): joint for joint in self.robot.findall("joint")}
+        follower, master = given.get("joint1", ""), given.get("joint2")
+        poly = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+        own = self.values.numbers(given, "polycoef", "0 1 0 0 0", 1, 5)
+        poly[: len(own)] = own
+        hint = "give joint1 and joint2, and a polycoef of two numbers and zeros"
+        unknown = [name for name in (follower, master) if name is not None and name not in self.initial]
+        if unknown:
+            what = f"equality/joint of {follower or 'no joint'}: no hinge or slide is called {unknown[0]!r}"
+            raise RobotError(what, file=self.values.source, hint=hint)
+        joint = joints[follower]
+        if joint.find("mimic") is not None or joint.get("type") == "fixed":
+            what = f"two equality constraints of joint {follower}"
+            raise RobotError(what, file=self.values.source, hint="keep one")
+        if master is None:
+            self._fix(joint, self.initial[follower] + poly[0])
+            return
+        if poly[2:].any():
+            raise RobotError(f"equality/joint of {follower} is a curve", file=self.values.source, hint=hint)
+        offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
+        SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
+
+    def _fix(self, joint: Element, coordinate: float) -> None:
+        """Make a joint a fixed one, at a coordinate, rad or m."""
+        origin, axis = joint.find("origin"), joint.find("axis")
+        assert origin is not None
+        assert axis is not None
+        place, turn, along = (
+            np.array([float(word) for word in str(text).split()])
+            for text in (origin.get("xyz"), origin.get("rpy"), axis.get("xyz"))
+        )
+        slides = joint.get("type") == "prismatic"
+        step = coordinate * along
+        moved = pin.SE3(np.eye(3), step) if slides else pin.SE3(pin.exp3(step), np.zeros(3))
+        placed = pin.SE3(pin.rpy.rpyToMatrix(*turn), place) * moved
+        joint.set("type", "fixed")
+        origin.set("xyz", _text(placed.translation))
+        origin.set("rpy", _text(pin.rpy.matrixToRpy(placed.rotation)))
+        for tag in ("axis", "limit"):
+            joint.remove(joint.find(tag))  # type: ignore[arg-type]
+
     # ------------------------------------------------------------------------------------------------ elements
 
     def _free(self, name: str) -> str:
@@ -266,46 +343,3 @@ class _Writer:
 def _text(values: Floats) -> str:
     """Numbers as text from which exactly the same floats are read."""
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-JOINTS = ("joint", "freejoint")
-NAMING = ("actuator", "equality", "tendon")
-"""Parts of a file that name what belongs to the robot."""
-
-
-def without_objects(root: Element) -> None:
-    """Remove objects: bodies on the world that move, but are not part of the robot.
-
-    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names an object or what is on it. Where a file has no actuators,
-    an object must also float freely. Where all moving bodies would be objects, none is removed.
-    """
-    on_world = [(place, body) for world in root.findall("worldbody") for place, body in _bodies(world)]
-    moving = [(world, body) for world, body in on_world if _joints(body)]
-    parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
-    named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
-    driven = any(len(part) for part in root.findall("actuator"))
-    objects = [
-        (world, body)
-        for world, body in moving
-        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or _floats(body))
-    ]
-    if len(objects) < len(moving):
-        for world, body in objects:
-            world.remove(body)
-
-
-def _bodies(place: Element) -> Iterator[tuple[Element, Element]]:
-    """The bodies on the world, also those in ``<frame>`` elements, each after the element that has it as a child."""
-    for child in place:
-        if child.tag == "body":
-            yield place, child
-        elif child.tag == "frame":
-            yield from _bodies(child)
-
-
-def _joints(body: Element) -> list[Element]:
-    return [element for element in body.iter() if element.tag in JOINTS]
-
-
-def _floats(body: Element) -> bool:
-    return all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints(body))
