@@ -10,7 +10,6 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -85,11 +84,10 @@ def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -
     named = _named(robot, free)
     if np.abs(tcp).max() > ZERO * robot.size:
         equations = len(constraint_jacobian(robot))
-        raise RobotError(
+        raise robot.description.error(
             f"{what} can't be determined, and the TCP moves with it: of {named} with the loops closed ({robot.n_passive} "
             f"passive coordinates, {equations} closure equations)",
-            file=robot.description.source,
-            hint="drive one of these joints (<actuator>), make it fixed, or add the <loop_joint> that is missing",
+            "drive one of these joints (<actuator>), make it fixed, or add the <loop_joint> that is missing",
         )
     notes.append(
         f"{what} can't be determined, of {named}; the TCP does not move with it, and it is kept as small as can be"

@@ -131,7 +131,7 @@ class _Writer:
         link = marks[-1] if marks[-1] in self.sites else self.bodies.get(marks[-1])
         if link is None:
             what = f"{TCP_MARK} names {marks[-1]!r}, which is no body and no site"
-            raise RobotError(what, file=self.values.source, hint="mend <custom>")
+            raise self.values.error(what, "mend <custom>")
         return link
 
     def _warn(self, root: Element) -> None:
@@ -153,7 +153,7 @@ class _Writer:
             if part.element.tag == "site":
                 given = self.values.attributes(part.element, part.inherited)
                 if (name := given.get("name", "")) in self.sites:
-                    raise RobotError(f"two sites are called {name}", file=self.values.source, hint="name each once")
+                    raise self.values.error(f"two sites are called {name}", "name each once")
                 if name:
                     self.sites[name] = (link, part.frame * self.values.placement(given))
             elif part.element.tag == "body":
@@ -163,7 +163,7 @@ class _Writer:
         body = part.element
         name = body.get("name") or self._free(f"body{len(self.at)}")
         if name in self.bodies:
-            raise RobotError(f"two bodies are called {name}", file=self.values.source, hint="name each once")
+            raise self.values.error(f"two bodies are called {name}", "name each once")
         link = self._free(f"{name}_body") if name in self.named else name
         self.bodies[name] = link
         placement = part.frame * self.values.placement(body.attrib)
@@ -195,9 +195,7 @@ class _Writer:
             self._joint(name, "floating", parent, child, origin)
             return
         if kind not in ("hinge", "slide"):
-            raise RobotError(
-                f"joint {name} is of type {kind}", file=self.values.source, hint="use hinge and slide joints"
-            )
+            raise self.values.error(f"joint {name} is of type {kind}", "use hinge and slide joints")
         unit = self.values.angle if kind == "hinge" else 1.0
         axis = frame @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
         start = float(self.values.numbers(given, "ref", "0", 1)[0]) * unit
@@ -238,7 +236,7 @@ class _Writer:
             self._tie(given)
         else:
             what = f"equality/{element.tag} {given.get('name', '')}".strip() + " is not read"
-            raise RobotError(what, file=self.values.source, hint="use connect, or joint")
+            raise self.values.error(what, "use connect, or joint")
 
     def _connect(self, given: dict[str, str]) -> None:
         name = given.get("name", f"connect{len(self.robot.findall('loop_joint')) + 1}")
@@ -255,9 +253,7 @@ class _Writer:
                 # They meet at the initial posture.
                 points = [(first, anchor), (second, self.at[second].actInv(self.at[first].act(anchor)))]
         if missing is not None:
-            raise RobotError(
-                f"connect {name} of unknown {missing!r}", file=self.values.source, hint="name two bodies or sites"
-            )
+            raise self.values.error(f"connect {name} of unknown {missing!r}", "name two bodies or sites")
         loop = SubElement(self.robot, "loop_joint", name=name, type="spherical")
         for tag, (link, xyz) in zip(("link1", "link2"), points, strict=True):
             SubElement(loop, tag, link=link, xyz=_text(np.asarray(xyz)))
@@ -273,16 +269,16 @@ class _Writer:
         unknown = [name for name in (follower, master) if name is not None and name not in self.initial]
         if unknown:
             what = f"equality/joint of {follower or 'no joint'}: no hinge or slide is called {unknown[0]!r}"
-            raise RobotError(what, file=self.values.source, hint=hint)
+            raise self.values.error(what, hint)
         joint = joints[follower]
         if joint.find("mimic") is not None or joint.get("type") == "fixed":
             what = f"two equality constraints of joint {follower}"
-            raise RobotError(what, file=self.values.source, hint="keep one")
+            raise self.values.error(what, "keep one")
         if master is None:
             self._fix(joint, self.initial[follower] + poly[0])
             return
         if poly[2:].any():
-            raise RobotError(f"equality/joint of {follower} is a curve", file=self.values.source, hint=hint)
+            raise self.values.error(f"equality/joint of {follower} is a curve", hint)
         offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
         SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
 
@@ -315,9 +311,7 @@ class _Writer:
 
     def _link(self, name: str, placement: Any) -> None:
         if name in self.at:
-            raise RobotError(
-                f"two links would be called {name}", file=self.values.source, hint="rename the body or site"
-            )
+            raise self.values.error(f"two links would be called {name}", "rename the body or site")
         SubElement(self.robot, "link", name=name)
         self.at[name] = placement
 

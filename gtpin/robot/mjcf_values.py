@@ -77,6 +77,10 @@ class Values:
             options.get("autolimits", "true") == "true",
         )
 
+    def error(self, what: str, hint: str) -> RobotError:
+        """The error of something wrong in this file."""
+        return RobotError(what, file=self.source, hint=hint)
+
     def attributes(self, element: Element, inherited: str, tag: str = "") -> dict[str, str]:
         """An element's attributes with those of its class, or of the class that its body gives its children.
 
@@ -86,7 +90,7 @@ class Values:
         """
         name = element.get("class", inherited)
         if name not in self.defaults:
-            raise RobotError(f"no default class is called {name!r}", file=self.source, hint="mend class or childclass")
+            raise self.error(f"no default class is called {name!r}", "mend class or childclass")
         given = dict(self.defaults[name].get(tag or element.tag, {}))
         if any(
             key in element.attrib for key in TURNS
@@ -121,7 +125,7 @@ class Values:
         except ValueError:
             values = np.array([np.nan])
         if not least <= len(values) <= (most or least) or not np.isfinite(values).all():
-            raise RobotError(f'{key}="{text[:60]}"', file=self.source, hint=f"give {least} finite numbers")
+            raise self.error(f'{key}="{text[:60]}"', f"give {least} finite numbers")
         return values
 
     def placement(self, attributes: Mapping[str, str]) -> Any:
@@ -161,7 +165,7 @@ class Values:
         """
         length = float(np.linalg.norm(vector))
         if length < 1e-12:
-            raise RobotError(f"{key} of no length", file=self.source, hint="give a direction")
+            raise self.error(f"{key} of no length", "give a direction")
         return vector / length
 
 

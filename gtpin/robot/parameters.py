@@ -108,8 +108,8 @@ def rod_parameters(
     """Parameters of a robot with rods: lengths, joints, directions and, if asked for or declared unknown, scales.
 
     Rods whose track was measured (``measured``) have no scale. Their measured track is rotated as a whole by three angles: a,
-    b, and c about its own direction. Of a ``reduced`` arm the rods of a cart share one length, and their joints on the cart move
-    together.
+    b, and c about its own direction. Of a ``reduced`` arm the rods of a cart share one length, and their joints on the cart
+    move together.
     """
     found = _lengths_and_joints(robot, tolerances, reduced)
     carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]

@@ -34,10 +34,9 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
     for name in driven:
         if name in follows:
-            raise RobotError(
+            raise description.error(
                 f"actuator {name} follows {follows[name].master} by <mimic>",
-                file=description.source,
-                hint=f"name {follows[name].master} in its place",
+                f"name {follows[name].master} in its place",
             )
     closing = _in_loops(model, description)
     moving = {name for name in model.names[1:] if name in driven or name in closing}
@@ -46,10 +45,9 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
     if free and not description.actuators:
         count = model.nvs[model.getJointId(free[0])]
-        raise RobotError(
+        raise description.error(
             f"joint {free[0]} has {count} degrees of freedom, which no command moves",
-            file=description.source,
-            hint="planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
+            "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
         )
     if not resting:
         return model
