@@ -93,7 +93,7 @@ def compare(
         "calibrate each by itself: gtpin calibrate --model 1 ...",
     )
     robot = robot_of(dataset) if robot is None else robot
-    if not robot.rods:
+    if not robot.rod_sites:
         raise ModelError(
             f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="use gtpin calibrate"
         )
@@ -144,7 +144,7 @@ def better_measured(robot: Robot, dataset: Dataset, *, orientations: bool = Fals
     costs = {}
     for number in (3, 4):
         geometry = model_geometry(number, robot, dataset, orientations=orientations)
-        total = np.zeros(len(robot.rods))
+        total = np.zeros(len(robot.rod_sites))
         for rows in random(dataset, FOLDS):
             total += _closure_cost(_fitted(geometry, dataset.take(~rows), "closure"), dataset.take(rows))
         costs[number] = total
@@ -180,7 +180,7 @@ class _Trial:
             None if seen is None else np.linalg.norm(log(seen @ np.swapaxes(poses.R, 1, 2)), axis=1),
             None if seen is None else zyz_change(seen, poses.R),
             _closure_cost(model, held) if _closures_known(held) else None,
-            tuple(geometry.track(i) is not None for i in range(len(self.robot.rods))),
+            tuple(geometry.track(i) is not None for i in range(len(self.robot.rod_sites))),
         )
 
 
