@@ -91,7 +91,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     def errors(size: float) -> Errors:
         now = change.poses_after(size, ends, poses, kinematics.geometry.robot.size) if size else poses
         moved = closures.copy()
-        moved[:, change.rod] += closure_change(change, ends, measured, size)[1]
+        moved[:, change.rod] += closure_change(change, ends, measured, size)
         off = np.linalg.norm(now.T - measured.T, axis=1)
         return Errors(off, zyz_change(now.R, measured.R), moved**2)
 

@@ -110,7 +110,6 @@ class RodKinematics(RodGeometry):
 
     @cached_property
     def home(self) -> Poses:
-        """(1) pose at the home commands, on a path from the nominal robot's home."""
         robot = self.geometry.robot
         posture = home(robot)
         nominal = RodGeometry(Geometry(robot, (), np.zeros(0)))
@@ -122,7 +121,6 @@ class RodKinematics(RodGeometry):
     def displaced(
         self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats], lengths: Floats
     ) -> Poses:
-        """Poses (N) at other commands, with shifted joints on the carriers and longer rods; see ``Kinematics``."""
         ends = self.ends(commands)
         C = ends.C.copy()
         for i, twist in twists.items():
@@ -132,7 +130,6 @@ class RodKinematics(RodGeometry):
         return self.with_joints(poses, commands, C)
 
     def bodies(self, q: Floats, poses: Poses) -> Bodies:
-        """Motion by displaced joints on the carriers: see ``Kinematics``."""
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         along = d / np.linalg.norm(d, axis=2)[..., None]
@@ -161,15 +158,12 @@ class RodKinematics(RodGeometry):
         return np.concatenate([pulled[..., None] * d, np.zeros_like(d)], axis=2)
 
     def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
-        """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
         return rod_vectors(poses, self.ends(q))
 
     def rod_forces(self, q: Floats, poses: Poses, force: Floats | None, payload: Floats | None) -> Floats:
-        """(N, k) axial forces: see :func:`~gtpin.kinematics.statics.rod_forces`."""
         return rod_forces(self, q, poses, force, payload)
 
     def length_response(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, k) motion of the TCP and the j measured joints per change of each rod's length."""
         moved = self._by_length(q, poses)
         return np.concatenate([moved, self.joint_motion(q, poses, moved, None)], axis=1) if self._measured else moved
 
@@ -220,7 +214,6 @@ class RodKinematics(RodGeometry):
         return pose_jacobian(*rod_vectors(poses, self.ends(q)))
 
     def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
-        """(N, 6 + j, n) derivative by the commands; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         jacobian = np.empty((len(q), 6, q.shape[1]))
         for rows in chunks(len(q)):
             jacobian[rows] = self._by_commands(q[rows], poses[rows])
@@ -243,7 +236,6 @@ class RodKinematics(RodGeometry):
         return np.asarray(-np.linalg.solve(pose_jacobian(d, RP), gradient), dtype=np.float64)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         if not self.geometry.parameters:
             return np.zeros((len(q), 6 + len(self._measured), 0))
         ends = self.ends(q)

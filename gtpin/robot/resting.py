@@ -38,7 +38,9 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
                 f"actuator {name} follows {follows[name].master} by <mimic>",
                 f"name {follows[name].master} in its place",
             )
-    closing = _in_loops(model, description)
+    # The closure of a loop moves the joints that carry only one of its two anchors.
+    path, loops = description.tree.path, description.loops
+    closing = set[str]().union(*(path(loop.anchor1.link) ^ path(loop.anchor2.link) for loop in loops))
     moving = {name for name in model.names[1:] if name in driven or name in closing}
     moving |= {name for name, mimic in follows.items() if mimic.master in moving}
     resting = [name for name in model.names[1:] if name not in moving]
@@ -78,19 +80,6 @@ def neutral(model: Any, description: RobotDescription) -> Floats:
             joint = model.getJointId(mimic.joint)
             put(configuration, int(model.idx_qs[joint]), mimic.offset, model.nqs[joint] == 2)
     return configuration
-
-
-def _in_loops(model: Any, description: RobotDescription) -> set[str]:
-    """Names of the joints that carry only one of a loop's two anchors: the closure of the loop moves them."""
-    found: set[str] = set()
-    for loop in description.loops:
-        ways = []
-        for anchor in (loop.anchor1, loop.anchor2):
-            known = model.existFrame(anchor.link, pin.FrameType.BODY)
-            frame = model.frames[model.getFrameId(anchor.link, pin.FrameType.BODY)] if known else None
-            ways.append(set() if frame is None else set(model.supports[frame.parentJoint]))
-        found |= {model.names[joint] for joint in ways[0] ^ ways[1]}
-    return found
 
 
 @contextmanager

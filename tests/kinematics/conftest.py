@@ -1,12 +1,10 @@
 """The machines, as gtpin loads them and as the tests' own closures."""
 
-from importlib import metadata
-from pathlib import Path
-
+import closures as own
 import machines
 import pytest
+from closures import Closures
 from loaded_machines import load
-from machines import Machine
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -16,9 +14,9 @@ NAMES = ("gantry_tau", *machines.MAKERS)
 
 
 @pytest.fixture(scope="session")
-def gantry() -> Machine:
+def gantry() -> Closures:
     """The Gantry-Tau's closures, read from the shipped URDF by the tests."""
-    return machines.gantry(gtpin.load_robot("gantry_tau").description.xml)
+    return own.nominal("gantry_tau")
 
 
 @pytest.fixture(scope="session")
@@ -40,13 +38,13 @@ def arrays(robot: gtpin.Robot) -> RodKinematics:
 
 
 @pytest.fixture(scope="session", params=NAMES)
-def machine(request: pytest.FixtureRequest, gantry: Machine) -> Machine:
+def machine(request: pytest.FixtureRequest, gantry: Closures) -> Closures:
     """Each of the parallel machines."""
     return gantry if request.param == "gantry_tau" else machines.MAKERS[request.param]()
 
 
 @pytest.fixture(scope="session")
-def loaded(machine: Machine) -> gtpin.Robot:
+def loaded(machine: Closures) -> gtpin.Robot:
     """The same machine as gtpin loads it."""
     return load(machine)
 
@@ -55,14 +53,6 @@ def loaded(machine: Machine) -> gtpin.Robot:
 def closures(loaded: gtpin.Robot) -> RodKinematics:
     """Its closures in arrays, with every parameter that there is."""
     return RodKinematics(gtpin.Geometry.nominal(loaded, scale="actuator"))
-
-
-@pytest.fixture(scope="session")
-def example_robots() -> Path:
-    """The folder of example-robot-data's robots."""
-    files = metadata.files("example-robot-data") or []
-    anyone = next(file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
-    return Path(str(anyone.locate())).resolve().parents[2]
 
 
 FOUR_BAR = """<robot name="four_bar">

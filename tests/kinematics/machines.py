@@ -1,117 +1,12 @@
 """Parallel machines written down twice: as a URDF for gtpin, and as the numbers of their closures for the tests."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from xml.etree import ElementTree
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import fsolve
+from closures import Closures
 from scipy.spatial.transform import Rotation
 
 Floats = np.ndarray
-
-
-@dataclass(frozen=True)
-class Machine:
-    """|T + R P - C(q)| = L(q): joints on the platform P (6, 3), on the carriers C(q) (N, 6, 3), lengths L(q) (N, 6)."""
-
-    name: str
-    urdf: str
-    P: Floats
-    C: Callable[[Floats], Floats]
-    L: Callable[[Floats], Floats]
-    q: Floats
-    T: Floats
-    R: Floats
-    spread: float
-    """Half the width of the commands about home that tests draw from."""
-
-    def commands(self, count: int, seed: int = 0) -> Floats:
-        rng = np.random.default_rng(seed)
-        return self.q + self.spread * rng.uniform(-1.0, 1.0, (count, len(self.q)))
-
-    def residual(self, q: Floats, T: Floats, R: Floats) -> Floats:
-        """(N, 6) |T + R P - C| - L, m."""
-        d = T[:, None] + self.P @ np.swapaxes(R, 1, 2) - self.C(q)
-        return np.linalg.norm(d, axis=2) - self.L(q)
-
-    def close(self, q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats]:
-        """Newton's method on the closures, N poses at once: the tests' own, without safeguards, for small steps."""
-        T, R = T.copy(), R.copy()
-        C, L = self.C(q), self.L(q)
-        for _ in range(20):
-            RP = self.P @ np.swapaxes(R, 1, 2)
-            d = T[:, None] + RP - C
-            gap = np.einsum("nki,nki->nk", d, d) - L**2
-            J = 2.0 * np.concatenate([d, np.cross(RP, d)], axis=2)
-            step = np.linalg.solve(J, -gap[..., None])[..., 0]
-            T += step[:, :3]
-            R = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
-            if np.abs(step).max() < 1e-13:
-                break
-        return T, R
-
-    def follow(self, q: Floats, stride: float = 0.005) -> tuple[Floats, Floats]:
-        """From home to commands q (N, n) along straight lines, in strides of at most so much a command."""
-        strides = int(np.ceil(np.abs(q - self.q).max() / stride))
-        T, R = np.tile(self.T, (len(q), 1)), np.tile(self.R, (len(q), 1, 1))
-        for k in range(1, strides + 1):
-            T, R = self.close(self.q + k / strides * (q - self.q), T, R)
-        return T, R
-
-    def fsolve(self, q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats, bool]:
-        """One posture by scipy's fsolve on the distances, with a numerical Jacobian."""
-
-        def distances(x: Floats) -> Floats:
-            turned = Rotation.from_rotvec(x[3:]).as_matrix() @ R
-            return self.residual(q[None], x[None, :3], turned[None])[0]
-
-        x, _, code, _ = fsolve(distances, np.concatenate([T, np.zeros(3)]), xtol=1e-14, full_output=True)
-        closed = bool(np.abs(distances(x)).max() < 1e-12)
-        return x[:3], Rotation.from_rotvec(x[3:]).as_matrix() @ R, closed or code == 1
-
-
-def gantry(urdf: str) -> Machine:
-    """The closures of a Gantry-Tau, read from its URDF with nothing but ElementTree."""
-    root = ElementTree.fromstring(urdf)
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    loops = {loop.get("name"): loop for loop in root.findall("loop_joint")}
-    own = root.find("gtpin")
-    assert own is not None
-    P, C0, L0, v = (np.zeros((6, 3)), np.zeros((6, 3)), np.zeros(6), np.zeros((6, 3)))
-    driver = np.zeros(6, dtype=int)
-    for i, rod in enumerate(own.findall("rod")):
-        loop = loops[rod.get("loop")]
-        seat, tip = loop.find("link2"), loop.find("link1")
-        assert seat is not None
-        assert tip is not None
-        driver[i] = int(seat.get("link", "").removeprefix("cart")) - 1
-        track = joints[f"track{driver[i] + 1}"]
-        P[i] = numbers(joints[f"{rod.get('link')}_pitch"].find("origin"), "xyz")
-        C0[i] = numbers(track.find("origin"), "xyz") + numbers(seat, "xyz")
-        L0[i] = np.linalg.norm(numbers(tip, "xyz"))
-        v[i] = numbers(track.find("axis"), "xyz")
-        v[i] /= np.linalg.norm(v[i])
-    home = own.find("home")
-    return Machine(
-        "gantry_tau",
-        urdf,
-        P,
-        lambda q: C0 + q[:, driver, None] * v,
-        lambda q: np.tile(L0, (len(q), 1)),
-        numbers(home, "q"),
-        numbers(home, "tcp_xyz"),
-        Rotation.from_rotvec(numbers(home, "tcp_rotvec")).as_matrix(),
-        0.65,
-    )
-
-
-def numbers(element: ElementTree.Element | None, key: str) -> Floats:
-    assert element is not None
-    return np.array([float(word) for word in element.get(key, "").split()])
-
-
-# ------------------------------------------------------------------------------------------------------ the generator
 
 
 @dataclass(frozen=True)
@@ -134,6 +29,7 @@ def write(
     q: Floats,
     T: Floats,
     R: Floats,
+    at_home: Floats,
     *,
     zero_is_home: bool,
     mass: float = 2.0,
@@ -172,7 +68,7 @@ def write(
         out.append(("" if carrier.kind == "continuous" else limit) + "</joint>")
     for i in range(6):
         link, at = f"link{i + 1}", tcp_R @ P[i] + tcp[0]
-        z = platform_R.T @ (C_home(carriers, carried, C, q)[i] - T - R @ P[i])
+        z = platform_R.T @ (at_home[i] - T - R @ P[i])
         axes = along_z(z / np.linalg.norm(z))
         passive = '<limit lower="-1.5" upper="1.5" effort="0" velocity="9"/></joint>'
         out.append(f'<link name="{link}_cross"/><joint name="{link}_pitch" type="revolute"><parent link="platform"/>')
@@ -226,25 +122,6 @@ def along_z(z: Floats) -> Floats:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def C_at(carriers: list[Carrier], carried: list[int | None], C: Floats, q: Floats) -> Floats:
-    """(N, 6, 3) joints on the carriers at commands q (N, n)."""
-    result = np.tile(C, (len(q), 1, 1))
-    for i, k in enumerate(carried):
-        if k is None:
-            continue
-        carrier = carriers[k]
-        if carrier.kind == "prismatic":
-            result[:, i] += q[:, k, None] * carrier.axis
-        else:
-            turned = Rotation.from_rotvec(q[:, k, None] * carrier.axis).apply(C[i] - carrier.point)
-            result[:, i] = carrier.point + turned
-    return result
-
-
-def C_home(carriers: list[Carrier], carried: list[int | None], C: Floats, q: Floats) -> Floats:
-    return C_at(carriers, carried, C, q[None])[0]
-
-
 def machine(
     name: str,
     carriers: list[Carrier],
@@ -256,23 +133,28 @@ def machine(
     R: Floats,
     spread: float,
     **options: bool,
-) -> Machine:
+) -> Closures:
     """A machine whose rods are as long as its home needs them."""
-    L = np.linalg.norm(T + P @ R.T - C_home(carriers, carried, C, q), axis=1)
-    legs = np.array([k is None for k in carried])
-    stretched = np.where(legs, q if legs.all() else 0.0, 0.0)
-    urdf = write(name, carriers, carried, P, C, L - stretched, q, T, R, zero_is_home=options.get("zero_is_home", True))
-    return Machine(
+    legs = carried[0] is None
+    made = Closures(
         name,
-        urdf,
+        "",
+        "leg" if legs else "track" if carriers[0].kind == "prismatic" else "arm",
+        np.arange(6) if legs else np.array(carried),
         P,
-        lambda q: C_at(carriers, carried, C, q),
-        lambda q: np.tile(L, (len(q), 1)) if not legs.any() else L - stretched + q,
+        C,
+        np.zeros(6),
+        np.zeros((6, 3)) if legs else np.array([carriers[k].axis for k in carried]),
+        np.zeros((6, 3)) if legs else np.array([carriers[k].point for k in carried]),
         q,
         T,
         R,
         spread,
     )
+    length = made.residual(q[None], T[None], R[None])[0]  # of rods that have none
+    zero_is_home = options.get("zero_is_home", True)
+    urdf = write(name, carriers, carried, P, C, length, q, T, R, made.C(q[None])[0], zero_is_home=zero_is_home)
+    return replace(made, L0=length, urdf=urdf)
 
 
 def circle(radius: float, degrees: list[float], z: float = 0.0) -> Floats:
@@ -280,7 +162,7 @@ def circle(radius: float, degrees: list[float], z: float = 0.0) -> Floats:
     return np.column_stack([radius * np.cos(a), radius * np.sin(a), np.full(len(a), z)])
 
 
-def stewart() -> Machine:
+def stewart() -> Closures:
     """Six legs of variable length between a base and a platform; home is not at zero commands."""
     base = circle(0.6, [-8, 8, 112, 128, 232, 248])
     platform = circle(0.25, [-50, 50, 70, 170, 190, 290], -0.04)
@@ -289,7 +171,7 @@ def stewart() -> Machine:
     return machine("stewart", [], [None] * 6, platform, base, q, np.array([0.02, 0.03, 0.75]), R, 0.06)
 
 
-def linear_delta() -> Machine:
+def linear_delta() -> Closures:
     """Three vertical tracks, six equal rods in parallel pairs; the URDF's zero is not its home."""
     out = circle(1.0, [90, 210, 330])
     carriers = [Carrier("prismatic", 0.4 * o, np.array([0.0, 0.0, 1.0]), along_z(o)) for o in out]
@@ -302,7 +184,7 @@ def linear_delta() -> Machine:
     return machine("linear_delta", carriers, carried, P, C, np.zeros(3), T, np.eye(3), 0.12, zero_is_home=False)
 
 
-def rotary_tau() -> Machine:
+def rotary_tau() -> Closures:
     """Three arms that turn about one column, with one, two and three rods; one of them turns without end."""
     up = np.array([0.0, 0.0, 1.0])
     kinds = ["revolute", "continuous", "revolute"]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from loaded_machines import drawn
 from pinocchio_rods import PinocchioRods
 from test_planar_loops import five_bar, hinge, loop, parallelogram, robot_of
 
@@ -92,13 +93,6 @@ def robot(request: pytest.FixtureRequest) -> gtpin.Robot:
 looped, of_rods = (pytest.mark.parametrize("robot", names, indirect=True) for names in (tuple(ROBOTS), RODS))
 
 
-def off(robot: gtpin.Robot) -> gtpin.Geometry:
-    """A machine whose parameters are off by their tolerances."""
-    nominal = gtpin.Geometry.nominal(robot)
-    rng = np.random.default_rng(2)
-    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
-
-
 def commands(robot: gtpin.Robot) -> Floats:
     way = np.random.default_rng(3).uniform(-0.15, 0.15, (4, robot.n_actuators))
     ends = (np.where(np.isfinite(end), end, side) for end, side in ((robot.upper, 1.0), (robot.lower, -1.0)))
@@ -148,16 +142,16 @@ def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
 
 @pytest.mark.slow
 def test_derivatives_are_those_of_poses_and_coordinates(robot: gtpin.Robot) -> None:
-    drawn, q = off(robot), commands(robot)
-    here = kinematics(drawn)
+    moved, q = drawn(robot, 2), commands(robot)
+    here = kinematics(moved)
     found, plain = here.geometry_jacobian(q, here.forward(q)), kinematics(gtpin.Geometry.nominal(robot)).forward(q)
     assert plain.reached.all()
     assert found.shape[1] == robot.motion_size == 6 + len(robot.measured_joints)
 
     def at(h: Floats) -> gtpin.Poses:
-        return kinematics(drawn.with_values(drawn.values + h)).forward(q)
+        return kinematics(moved.with_values(moved.values + h)).forward(q)
 
-    slopes = [motion(at(h), at(-h)) / (2.0 * STEP) for h in STEP * np.eye(len(drawn.values))]
+    slopes = [motion(at(h), at(-h)) / (2.0 * STEP) for h in STEP * np.eye(len(moved.values))]
     np.testing.assert_allclose(found, np.stack(slopes, axis=2), rtol=0, atol=1e-7)
     steps = STEP * np.eye(robot.n_actuators)
     slopes = [motion(here.forward(q + h), here.forward(q - h)) / (2.0 * STEP) for h in steps]
@@ -188,7 +182,7 @@ class Displaced(Effect):
 
 
 def test_displacements_by_effects_are_those_of_the_exact_solution(robot: gtpin.Robot) -> None:
-    here, q = kinematics(off(robot)), commands(robot)
+    here, q = kinematics(drawn(robot, 2)), commands(robot)
     at = Situation(here, q, here.forward(q), {})
     first = Displaced().basis(at, robot.sites[0]).displacement(at)[:, :, 0]
 
@@ -208,13 +202,13 @@ def test_a_robot_measures_the_same_after_it_was_sent_elsewhere_and_moved(robot: 
     assert robot.measuring([]).measured_joints == ()
     q = commands(robot)
     np.testing.assert_array_equal(
-        coordinates(kinematics(off(again)).forward(q)), coordinates(kinematics(off(robot)).forward(q))
+        coordinates(kinematics(drawn(again, 2)).forward(q)), coordinates(kinematics(drawn(robot, 2)).forward(q))
     )
 
 
 def test_poses_do_not_depend_on_what_is_measured(robot: gtpin.Robot) -> None:
     q, plain = commands(robot), robot.measuring([])
-    one, other = (kinematics(off(r)) for r in (robot, plain))
+    one, other = (kinematics(drawn(r, 2)) for r in (robot, plain))
     here, there = one.forward(q), other.forward(q)
     np.testing.assert_array_equal(here.T, there.T)
     np.testing.assert_array_equal(one.geometry_jacobian(q, here)[:, :6], other.geometry_jacobian(q, there))
@@ -236,9 +230,9 @@ def postures(geometry: gtpin.Geometry, q: Floats) -> list[ClosedPosture]:
 @of_rods
 def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robot) -> None:
     """No parameter turns the rods' joints on the platform, so that this URDF has them as the nominal one does."""
-    drawn, q = off(robot), commands(robot)
-    found = kinematics(drawn).forward(q)
-    for i, posture in enumerate(postures(drawn, q)):
+    moved, q = drawn(robot, 2), commands(robot)
+    found = kinematics(moved).forward(q)
+    for i, posture in enumerate(postures(moved, q)):
         for name, x in found.joints.items():
             there = measured_joint(posture.robot, name).coordinate(posture.configuration)
             assert turned(x[i], np.array(there)) < 1e-9, name

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pandas as pd
 import pytest
-from family import nominal
+from closures import nominal
 
 import gtpin
 from gtpin.errors import RobotError
@@ -43,7 +43,7 @@ def test_tolerances_of_a_stewart_platform_spoil_what_its_jacobian_says() -> None
 def test_a_log_of_jugglebot_becomes_the_dataset_that_it_says(tmp_path: Path) -> None:
     example, closures = load("jugglebot/convert.py"), nominal("stewart_jugglebot")
     rng = np.random.default_rng(0)
-    q = closures.commands(rng, 60)
+    q = closures.in_range(rng, 60)
     made = closures.measured(q, rng)
     table = {f"leg_length_{i + 1}": q[:, i] / example.METRES_PER_REVOLUTION[i] for i in range(6)}
     table |= {f"position_{axis}": 1000.0 * made.position[:, i] for i, axis in enumerate("xyz")}

@@ -18,6 +18,7 @@ from gtpin.robot.library import FILES, example_names, example_path, load_robot
 
 SEVEN = [f"panda_joint{i}" for i in range(1, 8)]
 JOINTS = {"ur3": 6, "ur5": 6, "ur10": 6, "panda": 8, "kinova": 6, "xarm7": 7, "so100": 6, "z1": 7, "talos_left_arm": 7}
+JOINTS |= {"allegro_left_hand": 16}
 
 
 def plain(name: str) -> tuple[pin.Model, pin.Data]:
@@ -26,6 +27,7 @@ def plain(name: str) -> tuple[pin.Model, pin.Data]:
     return model, model.createData()
 
 
+@pytest.mark.filterwarnings("ignore:the TCP of .* does not move")
 @pytest.mark.parametrize("name", JOINTS)
 def test_arms_are_found_by_name_and_move_as_pinocchio_moves_them(name: str) -> None:
     robot = load_robot(name)
@@ -42,6 +44,10 @@ def test_arms_are_found_by_name_and_move_as_pinocchio_moves_them(name: str) -> N
         posture = gtpin.home(robot).moved_to(q)
         np.testing.assert_allclose(posture.T, data.oMf[frame].translation, rtol=0, atol=1e-12)
         np.testing.assert_allclose(posture.R, data.oMf[frame].rotation, rtol=0, atol=1e-12)
+        if not robot.followers:
+            J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL_WORLD_ALIGNED)
+            expected = J[:, [model.idx_vs[model.getJointId(name)] for name in robot.sites]]
+            np.testing.assert_allclose(posture.jacobian, expected, rtol=0, atol=1e-12)
 
 
 def test_every_file_of_the_table_is_there() -> None:
