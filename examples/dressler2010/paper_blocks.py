@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
 from gtpin.kinematics.kinematics import of_rods, reached_poses
-from gtpin.kinematics.rod_steps import PARAMETERS, RodStep
+from gtpin.kinematics.rod_geometry import PARAMETERS, RodStep
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
 

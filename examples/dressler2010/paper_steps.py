@@ -12,7 +12,7 @@ from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
+from gtpin.kinematics.rod_geometry import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp, zyz_change
 from gtpin.model.model import Model
 
@@ -68,7 +68,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     measured
         (N) poses measured there, base frame.
     parameter, link
-        One of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`, and the name of a rod.
+        One of :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`, and the name of a rod.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, rod_vectors
 from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_geometry import RodStep, rod_step
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rod_steps import RodStep, rod_step
 from gtpin.kinematics.rotations import well_defined, zyz_change, zyz_rates
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -52,7 +52,7 @@ class Sensitivity:
     """The sensitivity of a model at given commands.
 
     - ``parameters``, ``links``: names of the p parameters and k parts. Rods have those of
-      :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; the placements of joints (named by the joint), of the tool
+      :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`; the placements of joints (named by the joint), of the tool
       (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
     - ``poses``: number of commands that were summed over.
     - ``step``: the step, m, or rad for ``rx ry rz``, or m/m for directions.

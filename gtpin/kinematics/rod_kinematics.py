@@ -9,14 +9,12 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
-from gtpin.kinematics.first_guess import FirstGuess
+from gtpin.kinematics.closures import FirstGuess, RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.protocol import Bodies, SmallError
-from gtpin.kinematics.rod_geometry import RodGeometry
+from gtpin.kinematics.rod_geometry import PARAMETERS, RodGeometry, rod_step
 from gtpin.kinematics.rod_joints import RodJoint, direction, motion
-from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.statics import rod_forces
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
@@ -189,7 +187,7 @@ class RodKinematics(RodGeometry):
         return np.asarray(np.linalg.svd(rows, compute_uv=False), dtype=np.float64)[:, -1]
 
     def small_errors(self, q: Floats, poses: Poses) -> Iterator[SmallError]:
-        """Errors of the length, the joints and the track of each rod: :data:`~gtpin.kinematics.rod_steps.PARAMETERS`."""
+        """Errors of the length, the joints and the track of each rod: :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`."""
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
         response = np.linalg.inv(pose_jacobian(d, RP))

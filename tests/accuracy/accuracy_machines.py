@@ -13,7 +13,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import RobotDescription
 
-sys.path.append(str(Path(__file__).parents[1] / "kinematics"))
+sys.path += [str(Path(__file__).parents[up] / folder) for up, folder in ((1, "kinematics"), (2, "examples/machines"))]
 import machines
 
 Floats = np.ndarray

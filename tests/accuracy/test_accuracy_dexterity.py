@@ -7,10 +7,10 @@ import pytest
 from accuracy_machines import MODEL, NOMINAL, ROBOT, commands, other
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
+from stiffness import stiffness
 
 import gtpin
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.stiffness import stiffness
 from gtpin.accuracy.workspace import default_commands, workspace
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.robot.description import RobotDescription

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.accuracy.sensitivity import STEP, sensitivity
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_steps import PARAMETERS
+from gtpin.kinematics.rod_geometry import PARAMETERS
 from gtpin.kinematics.rotations import zyz, zyz_change, zyz_rates
 
 SIGMAS = np.array([2e-4, 1.7e-4, 1.6e-4, 8e-5, 7e-5, 9e-5])

@@ -7,7 +7,7 @@ from scipy.stats import qmc
 
 import gtpin
 from gtpin.kinematics import newton
-from gtpin.kinematics.first_guess import halton
+from gtpin.kinematics.closures import halton
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 

@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 from loaded_machines import drawn
 from pinocchio_rods import PinocchioRods
-from test_planar_loops import five_bar, hinge, loop, parallelogram, robot_of
+from test_planar_loops import five_bar, hinge, parallelogram
+from urdfs import joint, loop, own, robot_of
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
@@ -18,7 +19,6 @@ from gtpin.effects.situation import Situation
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import measured_joint, readable
 
 Floats = np.ndarray
@@ -30,43 +30,36 @@ def four_bar() -> gtpin.Robot:
     return robot_of(
         "four_bar",
         hinge("crank", "base", "arm", "0 0 0", "0 0 1", 1.0),
-        hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0).replace("revolute", "continuous"),
+        hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0, "continuous"),
         hinge("rocker", "base", "back", "0.25 0 0", "0 0 1", 1.3),
         loop("bar", "0.26 0 0", "back", "0.18 0 0"),
-        '<gtpin><actuator joint="crank"/><platform link="bar"/></gtpin>',
+        own(["crank"], "bar"),
     )
 
 
 def slider() -> gtpin.Robot:
     """A crank that moves a slider: its coordinate is a length."""
-    slide = hinge("slide", "base", "block", "0.4 0 0", "1 0 0").replace("revolute", "prismatic")
     return robot_of(
         "slider",
         hinge("crank", "base", "arm", "0 0 0", "0 0 1", 1.0),
         hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0),
-        slide,
+        hinge("slide", "base", "block", "0.4 0 0", "1 0 0", 0.0, "prismatic"),
         loop("bar", "0.3 0 0", "block", "0 0 0"),
-        '<gtpin><actuator joint="crank"/><platform link="bar"/></gtpin>',
+        own(["crank"], "bar"),
     )
 
 
 def spatial_loop() -> gtpin.Robot:
     """A crank, a coupler that hangs on it by a universal joint, and a rocker to which a ball joint leads: RUSR."""
-    joints = "".join(
-        f'<link name="{child}"/><joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/></joint>'
-        for child, parent, xyz, rpy, axis in (
-            ("crank", "base", "0 0 0", "0 0 0", "0 0 1"),
-            ("cross", "crank", "0.2 0 0", "0 0 1.0", "0 0 1"),
-            ("coupler", "cross", "0 0 0", "0 0 0", "0 1 0"),
-            ("rocker", "base", "0.6 0 0", "0.3 0 1.9", "0 0 1"),
-        )
+    return robot_of(
+        "rusr",
+        joint("crank_joint", "base", "crank", kind="continuous"),
+        joint("cross_joint", "crank", "cross", "0.2 0 0", kind="continuous", rpy="0 0 1.0"),
+        joint("coupler_joint", "cross", "coupler", axis="0 1 0", kind="continuous"),
+        joint("rocker_joint", "base", "rocker", "0.6 0 0", kind="continuous", rpy="0.3 0 1.9"),
+        loop("coupler", "0.5 0 0", "rocker", "0.45 0 0"),
+        own(["crank_joint"], "rocker"),
     )
-    own = '<gtpin><actuator joint="crank_joint"/><platform link="rocker"/></gtpin>'
-    text = (
-        f'<robot name="rusr"><link name="base"/>{joints}{loop("coupler", "0.5 0 0", "rocker", "0.45 0 0")}{own}</robot>'
-    )
-    return gtpin.Robot(RobotDescription.parse(text))
 
 
 ROBOTS: dict[str, tuple[Callable[[], gtpin.Robot], tuple[str, ...]]] = {
@@ -248,7 +241,7 @@ def test_poses_that_are_not_reached_have_no_coordinates(robot: gtpin.Robot) -> N
 
 def test_a_platform_s_pose_has_several_coordinates_and_a_cart_is_driven() -> None:
     robot = gtpin.load_robot("gantry_tau")
-    for joint, what in (("platform_pose", "6 coordinates"), ("track1", "driven by q1")):
+    for name, what in (("platform_pose", "6 coordinates"), ("track1", "driven by q1")):
         with pytest.raises(RobotError, match=what) as caught:
-            robot.measuring([joint])
+            robot.measuring([name])
         assert "link1_pitch" in caught.value.hint

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.errors import RobotError
@@ -187,16 +188,6 @@ def test_a_base_above_which_the_urdf_has_more_links_stays_where_these_put_it() -
 # ------------------------------------------------------------------------------------------------ the default TCP
 
 
-def branches(*links: tuple[str, str, str]) -> str:
-    """A URDF of links (name, parent, type of joint), links and joints in this order."""
-    text = "".join(
-        f'<link name="{name}"/><joint name="to_{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for name, parent, kind in links
-    )
-    return f'<robot name="b"><link name="base"/>{text}</robot>'
-
-
 @pytest.mark.parametrize(
     ("links", "tip"),
     [
@@ -212,4 +203,5 @@ def branches(*links: tuple[str, str, str]) -> str:
     ],
 )
 def test_the_tcp_is_tool0_or_the_last_link_of_the_longest_chain(links: list[tuple[str, str, str]], tip: str) -> None:
-    assert gtpin.Robot(RobotDescription.parse(branches(*links))).tcp_frame == tip
+    parts = (joint(f"to_{name}", parent, name, kind=kind) for name, parent, kind in links)
+    assert robot_of("b", *parts).tcp_frame == tip

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import joint, urdf
 
 import gtpin
 from gtpin.errors import RobotError
@@ -20,25 +21,18 @@ name_mot: ["drive_left", "drive_right"]
 
 def five_bar() -> str:
     """A five-bar in an upright plane; ``pin_A`` is a link, ``pin_B`` a fixed joint, both where the far links meet."""
-    links, joints = ["base"], []
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        end = "pin_A" if side == "left" else "end"
-        links += [side, f"{side}_far", end]
-        for name, kind, parent, child, at, turn in (
-            (f"drive_{side}", "revolute", "base", side, sign * BASE, -2.2 if sign < 0.0 else -np.pi + 2.2),
-            (f"elbow_{side}", "continuous", side, f"{side}_far", NEAR, -1.3758 * sign),
-            ("pin_A_mount" if side == "left" else "pin_B", "fixed", f"{side}_far", end, FAR, 0.0),
-        ):
-            axis = (
-                ""
-                if kind == "fixed"
-                else '<axis xyz="0 -1 0"/><limit lower="-0.7" upper="0.7" effort="9" velocity="9"/>'
-            )
-            joints.append(
-                f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-                f'<origin xyz="{at} 0 0" rpy="0 {turn} 0"/>{axis}</joint>'
-            )
-    return f'<robot name="five">{"".join(f"<link name={chr(34)}{name}{chr(34)}/>" for name in links)}{"".join(joints)}</robot>'
+    parts = []
+    for side, sign, drive, end, pin in (
+        ("left", -1.0, -2.2, "pin_A", "mount"),
+        ("right", 1.0, 2.2 - np.pi, "end", "pin_B"),
+    ):
+        far, turned = f"{side}_far", f"0 {-1.3758 * sign} 0"
+        parts += [
+            joint(f"drive_{side}", "base", side, f"{sign * BASE} 0 0", "0 -1 0", rpy=f"0 {drive} 0", limit=0.7),
+            joint(f"elbow_{side}", side, far, f"{NEAR} 0 0", "0 -1 0", kind="continuous", rpy=turned),
+            joint(pin, far, end, f"{FAR} 0 0", kind="fixed"),
+        ]
+    return urdf("five", *parts)
 
 
 @pytest.fixture

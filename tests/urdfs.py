@@ -1,0 +1,48 @@
+"""URDFs of small machines, written part by part."""
+
+from collections.abc import Iterable
+
+import gtpin
+from gtpin.robot.description import RobotDescription
+
+
+def joint(
+    name: str,
+    parent: str,
+    child: str,
+    xyz: str = "0 0 0",
+    axis: str = "0 0 1",
+    *,
+    kind: str = "revolute",
+    rpy: str = "0 0 0",
+    limit: float = 1.0,
+    inside: str = "",
+    body: str = "",
+) -> str:
+    """A link and the joint that carries it; ``inside`` the joint and in the ``body`` of the link are further elements."""
+    link = f'<link name="{child}">{body}</link>' if body else f'<link name="{child}"/>'
+    moves = f'<axis xyz="{axis}"/><limit lower="-{limit}" upper="{limit}" effort="1" velocity="1"/>'
+    return (
+        f'{link}<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/>{"" if kind == "fixed" else moves}{inside}</joint>'
+    )
+
+
+def loop(first: str, xyz1: str, second: str, xyz2: str, name: str = "pin") -> str:
+    ends = f'<link1 link="{first}" xyz="{xyz1}"/><link2 link="{second}" xyz="{xyz2}"/>'
+    return f'<loop_joint name="{name}" type="spherical">{ends}</loop_joint>'
+
+
+def own(actuators: Iterable[str], platform: str = "", more: str = "") -> str:
+    driven = "".join(f'<actuator joint="{name}"/>' for name in actuators)
+    tcp = f'<platform link="{platform}"/>' if platform else ""
+    return f"<gtpin>{driven}{tcp}{more}</gtpin>"
+
+
+def urdf(name: str, *parts: str) -> str:
+    """The parts beside a link ``base``."""
+    return f'<robot name="{name}"><link name="base"/>{"".join(parts)}</robot>'
+
+
+def robot_of(name: str, *parts: str) -> gtpin.Robot:
+    return gtpin.Robot(RobotDescription.parse(urdf(name, *parts)))
