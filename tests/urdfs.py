@@ -1,6 +1,8 @@
-"""URDFs of small machines, written part by part."""
+"""URDFs of small machines, written part by part, and where two circles cross, which closes planar ones by hand."""
 
 from collections.abc import Iterable
+
+import numpy as np
 
 import gtpin
 from gtpin.robot.description import RobotDescription
@@ -46,3 +48,13 @@ def urdf(name: str, *parts: str) -> str:
 
 def robot_of(name: str, *parts: str) -> gtpin.Robot:
     return gtpin.Robot(RobotDescription.parse(urdf(name, *parts)))
+
+
+def crossing(one: np.ndarray, r1: float, other: np.ndarray, r2: float, side: float = 1.0) -> np.ndarray:
+    """(..., 2) where circles about points (..., 2) cross: +1 left, -1 right of the way from one to the other; NaN: nowhere."""
+    way = other - one
+    apart = np.linalg.norm(way, axis=-1, keepdims=True)
+    along = (apart**2 + r1**2 - r2**2) / (2.0 * apart)
+    with np.errstate(invalid="ignore"):
+        across = side * np.sqrt(r1**2 - along**2)
+    return one + (along * way + across * np.stack([-way[..., 1], way[..., 0]], axis=-1)) / apart

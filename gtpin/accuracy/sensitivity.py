@@ -125,9 +125,11 @@ def sensitivity(
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    rods = None if sigmas is None else of_rods(kinematics)
-    if rods is not None and np.shape(sigmas) != rods.L0.shape:
-        raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
+    rods = None
+    if sigmas is not None:
+        rods = of_rods(kinematics)
+        if np.shape(sigmas) != rods.L0.shape:
+            raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
     defined = well_defined(poses.R)
     if not defined:
         warn("changes of orientation are left out: ZYZ angles jump at these poses")

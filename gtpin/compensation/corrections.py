@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.compensation.machine import check_session
-from gtpin.data.ids import normal_ids
+from gtpin.compensation.machine import CompensatedMachine, check_session
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.sites import number
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, warn
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -79,10 +78,7 @@ def geometric_scales(model: Model) -> dict[str, float]:
 
 def _moves_along(model: Model, active: ActiveEffect) -> bool:
     """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
-    q = model.robot.home_q[None]
-    known: dict[str, Column] = {name: np.zeros(1) for name in active.references.covariates if name != "session"}
-    if active.references.sessions:
-        known["session"] = np.array(active.references.sessions[:1], dtype=object)
+    q, known = model.robot.home_q[None], CompensatedMachine(replace(model, effects=(active,))).columns(1)
     at = Situation(model.kinematics, q, model.kinematics.forward(q), known, active.references)
     return active.basis(at).command is not None
 
@@ -160,13 +156,9 @@ def _deviations(
     commands[:, index] = q
     poses = kinematics.forward(commands)
     for active in effects:
+        machine = CompensatedMachine(replace(model, effects=(active,)), session)
         for approach, total in ((1.0, below), (-1.0, above)):
-            covariates: dict[str, Column] = {
-                name: np.zeros(len(q)) for name in active.references.covariates if name != "session"
-            }
-            covariates[f"approach{index + 1}"] = np.full(len(q), approach)
-            if session is not None:
-                covariates["session"] = normal_ids(np.full(len(q), session, dtype=object))
+            covariates = machine.columns(len(q), approach)
             moved = active.basis(Situation(kinematics, commands, poses, covariates, active.references)).command
             assert moved is not None
             total += moved[1] @ active.coefficients

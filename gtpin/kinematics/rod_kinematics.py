@@ -29,19 +29,12 @@ class RodKinematics(RodGeometry):
     """The closures of one geometry (Dressler et al. 2010, eqs. 2 and 5) of k rods, in arrays.
 
     It is a :class:`~gtpin.kinematics.protocol.Kinematics`, held to Pinocchio's results by tests.
-
-    ``geometry``: the geometry of a robot with six rods.
-
-    Raises `ModelError` if the robot does not have six rods.
     """
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
-        """Poses at commands q (N, n), in the base frame, on the assembly mode of home.
+        """Poses on the assembly mode of home. ``start``: poses of a similar geometry at the same commands.
 
-        ``q``: (N, n) commands, m or rad. ``start``: (N) poses of a similar geometry at the same commands, from which the
-        solver starts; None: it starts at home.
-
-        Returns NaN where the loops can't be closed. Raises `ModelError` if ``q`` does not have this shape.
+        Raises `ModelError` if ``q`` is not (N, n).
         """
         self.geometry.robot.check_commands(q)
         near = start if start is not None and start.reached.all() else None

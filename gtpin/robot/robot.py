@@ -20,12 +20,7 @@ from gtpin.typing import Floats
 
 
 class Robot(Chain):
-    """A robot, built from its URDF alone.
-
-    Parameters
-    ----------
-    description, tcp
-        As for :class:`~gtpin.robot.chain.Chain`.
+    """A chain with its rods, its assembly at home and its measured joints, built from the URDF alone.
 
     Attributes
     ----------
@@ -33,11 +28,6 @@ class Robot(Chain):
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
     measured_joints : tuple of MeasuredJoint
         Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
-
-    Raises
-    ------
-    RobotError
-        If the URDF does not describe a complete robot.
     """
 
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:

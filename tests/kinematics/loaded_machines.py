@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from closures import Closures
+from urdfs import crossing
 
 import gtpin
 from gtpin.robot.description import RobotDescription
@@ -36,9 +37,5 @@ def differences(poses: Callable[[Floats], gtpin.Poses], x: Floats, step: float) 
 def closed_by_hand(q: float, side: float) -> dict[str, tuple[Floats, float]]:
     """Origins (2,) and directions, rad, of the four-bar's links, by where two circles meet; side is +1 or -1."""
     crank, base = 0.2 * np.array([np.cos(q), np.sin(q)]), np.array([0.6, 0.0])
-    way = base - crank
-    apart = float(np.hypot(*way))
-    along = (0.5**2 - 0.45**2 + apart**2) / (2.0 * apart)
-    height = side * np.sqrt(0.5**2 - along**2)
-    pin = crank + (along * way + height * np.array([-way[1], way[0]])) / apart
+    pin = crossing(crank, 0.5, base, 0.45, side)
     return {name: (at, float(np.arctan2(*(pin - at)[::-1]))) for name, at in (("coupler", crank), ("rocker", base))}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.ndimage import label
-from urdfs import joint, loop, own, robot_of, urdf
+from urdfs import crossing, joint, loop, own, robot_of, urdf
 
 import gtpin
 from gtpin.bench.simulator.simulate import TrueRobot
@@ -57,12 +57,7 @@ class FiveBar:
     def tip(self, q: Floats, side: int) -> Floats:
         """(N, 2) where the circles about the elbows cross, on one side of the line from the first to the second."""
         one, two = self.elbows(q)
-        d = np.linalg.norm(two - one, axis=-1, keepdims=True)
-        u = (two - one) / d
-        along = (d**2 + self.links[0] ** 2 - self.links[1] ** 2) / (2.0 * d)
-        with np.errstate(invalid="ignore"):
-            across = np.sqrt(self.links[0] ** 2 - along**2)
-        return one + along * u + side * across * np.stack([-u[..., 1], u[..., 0]], axis=-1)
+        return crossing(one, self.links[0], two, self.links[1], side)
 
     def knees(self, tip: Floats) -> Floats:
         """(2,) angle from each crank to its link at home, rad."""
@@ -162,9 +157,8 @@ def test_a_robot_without_home_says_its_assembly_and_how_to_choose_another(tmp_pa
     file.write_text(STRAIGHT_DOWN, encoding="utf-8")
     with pytest.warns(GtpinWarning, match="no <home>") as caught:
         robot = gtpin.load_robot(file)
-    # The elbows are at (-0.15, -0.45) and (0.15, -0.45): circles of 0.5 m and 0.52 m cross at x = -0.034.
-    x = -0.15 + (0.3**2 + 0.5**2 - 0.52**2) / (2 * 0.3)
-    down, up = (np.array([x, -0.45 + sign * np.sqrt(0.5**2 - (x + 0.15) ** 2), 0.0]) for sign in (-1, 1))
+    elbows = np.array([[-0.15, -0.45], [0.15, -0.45]])
+    down, up = ([*crossing(elbows[0], 0.5, elbows[1], 0.52, side), 0.0] for side in (-1, 1))
     np.testing.assert_allclose(gtpin.home(robot).T, down, atol=1e-9)
     (said,) = {str(warning.message) for warning in caught}
     homes = re.findall("<home [^>]*/>", said)
@@ -181,9 +175,8 @@ def test_displaced_robots_and_their_files_keep_the_assembly_that_was_chosen(tmp_
     values = nominal.values.copy()
     values[nominal.names.index("anchor[l.d1].y")] -= 0.05
     model = gtpin.Model(nominal.with_values(values))
-    x = -0.15 + (0.3**2 + 0.55**2 - 0.52**2) / (2 * 0.3)
-    pin_y = -0.45 - np.sqrt(0.55**2 - (x + 0.15) ** 2)
-    tip = np.array([-0.15, -0.45]) + (np.array([x, pin_y]) - [-0.15, -0.45]) * 0.5 / 0.55
+    elbows = np.array([[-0.15, -0.45], [0.15, -0.45]])
+    tip = elbows[0] + (crossing(elbows[0], 0.55, elbows[1], 0.52, -1) - elbows[0]) * 0.5 / 0.55
     gtpin.write_model(model, tmp_path)
     for again in (model, pickle.loads(pickle.dumps(model)), gtpin.read_model(tmp_path / "robot.urdf")):
         np.testing.assert_allclose(again.predict([[0.0, 0.0]]).T[0, :2], tip, atol=1e-9)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from urdfs import joint, urdf
+from urdfs import crossing, joint, urdf
 
 import gtpin
 from gtpin.errors import RobotError
@@ -48,10 +48,7 @@ def test_its_loop_closes_where_two_circles_meet(file: Path) -> None:
     q = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2))
     zero = np.array([2.2, np.pi - 2.2])  # a turn about -y lifts x towards z
     elbows = np.array([[-BASE, 0.0], [BASE, 0.0]]) + NEAR * np.stack([np.cos(zero + q), np.sin(zero + q)], axis=2)
-    middle, half = elbows.mean(axis=1), 0.5 * (elbows[:, 1] - elbows[:, 0])
-    along = np.linalg.norm(half, axis=1)
-    up = np.column_stack([-half[:, 1], half[:, 0]]) / along[:, None]
-    expected = middle + np.sqrt(FAR**2 - along**2)[:, None] * up
+    expected = crossing(elbows[:, 0], FAR, elbows[:, 1], FAR)
     np.testing.assert_allclose(model.predict(q).T[:, [0, 2]], expected, atol=1e-9)
 
 
