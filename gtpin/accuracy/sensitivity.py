@@ -125,9 +125,10 @@ def sensitivity(
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    rods = None
+    rods = ends = None
     if sigmas is not None:
         rods = of_rods(kinematics)
+        ends = rods.ends(q)
         if np.shape(sigmas) != rods.L0.shape:
             raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
     defined = well_defined(poses.R)
@@ -141,11 +142,11 @@ def sensitivity(
         linear[0] = 2.0 * np.linalg.norm(moved[:, :3], axis=1).sum()
         linear[1] = 2.0 * np.abs(np.einsum("nij,nj->ni", rates, moved[:, 3:])).sum()
         exact = np.append(_changes(poses, error.after(step)) + _changes(poses, error.after(-step)), np.nan)
-        if rods is not None and sigmas is not None:
+        if rods is not None and ends is not None and sigmas is not None:
             rod = rods.names.index(error.link)
             change = rod_step(rods, q, error.parameter, rod)
             assert change is not None
-            exact[2], linear[2] = _cost(change, rods.ends(q), poses, step, float(sigmas[rod]))
+            exact[2], linear[2] = _cost(change, ends, poses, step, float(sigmas[rod]))
         cells[error.parameter, error.link] = exact, linear
     parameters, links = (tuple(dict.fromkeys(names)) for names in zip(*cells, strict=True))
     tables = np.full((2, 3, len(parameters), len(links)), np.nan)

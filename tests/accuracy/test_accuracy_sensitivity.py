@@ -57,7 +57,7 @@ def test_where_closures_hold_their_costs_are_those_of_the_step_alone() -> None:
 def test_expected_cost_change_is_the_mean_over_drawn_machines() -> None:
     q = commands(10, seed=6)
     found = sensitivity(MODEL, q, sigmas=SIGMAS)
-    drawn = [drawn_measurements(MODEL, q, SIGMAS, seed) for seed in range(100)]
+    drawn = [drawn_measurements(MODEL, q, SIGMAS, seed) for seed in range(40)]
     measured = Poses(*(np.concatenate([getattr(one, part) for one in drawn]) for part in "TR"))
     q = np.tile(q, (len(drawn), 1))
     before = NOMINAL.squares(q, measured.T, measured.R) ** 2
