@@ -17,16 +17,17 @@ def joint(
     *,
     kind: str = "revolute",
     rpy: str = "0 0 0",
-    limit: float = 1.0,
+    limit: float | tuple[float, float] = 1.0,
     inside: str = "",
     body: str = "",
 ) -> str:
     """A link and the joint that carries it; ``inside`` the joint and in the ``body`` of the link are further elements."""
     link = f'<link name="{child}">{body}</link>' if body else f'<link name="{child}"/>'
-    moves = f'<axis xyz="{axis}"/><limit lower="-{limit}" upper="{limit}" effort="1" velocity="1"/>'
+    low, high = limit if isinstance(limit, tuple) else (-limit, limit)
+    moves = f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/>'
     return (
         f'{link}<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/>{"" if kind == "fixed" else moves}{inside}</joint>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/>{"" if kind in ("fixed", "floating") else moves}{inside}</joint>'
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -66,30 +65,17 @@ def spread(low: Floats, high: Floats, count: int) -> Floats:
     return np.asarray(low + (high - low) * qmc.Halton(len(low), scramble=False).random(count + 1)[1:])
 
 
-class Controller(Protocol):
-    """A controller's kinematics."""
-
-    def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
-        reach."""
-        ...
+Controller = Callable[[Floats], Floats]
+"""The kinematics of a controller: (N, n) commands, m or rad, for positions (N, 3) in its coordinates, m; NaN out of reach."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModelController:
-    """A controller that has the kinematics of a model.
+def controller_of(model: Model, origin: Floats) -> Controller:
+    """A controller with the kinematics of a model, without effects; ``origin``: (3,) its zero in the base frame, m."""
 
-    ``model``: its geometry is used, its effects are ignored. ``origin``: (3,) zero of the controller's coordinates in the
-    base frame, m.
-    """
+    def commands(xyz: Floats) -> Floats:
+        return commands_for(model.kinematics, xyz + origin)[0]
 
-    model: Model
-    origin: Floats
-
-    def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
-        reach."""
-        return commands_for(self.model.kinematics, xyz + self.origin)[0]
+    return commands
 
 
 def positions_to_ask_for(machine: CompensatedMachine, controller: Controller, box: Box, wanted: Floats) -> Floats:
@@ -112,7 +98,7 @@ def there(
 
     Raises `UnreachableError` if the machine can't bring its TCP to one of them.
     """
-    q = controller.commands(asked)
+    q = controller(asked)
     inside = np.isfinite(q).all(axis=1)
     found = np.full_like(asked, np.nan)
     found[inside] = machine.goes_to(q[inside], None if approach is None else approach[inside])

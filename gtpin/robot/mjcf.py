@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
 from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import MAIN, Part, Values, without_objects
+from gtpin.robot.mjcf_values import MAIN, Part, Values, exact_text, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
@@ -100,24 +100,24 @@ class _Writer:
         for plane in root.iterfind("custom/numeric"):
             if (mark := plane.get("name", "")).startswith(PLANE_MARK):
                 normal = self.values.numbers(plane.attrib, "data", "", 3)
-                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=_text(normal))
+                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=exact_text(normal))
         if own.find("actuator") is not None:
             q = [self.initial.get(drive.get("joint", ""), 0.0) for drive in own.findall("actuator")]
             pose = self.at[tip]
             SubElement(
                 own,
                 "home",
-                q=_text(np.array(q)),
-                tcp_xyz=_text(pose.translation),
-                tcp_rotvec=_text(pin.log3(pose.rotation)),
+                q=exact_text(np.array(q)),
+                tcp_xyz=exact_text(pose.translation),
+                tcp_rotvec=exact_text(pin.log3(pose.rotation)),
             )
         options = root.findall("option")
         given = [option for option in options if option.get("gravity")]
         flags = [flag.get("gravity") for option in options for flag in option.findall("flag") if flag.get("gravity")]
         if flags[-1:] == ["disable"]:
-            SubElement(own, "gravity", xyz=_text(np.zeros(3)))
+            SubElement(own, "gravity", xyz=exact_text(np.zeros(3)))
         elif given:
-            SubElement(own, "gravity", xyz=_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
+            SubElement(own, "gravity", xyz=exact_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
         self.robot.append(own)
         self._warn(root)
         indent(self.robot)
@@ -206,7 +206,7 @@ class _Writer:
         lower, upper = self.values.numbers(given, "range", "0 0", 2) * unit if limited == "true" else (0.0, 0.0)
         turning = "revolute" if limited == "true" else "continuous"
         joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, origin * back)
-        SubElement(joint, "axis", xyz=_text(axis))
+        SubElement(joint, "axis", xyz=exact_text(axis))
         # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
@@ -256,7 +256,7 @@ class _Writer:
             raise self.values.error(f"connect {name} of unknown {missing!r}", "name two bodies or sites")
         loop = SubElement(self.robot, "loop_joint", name=name, type="spherical")
         for tag, (link, xyz) in zip(("link1", "link2"), points, strict=True):
-            SubElement(loop, tag, link=link, xyz=_text(np.asarray(xyz)))
+            SubElement(loop, tag, link=link, xyz=exact_text(np.asarray(xyz)))
 
     def _tie(self, given: dict[str, str]) -> None:
         """Let a joint follow another by ``<mimic>``; without another one, fix it."""
@@ -296,8 +296,8 @@ class _Writer:
         moved = pin.SE3(np.eye(3), step) if slides else pin.SE3(pin.exp3(step), np.zeros(3))
         placed = pin.SE3(pin.rpy.rpyToMatrix(*turn), place) * moved
         joint.set("type", "fixed")
-        origin.set("xyz", _text(placed.translation))
-        origin.set("rpy", _text(pin.rpy.matrixToRpy(placed.rotation)))
+        origin.set("xyz", exact_text(placed.translation))
+        origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placed.rotation)))
         for tag in ("axis", "limit"):
             joint.remove(joint.find(tag))  # type: ignore[arg-type]
 
@@ -320,7 +320,7 @@ class _Writer:
             return
         link = next(link for link in self.robot.findall("link") if link.get("name") == name)
         inertial = SubElement(link, "inertial")
-        SubElement(inertial, "origin", xyz=_text(inertia.lever))
+        SubElement(inertial, "origin", xyz=exact_text(inertia.lever))
         SubElement(inertial, "mass", value=repr(float(inertia.mass)))
         I = inertia.inertia  # noqa: E741
         entries = {"ixx": I[0, 0], "iyy": I[1, 1], "izz": I[2, 2], "ixy": I[0, 1], "ixz": I[0, 2], "iyz": I[1, 2]}
@@ -330,10 +330,7 @@ class _Writer:
         joint = SubElement(self.robot, "joint", name=name, type=kind)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        SubElement(joint, "origin", xyz=_text(origin.translation), rpy=_text(pin.rpy.matrixToRpy(origin.rotation)))
+        SubElement(
+            joint, "origin", xyz=exact_text(origin.translation), rpy=exact_text(pin.rpy.matrixToRpy(origin.rotation))
+        )
         return joint
-
-
-def _text(values: Floats) -> str:
-    """Numbers as text from which exactly the same floats are read."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
