@@ -198,7 +198,7 @@ def printer_correction(
         after = there(part, controller, box, table.applied(points), approach) - points
         if standing:
             before, after = on_the_bed(before, points), on_the_bed(after, points)
-        q = plain.commands(points)
+        q = plain(points)
         doubt = None if whole is None else open_directions(part, whole, q, standing=standing)
         return Left(before, after, doubt, standing)
 
@@ -224,7 +224,7 @@ def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None
         return free
     if drives is None:
         xyz = box.grid(*GRID)
-        free[D:] = determined(machine, plain.commands(xyz), lambda errors: changes_of_parts(xyz, errors))
+        free[D:] = determined(machine, plain(xyz), lambda errors: changes_of_parts(xyz, errors))
         return free
     fit = TowerFit.of(machine, drives, box)
     gain = fit.response(free[:D])[1]
