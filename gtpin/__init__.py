@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from gtpin.estimate import Estimate
     from gtpin.health.plan import PosePlan, plan
     from gtpin.instruments.instrument import Component, Instrument, Unknown
-    from gtpin.kinematics.geometry_jacobian import geometry_jacobian
     from gtpin.kinematics.inverse import commands_for, reach
+    from gtpin.kinematics.kinematics import geometry_jacobian
     from gtpin.kinematics.poses import Poses
     from gtpin.kinematics.posture import ClosedPosture, home
     from gtpin.kinematics.robot import Robot, load_robot
@@ -57,7 +57,7 @@ _HOME = {
     "Unknown": "gtpin.instruments.instrument",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
-    "geometry_jacobian": "gtpin.kinematics.geometry_jacobian",
+    "geometry_jacobian": "gtpin.kinematics.kinematics",
     "commands_for": "gtpin.kinematics.inverse",
     "reach": "gtpin.kinematics.inverse",
     "Poses": "gtpin.kinematics.poses",

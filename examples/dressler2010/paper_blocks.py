@@ -12,10 +12,9 @@ from paper_table1 import expected_table1
 from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
-from gtpin.kinematics.kinematics import of_rods
-from gtpin.kinematics.rod_steps import PARAMETERS, RodStep
+from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.rod_geometry import PARAMETERS, RodStep
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
 

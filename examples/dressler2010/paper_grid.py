@@ -16,8 +16,8 @@ from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_geometry import PARAMETERS, rod_step
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import zyz_rates
 from gtpin.model.model import Model
 
@@ -151,7 +151,7 @@ def _step_slopes(
     """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
 
     ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
-    :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; results are NaN where a rod has no such parameter.
+    :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`; results are NaN where a rod has no such parameter.
 
     Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
     angles.

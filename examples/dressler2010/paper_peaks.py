@@ -8,8 +8,7 @@ from paper_tables import tables
 from scipy.stats import rankdata
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.reached import reached_poses
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

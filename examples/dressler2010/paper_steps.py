@@ -8,12 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.reached import reached_poses
 from gtpin.accuracy.sensitivity import STEP, closure_change
 from gtpin.errors import ModelError
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
+from gtpin.kinematics.rod_geometry import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp, zyz_change
 from gtpin.model.model import Model
 
@@ -69,7 +68,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     measured
         (N) poses measured there, base frame.
     parameter, link
-        One of :data:`~gtpin.kinematics.rod_steps.PARAMETERS`, and the name of a rod.
+        One of :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`, and the name of a rod.
 
     Raises
     ------
@@ -92,7 +91,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     def errors(size: float) -> Errors:
         now = change.poses_after(size, ends, poses, kinematics.geometry.robot.size) if size else poses
         moved = closures.copy()
-        moved[:, change.rod] += closure_change(change, ends, measured, size)[1]
+        moved[:, change.rod] += closure_change(change, ends, measured, size)
         off = np.linalg.norm(now.T - measured.T, axis=1)
         return Errors(off, zyz_change(now.R, measured.R), moved**2)
 

@@ -7,8 +7,7 @@ import numpy.typing as npt
 from paper_tables import tables
 
 from gtpin.accuracy.expected import ErrorResponse, ExpectedError, Uncertainty, expected_of, response
-from gtpin.accuracy.reached import reached_poses
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]

@@ -19,7 +19,7 @@ import pandas as pd
 
 import gtpin
 from gtpin.compensation.compensate import compensate
-from gtpin.compensation.controller import ModelController
+from gtpin.compensation.controller import controller_of
 from gtpin.compensation.grid_table import grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import Drives, Towers, drives_of
@@ -47,9 +47,9 @@ def touched(truth: gtpin.Model, per_side: int, rng: np.random.Generator, folder:
     """The touches of a mesh on a flat bed, as a printer with the nominal dimensions reports them."""
     x, y = np.meshgrid(np.linspace(-0.3, 0.3, per_side), np.linspace(-0.3, 0.3, per_side))
     xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    firmware = ModelController(NOMINAL, BOX.origin)
+    firmware = controller_of(NOMINAL, BOX.origin)
     for _ in range(5):
-        xyz[:, 2] -= truth.predict(firmware.commands(xyz)).T[:, 2] - BOX.origin[2]
+        xyz[:, 2] -= truth.predict(firmware(xyz)).T[:, 2] - BOX.origin[2]
     xyz[:, 2] += TOUCH * rng.standard_normal(len(xyz))
     rows = np.arange(1, len(xyz) + 1)
     touches = Touches(Path("mesh"), rows, rows.astype(str).astype(object), position=xyz, bed=True)
@@ -59,7 +59,7 @@ def touched(truth: gtpin.Model, per_side: int, rng: np.random.Generator, folder:
 
 def measured(truth: gtpin.Model, rng: np.random.Generator) -> gtpin.Dataset:
     """Positions of the TCP by a tracker in the base frame, at commands of poses around the box."""
-    q = ModelController(NOMINAL, BOX.origin).commands(rng.uniform(1.5 * BOX.low, 1.5 * BOX.high, (40, 3)))
+    q = controller_of(NOMINAL, BOX.origin)(rng.uniform(1.5 * BOX.low, 1.5 * BOX.high, (40, 3)))
     ids = np.arange(len(q)).astype(str).astype(object)
     T = truth.predict(q).T + TRACKER * rng.standard_normal((len(q), 3))
     return gtpin.Dataset("linear_delta", ids, q, T, None, {}, Instrument(position_sigma=TRACKER))
@@ -71,14 +71,14 @@ def of_printer(truth: gtpin.Model, model: gtpin.Model, drives: Drives | None) ->
     found = printer_correction(model, [machine], NOMINAL, BOX, drives)
     points = BOX.fill(512)
     left = found.left[0]
-    errors = truth.predict(found.controller.commands(found.tables[0].applied(points))).T - BOX.origin - points
+    errors = truth.predict(found.controller(found.tables[0].applied(points))).T - BOX.origin - points
     return *left.doubt.rms(left.after), rms(left.after), rms(on_the_bed(errors, points) if left.standing else errors)
 
 
 def of_commands(truth: gtpin.Model, model: gtpin.Model, *, grid: bool) -> tuple[float, ...]:
     """The same of corrected commands, or of a table over commands."""
     machine: CompensatedMachine = machine_at(model)[0]
-    q = ModelController(NOMINAL, BOX.origin).commands(BOX.fill(256))
+    q = controller_of(NOMINAL, BOX.origin)(BOX.fill(256))
     wanted = NOMINAL.predict(q).T
     new = grid_table(machine, NOMINAL).applied(q, 0) if grid else compensate(model, wanted, start=q)
     left, doubt = machine.goes_to(new) - wanted, open_directions(machine, model, q)

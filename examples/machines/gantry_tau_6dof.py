@@ -9,9 +9,9 @@ asks. Masses are ours.
 from __future__ import annotations
 
 import numpy as np
+from machine_sketch import Carrier, Sketch, SketchRod
 
 from gtpin import load_robot
-from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
 APART = {"1": 0.0, "2a": 0.25, "2b": -0.25, "3a": 0.5, "3b": 0.0, "3c": -0.5}
 """How far ahead of the 3-DOF machine's cart each link's own stands at home, m."""

@@ -7,8 +7,7 @@ at 210, 330 and 90 degrees), three times as large; the width of the pairs, the h
 from __future__ import annotations
 
 import numpy as np
-
-from gtpin.robot.sketch import Carrier, Sketch, SketchRod
+from machine_sketch import Carrier, Sketch, SketchRod
 
 ARM, RADIUS = 3.0 * 0.333, 3.0 * 0.17475
 """Length of the rods, and of their horizontal projection in the middle, m."""

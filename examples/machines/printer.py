@@ -12,8 +12,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-
-from gtpin.robot.sketch import Carrier, Sketch, SketchRod
+from machine_sketch import Carrier, Sketch, SketchRod
 
 HOME = 0.05
 """Height of the nozzle over the bed at home, m."""

@@ -7,8 +7,7 @@ in structure; the paper's dimensions were not at hand: these, and the masses, ar
 from __future__ import annotations
 
 import numpy as np
-
-from gtpin.robot.sketch import Sketch, SketchRod
+from machine_sketch import Sketch, SketchRod
 
 BASE, PLATFORM = 0.65, 0.35
 """Radii of the circles on which the joints lie, m."""

@@ -8,7 +8,7 @@ magnitude: a cord and a motor that holds its place by a control loop are some th
 
 from __future__ import annotations
 
-from gtpin.robot.sketch import Sketch, SketchRod
+from machine_sketch import Sketch, SketchRod
 
 BASE = (
     (-0.385274, -0.140228, 0.0),

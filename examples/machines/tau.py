@@ -7,8 +7,7 @@ and Computer-Integrated Manufacturing 21 (2005) 497-505. Dimensions and masses a
 from __future__ import annotations
 
 import numpy as np
-
-from gtpin.robot.sketch import Carrier, Sketch, SketchRod
+from machine_sketch import Carrier, Sketch, SketchRod
 
 COLUMN = np.array([0.0, 0.0, 1.0])
 REACH = 0.8

@@ -8,7 +8,7 @@ The printer is the shipped linear_delta. A touch has a sigma of 10 um; the bed i
 import numpy as np
 from exported_corrections import BOX, NOMINAL, TOUCH, TOWERS
 
-from gtpin.compensation.controller import ModelController
+from gtpin.compensation.controller import controller_of
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.compensation.towers import TowerFit, drives_of
 
@@ -36,7 +36,7 @@ PROBED = {"DELTA_CALIBRATE": delta_calibrate(), **{f"{n} x {n}": mesh(n) for n i
 def sigmas(xy: np.ndarray) -> tuple[dict[str, float], dict[str, float], float]:
     """Largest sigma of each group of settings before and after the touches, m, rad or m/m, and what they took of the noise."""
     kinematics, tolerance = NOMINAL.kinematics, NOMINAL.geometry.tolerance
-    q = ModelController(NOMINAL, BOX.origin).commands(np.column_stack([xy, np.zeros(len(xy))]))
+    q = controller_of(NOMINAL, BOX.origin)(np.column_stack([xy, np.zeros(len(xy))]))
     B = kinematics.geometry_jacobian(q, kinematics.forward(q))[:, 2] * tolerance / TOUCH
     covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
     fit = TowerFit.of(CompensatedMachine(NOMINAL), drives_of(TOWERS, NOMINAL, BOX), BOX)

@@ -10,8 +10,7 @@ import linear_delta
 import stewart
 import stewart_jugglebot
 import tau
-
-from gtpin.robot.sketch import Sketch
+from machine_sketch import Sketch
 
 URDF = Path(__file__).parents[2] / "urdf"
 

@@ -1,1 +1,1 @@
-"""Accuracy by Jacobians: sensitivity, expected error, dexterity, stiffness, workspace, and which poses to measure."""
+"""Accuracy by Jacobians: sensitivity, expected error, dexterity, workspace, and which poses to measure."""

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.expected import Error, ExpectedError, Uncertainty, expected_error, mean_length, response
+from gtpin.accuracy.expected import ExpectedError, Uncertainty, expected_error, mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError, check_kind
 from gtpin.kinematics.kinematics import of_rods
-from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
@@ -98,6 +97,7 @@ class Accuracy(Shown):
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.reduced
+        errors = {"position": self.expected.position, "orientation": self.expected.orientation if turns else None}
         measures = dexterity(self.model, self.q, poses).measures()
         return {
             "schema": SCHEMA,
@@ -106,10 +106,12 @@ class Accuracy(Shown):
             "step": self.sensitivity.step,
             "uncertainty": self.uncertain,
             "expected": {
-                "position": _error_json(self.expected.position),
-                "orientation": _error_json(self.expected.orientation) if turns and self.expected.orientation else None,
+                name: None if error is None else {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
+                for name, error in errors.items()
             },
-            "zyz_range": _zyz_range(poses) if turns and well_defined(poses.R) else None,
+            "zyz_range": dict(zip(("alpha", "beta", "gamma"), np.ptp(zyz(poses.R), axis=0).tolist(), strict=True))
+            if turns and well_defined(poses.R)
+            else None,
             "dexterity": {name: _range_json(values) for name, values in measures.items()},
         }
 
@@ -204,14 +206,6 @@ def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
             "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"
         )
     return np.sqrt(np.array([costs[link] for link in links]) / poses)
-
-
-def _zyz_range(poses: Poses) -> dict[str, float]:
-    return dict(zip(("alpha", "beta", "gamma"), np.ptp(zyz(poses.R), axis=0).tolist(), strict=True))
-
-
-def _error_json(error: Error) -> dict[str, float]:
-    return {"mean": error.mean, "p95": error.p95, "maximum": error.maximum}
 
 
 def _range_json(values: Floats) -> dict[str, Any]:

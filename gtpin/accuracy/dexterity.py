@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.accuracy.reached import reached_poses
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats

@@ -8,10 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import elliprg
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import frame_motions

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.special import ndtr
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.closures import RodEnds, rod_vectors
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rod_geometry import RodStep, rod_step
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.kinematics.rod_steps import RodStep, rod_step
 from gtpin.kinematics.rotations import well_defined, zyz_change, zyz_rates
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -53,7 +52,7 @@ class Sensitivity:
     """The sensitivity of a model at given commands.
 
     - ``parameters``, ``links``: names of the p parameters and k parts. Rods have those of
-      :data:`~gtpin.kinematics.rod_steps.PARAMETERS`; the placements of joints (named by the joint), of the tool
+      :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`; the placements of joints (named by the joint), of the tool
       (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
     - ``poses``: number of commands that were summed over.
     - ``step``: the step, m, or rad for ``rx ry rz``, or m/m for directions.
@@ -94,7 +93,6 @@ def sensitivity(
     q: Floats,
     *,
     sigmas: Floats | None = None,
-    measured: Poses | None = None,
     step: float = STEP,
 ) -> Sensitivity:
     """Change every part's parameters, one at a time, by a step to both sides.
@@ -107,16 +105,13 @@ def sensitivity(
         For a robot with k rods: (k,) standard deviations of the rods' closure residuals \\|d\\|^2 - L^2, m^2. The changes of
         the cost are then expectations over Gaussian residuals. The paper's Table II gives each rod's final cost f, m^4, the sum
         of the squared residuals over M poses: sigma = sqrt(f / M).
-    measured
-        For a robot with rods: (N) measured poses, instrument's frame: the changes of the cost are then those of the actual
-        residuals.
     step
         m or rad; for directions m/m.
 
     Raises
     ------
     ModelError
-        If a robot without rods is given ``sigmas`` or ``measured``, or both are given, or a wrong number of sigmas.
+        If a robot without rods is given ``sigmas``, or there is not one for each rod.
     UnreachableError
         If the commands can't be reached.
     ConvergenceError
@@ -130,7 +125,12 @@ def sensitivity(
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    cost = None if sigmas is None and measured is None else _Costs.of(model, q, poses, sigmas, measured)
+    rods = ends = None
+    if sigmas is not None:
+        rods = of_rods(kinematics)
+        ends = rods.ends(q)
+        if np.shape(sigmas) != rods.L0.shape:
+            raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
     defined = well_defined(poses.R)
     if not defined:
         warn("changes of orientation are left out: ZYZ angles jump at these poses")
@@ -142,47 +142,18 @@ def sensitivity(
         linear[0] = 2.0 * np.linalg.norm(moved[:, :3], axis=1).sum()
         linear[1] = 2.0 * np.abs(np.einsum("nij,nj->ni", rates, moved[:, 3:])).sum()
         exact = np.append(_changes(poses, error.after(step)) + _changes(poses, error.after(-step)), np.nan)
-        if cost is not None:
-            exact[2], linear[2] = cost.changes(error.parameter, error.link, step)
+        if rods is not None and ends is not None and sigmas is not None:
+            rod = rods.names.index(error.link)
+            change = rod_step(rods, q, error.parameter, rod)
+            assert change is not None
+            exact[2], linear[2] = _cost(change, ends, poses, step, float(sigmas[rod]))
         cells[error.parameter, error.link] = exact, linear
     parameters, links = (tuple(dict.fromkeys(names)) for names in zip(*cells, strict=True))
     tables = np.full((2, 3, len(parameters), len(links)), np.nan)
     for (parameter, link), both in cells.items():
         tables[:, :, parameters.index(parameter), links.index(link)] = both
-    one, two = (Sums(s[0], s[1], None if cost is None else s[2]) for s in tables)
+    one, two = (Sums(s[0], s[1], None if rods is None else s[2]) for s in tables)
     return Sensitivity(parameters, links, len(q), step, one, two)
-
-
-@dataclass(frozen=True)
-class _Costs:
-    """What the changes of the rods' squared closures need: with ``sigmas`` expectations, without them of ``seen`` poses."""
-
-    kinematics: RodKinematics
-    q: Floats
-    ends: RodEnds
-    seen: Poses
-    sigmas: Floats | None
-
-    @staticmethod
-    def of(model: Model, q: Floats, poses: Poses, sigmas: Floats | None, measured: Poses | None) -> _Costs:
-        kinematics = of_rods(model.kinematics)
-        seen = poses
-        if measured is not None:
-            if sigmas is not None or len(measured) != len(q):
-                what = "closure residuals are not clear"
-                raise ModelError(what, hint="give sigmas, or one measured pose for each command")
-            seen = measured.moved(-model.frame.R.T @ model.frame.T, model.frame.R.T)
-        elif sigmas is not None and np.shape(sigmas) != kinematics.L0.shape:
-            what = f"{np.size(sigmas)} closure sigmas"
-            raise ModelError(what, hint=f"give one for each of the {len(kinematics.L0)} rods")
-        return _Costs(kinematics, q, kinematics.ends(q), seen, sigmas)
-
-    def changes(self, parameter: str, link: str, step: float) -> tuple[float, float]:
-        """Exact and linear sums over poses and signs of the changes of a rod's own squared closure."""
-        rod = self.kinematics.names.index(link)
-        change = rod_step(self.kinematics, self.q, parameter, rod)
-        assert change is not None
-        return _cost(change, self.ends, self.seen, step, None if self.sigmas is None else float(self.sigmas[rod]))
 
 
 def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodStep, sigma: float, step: float) -> Floats:
@@ -202,25 +173,20 @@ def _changes(poses: Poses, moved: Poses) -> Floats:
     return np.array([np.linalg.norm(moved.T - poses.T, axis=1).sum(), rotation])
 
 
-def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) -> tuple[Floats, Floats]:
-    """A rod's closure |d|^2 - L^2 at fixed poses (N,), m^2, and its change by a step."""
+def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) -> Floats:
+    """(N,) change of a rod's closure |d|^2 - L^2 at fixed poses (N,) by a step, m^2."""
     d = rod_vectors(poses, ends)[0][:, change.rod]
     L = np.broadcast_to(ends.L, (len(poses), ends.L.shape[1]))[:, change.rod]
     move, grown = step * change.vector(poses), step * change.L
-    before = np.einsum("ni,ni->n", d, d) - L**2
     # Expanded: a difference of two squares of lengths of about 2 m would lose seven digits.
-    return before, np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + grown) * grown
+    return np.asarray(np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + grown) * grown)
 
 
-def _cost(change: RodStep, ends: RodEnds, poses: Poses, step: float, sigma: float | None) -> tuple[float, float]:
-    """Exact and linear sums over poses and signs of the changes of the squared closure."""
-    sums = np.zeros(2)
-    gap = change.slope(rod_vectors(poses, ends)[0][:, change.rod], ends, poses)
-    for sign in (1.0, -1.0):
-        c, exact = closure_change(change, ends, poses, sign * step)
-        for i, by in enumerate((exact, 2.0 * sign * step * gap)):
-            sums[i] += (np.abs(by * (2.0 * c + by)) if sigma is None else _expected_change(by, sigma)).sum()
-    return float(sums[0]), float(sums[1])
+def _cost(change: RodStep, ends: RodEnds, poses: Poses, step: float, sigma: float) -> tuple[float, float]:
+    """Exact and linear sums over poses and signs of the expected changes of the squared closure, whose sigma is given."""
+    slope = change.slope(rod_vectors(poses, ends)[0][:, change.rod], ends, poses)
+    exact = sum(_expected_change(closure_change(change, ends, poses, s * step), sigma).sum() for s in (1.0, -1.0))
+    return float(exact), float(2.0 * _expected_change(2.0 * step * slope, sigma).sum())
 
 
 def _expected_change(by: Floats, sigma: float) -> Floats:

@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_path, tell
-from gtpin.compensation.box import Box
 from gtpin.compensation.compensate import compensate, machine_of
+from gtpin.compensation.controller import Box
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format

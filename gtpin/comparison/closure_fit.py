@@ -71,7 +71,7 @@ def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = 
     if geometry.outside_tracks(q).any():
         raise DatasetError("a pose lies outside the measured tracks", hint="leave it out")
     x, steps = np.zeros(len(geometry.parameters)), 0
-    weight = np.ones(len(geometry.robot.rods))
+    weight = np.ones(len(geometry.robot.rod_sites))
     for _ in range(ROUNDS if priors else 1):
         if priors:
             left = closure_residual(_moved(geometry, x), q, poses)

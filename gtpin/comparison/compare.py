@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -93,7 +92,7 @@ def compare(
         "calibrate each by itself: gtpin calibrate --model 1 ...",
     )
     robot = robot_of(dataset) if robot is None else robot
-    if not robot.rods:
+    if not robot.rod_sites:
         raise ModelError(
             f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="use gtpin calibrate"
         )
@@ -108,7 +107,30 @@ def compare(
     dataset = dataset.take(within_tracks(robot, dataset))
     if len(dataset) < 2 * HALVES:
         raise DatasetError(f"{len(dataset)} poses lie within the measured tracks", file=dataset.file, hint="add some")
-    trial = _Trial(robot, cost, choice, orientations)
+
+    def held_out(number: int, fitted: Dataset, held: Dataset, row: Rows) -> Held:
+        """The errors, on held-out poses, of a model fitted to others."""
+        measured: Sequence[bool] = PAPERS_CHOICE
+        if number == 5 and choice == "validation":
+            measured = better_measured(robot, fitted, orientations=orientations)
+        geometry = model_geometry(number, robot, fitted, measured=measured, orientations=orientations)
+        model = _fitted(geometry, fitted, cost)
+        poses = model.predict(held.q)
+        if not poses.reached.all():
+            lost = held.pose[~poses.reached][0]
+            raise UnreachableError(f"model {number} can't reach pose {lost}", file=held.file, hint="leave it out")
+        seen = None if held.orientation is None else from_quaternions(held.orientation)
+        return Held(
+            number,
+            row,
+            held.pose,
+            np.linalg.norm(held.position - poses.T, axis=1),
+            None if seen is None else np.linalg.norm(log(seen @ np.swapaxes(poses.R, 1, 2)), axis=1),
+            None if seen is None else zyz_change(seen, poses.R),
+            _closure_cost(model, held) if _closures_known(held) else None,
+            tuple(geometry.track(i) is not None for i in range(len(robot.rod_sites))),
+        )
+
     found = []
     for number in numbers:
         parts = []
@@ -116,7 +138,7 @@ def compare(
             for half, rows in enumerate(random(dataset, HALVES, seed)):
                 if progress is not None:
                     progress(f"model {number}, half {half + 1}", 0, float("nan"))
-                parts.append(trial.held(number, dataset.take(~rows), dataset.take(rows), np.flatnonzero(rows)))
+                parts.append(held_out(number, dataset.take(~rows), dataset.take(rows), np.flatnonzero(rows)))
         found.append(Held.joined(parts))
     return Comparison(tuple(found), seed, cost, given)
 
@@ -144,44 +166,11 @@ def better_measured(robot: Robot, dataset: Dataset, *, orientations: bool = Fals
     costs = {}
     for number in (3, 4):
         geometry = model_geometry(number, robot, dataset, orientations=orientations)
-        total = np.zeros(len(robot.rods))
+        total = np.zeros(len(robot.rod_sites))
         for rows in random(dataset, FOLDS):
             total += _closure_cost(_fitted(geometry, dataset.take(~rows), "closure"), dataset.take(rows))
         costs[number] = total
     return [bool(better) for better in costs[4] < costs[3]]
-
-
-@dataclass(frozen=True)
-class _Trial:
-    """How a model is fitted and tried; see :func:`compare`."""
-
-    robot: Robot
-    cost: Cost
-    choice: Choice
-    orientations: bool
-
-    def held(self, number: int, fitted: Dataset, held: Dataset, row: Rows) -> Held:
-        """The errors, on held-out poses, of a model fitted to others."""
-        measured: Sequence[bool] = PAPERS_CHOICE
-        if number == 5 and self.choice == "validation":
-            measured = better_measured(self.robot, fitted, orientations=self.orientations)
-        geometry = model_geometry(number, self.robot, fitted, measured=measured, orientations=self.orientations)
-        model = _fitted(geometry, fitted, self.cost)
-        poses = model.predict(held.q)
-        if not poses.reached.all():
-            lost = held.pose[~poses.reached][0]
-            raise UnreachableError(f"model {number} can't reach pose {lost}", file=held.file, hint="leave it out")
-        seen = None if held.orientation is None else from_quaternions(held.orientation)
-        return Held(
-            number,
-            row,
-            held.pose,
-            np.linalg.norm(held.position - poses.T, axis=1),
-            None if seen is None else np.linalg.norm(log(seen @ np.swapaxes(poses.R, 1, 2)), axis=1),
-            None if seen is None else zyz_change(seen, poses.R),
-            _closure_cost(model, held) if _closures_known(held) else None,
-            tuple(geometry.track(i) is not None for i in range(len(self.robot.rods))),
-        )
 
 
 def _closures_known(dataset: Dataset) -> bool:

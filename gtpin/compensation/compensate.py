@@ -10,9 +10,7 @@ import numpy.typing as npt
 
 from gtpin.effects.situation import Column
 from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
-from gtpin.kinematics.inverse import commands_for
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import log
+from gtpin.kinematics.inverse import commands_for, errors_of
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
 
@@ -67,8 +65,9 @@ def compensate(
     q, poses = commands_for(kinematics, T, R, None if start is None else np.array(start, dtype=float))
     _all_there(q, machine)
     for _ in range(STEPS):
-        error = _errors(machine.predict(q, covariates), T, R)
-        _all_there(error, machine)
+        there = machine.predict(q, covariates)
+        _all_there(there.T, machine)
+        error = errors_of(there, T, R)
         if np.abs(error).max(initial=0.0) <= TOLERANCE:
             return q
         # The Jacobian is that of the geometry. The derivatives of the effects, at most some thousandths of it, are left out:
@@ -83,14 +82,6 @@ def compensate(
         f"{int((left > TOLERANCE).sum())} of {len(T)} positions are not met, number {worst + 1} by {left[worst]:.2g} m",
         hint="a position may lie in the gap of a rack_step: shift it a little",
     )
-
-
-def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
-    """(N, 3) or (N, 6) wanted poses minus actual ones, base frame, m and rad."""
-    position = np.asarray(T - poses.T)
-    if R is None or not poses.reached.all():
-        return position
-    return np.hstack([position, log(R @ np.swapaxes(poses.R, 1, 2))])
 
 
 def _all_there(values: Floats, model: Model) -> None:

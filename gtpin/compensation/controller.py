@@ -1,48 +1,81 @@
-"""The kinematics of a controller: how it computes commands from positions, with the geometry that it is configured with."""
+"""A controller: how it computes commands from positions, and the box of positions in which its correction tables are valid."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from gtpin.compensation.box import Box
 from gtpin.compensation.machine import CompensatedMachine
-from gtpin.errors import UnreachableError
+from gtpin.errors import GtpinError, UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
+LARGEST = 10.0
+"""Coordinate, m, above which a box looks like one in millimetres. Assumed."""
 STEPS = 4
 """Steps of the iteration; each multiplies the distance from the wanted position by the relative error of the controller's
 geometry, about 0.001."""
 
 
-class Controller(Protocol):
-    """A controller's kinematics."""
-
-    def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
-        reach."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class ModelController:
-    """A controller that has the kinematics of a model.
+class Box:
+    """A box in the coordinates of a controller, whose axes are parallel to those of the base frame.
 
-    ``model``: its geometry is used, its effects are ignored. ``origin``: (3,) zero of the controller's coordinates in the
-    base frame, m.
+    ``low``, ``high``: (3,) corners, m. ``origin``: (3,) the controller's zero in the base frame, m.
     """
 
-    model: Model
+    low: Floats
+    high: Floats
     origin: Floats
 
-    def commands(self, xyz: Floats) -> Floats:
-        """(N, n) commands, m or rad, for positions (N, 3) in the controller's coordinates, m; NaN for positions out of
-        reach."""
-        return commands_for(self.model.kinematics, xyz + self.origin)[0]
+    @staticmethod
+    def of(ends: Sequence[float], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> Box:
+        """The box with the ends x0, x1, y0, y1, z0, z1, m.
+
+        Raises `GtpinError` if a number is not finite or looks like millimetres, or x1, y1 or z1 is not larger than x0, y0 or
+        z0.
+        """
+        low, high = np.array(ends, dtype=float).reshape(3, 2).T
+        zero = np.array(origin, dtype=float)
+        if not (np.isfinite(np.concatenate([low, high, zero])).all() and (high > low).all()):
+            raise GtpinError("this is no box", column="box", hint="give x0 x1 y0 y1 z0 z1, m, the smaller one first")
+        if np.abs(np.concatenate([low, high])).max() > LARGEST:
+            what = f"a box that ends at {np.abs(np.concatenate([low, high])).max():g} m looks like millimetres"
+            raise GtpinError(what, column="box", hint="give x0 x1 y0 y1 z0 z1 in m")
+        return Box(low, high, zero)
+
+    def grid(self, x: int, y: int, z: int) -> Floats:
+        """(x * y * z, 3) nodes of a regular grid with x, y and z nodes along the axes, m; x varies fastest, then y."""
+        axes = [np.linspace(a, b, n) for a, b, n in zip(self.low, self.high, (x, y, z), strict=True)]
+        up, across, along = np.meshgrid(*axes[::-1], indexing="ij")
+        return np.column_stack([along.ravel(), across.ravel(), up.ravel()])
+
+    def fill(self, count: int) -> Floats:
+        """(count, 3) points, m, that fill the box evenly without lying on a grid."""
+        return spread(self.low, self.high, count)
+
+
+def spread(low: Floats, high: Floats, count: int) -> Floats:
+    """(count, n) points of Halton's sequence between (n,) corners, without the first, which is a corner."""
+    from scipy.stats import qmc
+
+    return np.asarray(low + (high - low) * qmc.Halton(len(low), scramble=False).random(count + 1)[1:])
+
+
+Controller = Callable[[Floats], Floats]
+"""The kinematics of a controller: (N, n) commands, m or rad, for positions (N, 3) in its coordinates, m; NaN out of reach."""
+
+
+def controller_of(model: Model, origin: Floats) -> Controller:
+    """A controller with the kinematics of a model, without effects; ``origin``: (3,) its zero in the base frame, m."""
+
+    def commands(xyz: Floats) -> Floats:
+        return commands_for(model.kinematics, xyz + origin)[0]
+
+    return commands
 
 
 def positions_to_ask_for(machine: CompensatedMachine, controller: Controller, box: Box, wanted: Floats) -> Floats:
@@ -65,7 +98,7 @@ def there(
 
     Raises `UnreachableError` if the machine can't bring its TCP to one of them.
     """
-    q = controller.commands(asked)
+    q = controller(asked)
     inside = np.isfinite(q).all(axis=1)
     found = np.full_like(asked, np.nan)
     found[inside] = machine.goes_to(q[inside], None if approach is None else approach[inside])

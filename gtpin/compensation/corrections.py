@@ -1,19 +1,23 @@
-"""Correction tables for a controller, one per actuator: deviations that depend on the actuator's own position."""
+"""Correction tables for a controller, one per actuator, for what depends on its own position; as CSV and for LinuxCNC."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.compensation.machine import check_session
-from gtpin.data.ids import normal_ids
+from gtpin.compensation.machine import CompensatedMachine, check_session
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.sites import number
-from gtpin.effects.situation import Column, Situation
-from gtpin.errors import ModelError
+from gtpin.effects.situation import Situation
+from gtpin.errors import ModelError, warn
 from gtpin.model.model import Model
 from gtpin.typing import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DENSE = 16001
 """Number of commands over an actuator's range at which its deviation is evaluated."""
@@ -25,6 +29,10 @@ CLOSE = 1e-7
 """Largest interpolation error of a table, m or rad, before more points are added."""
 FEWEST, MOST = 17, 4097
 """Smallest and largest number of points of a table."""
+TRIPLETS = 256
+"""Largest number of lines (triplets) in LinuxCNC's compensation file of a joint."""
+COARSE = 1e-6
+"""Interpolation error of a table, m or rad, above which a warning is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +78,7 @@ def geometric_scales(model: Model) -> dict[str, float]:
 
 def _moves_along(model: Model, active: ActiveEffect) -> bool:
     """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
-    q = model.robot.home_q[None]
-    known: dict[str, Column] = {name: np.zeros(1) for name in active.references.covariates if name != "session"}
-    if active.references.sessions:
-        known["session"] = np.array(active.references.sessions[:1], dtype=object)
+    q, known = model.robot.home_q[None], CompensatedMachine(replace(model, effects=(active,))).columns(1)
     at = Situation(model.kinematics, q, model.kinematics.forward(q), known, active.references)
     return active.basis(at).command is not None
 
@@ -151,13 +156,9 @@ def _deviations(
     commands[:, index] = q
     poses = kinematics.forward(commands)
     for active in effects:
+        machine = CompensatedMachine(replace(model, effects=(active,)), session)
         for approach, total in ((1.0, below), (-1.0, above)):
-            covariates: dict[str, Column] = {
-                name: np.zeros(len(q)) for name in active.references.covariates if name != "session"
-            }
-            covariates[f"approach{index + 1}"] = np.full(len(q), approach)
-            if session is not None:
-                covariates["session"] = normal_ids(np.full(len(q), session, dtype=object))
+            covariates = machine.columns(len(q), approach)
             moved = active.basis(Situation(kinematics, commands, poses, covariates, active.references)).command
             assert moved is not None
             total += moved[1] @ active.coefficients
@@ -170,3 +171,27 @@ def _deviations(
             hint="check the model's parameters",
         )
     return np.interp(q, q[there], below[there]), np.interp(q, q[there], above[there])
+
+
+def correction_table(tables: Sequence[Correction]) -> pd.DataFrame:
+    """Columns ``actuator nominal forward reverse``: commands that bring the actuator to ``nominal``, m or rad."""
+    import pandas as pd
+
+    rows = [
+        pd.DataFrame({"actuator": t.site, "nominal": t.nominal, "forward": t.forward, "reverse": t.reverse})
+        for t in tables
+    ]
+    return pd.concat(rows, ignore_index=True)
+
+
+def linuxcnc_file(table: Correction) -> str:
+    """A joint's compensation file for LinuxCNC, ``COMP_FILE_TYPE = 1``: nominal, forward trim, reverse trim.
+
+    In mm, or degrees for a revolute joint. LinuxCNC adds the trim, interpolated, to the position that it sends to the motor
+    (``usrmotLoadComp`` in its ``usrmotintf.cc``). It reads at most 256 lines, with ascending nominals and without comments.
+    """
+    if table.off > COARSE:
+        warn(f"{TRIPLETS} lines can't follow {table.site}: they are off by up to {table.off * 1e6:.1f} um (or urad)")
+    unit = 180.0 / np.pi if table.revolute else 1e3
+    trims = (table.nominal, table.forward - table.nominal, table.reverse - table.nominal)
+    return "".join(f"{n:.7f} {f:.7f} {r:.7f}\n" for n, f, r in zip(*(unit * column for column in trims), strict=True))

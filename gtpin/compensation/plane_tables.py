@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.compensation.box import Box
-from gtpin.compensation.controller import Controller, positions_to_ask_for
+from gtpin.compensation.controller import Box, Controller, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.typing import Floats, Mask
 

@@ -4,13 +4,13 @@ scale."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from gtpin.compensation.box import Box
-from gtpin.compensation.controller import ModelController, positions_to_ask_for
+from gtpin.compensation.controller import Box, controller_of, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
@@ -101,25 +101,13 @@ class Drives:
         return q
 
 
-@dataclass(frozen=True, eq=False)
-class TowerController:
-    """A firmware with the dimensions of `towers`."""
-
-    drives: Drives
-    towers: Towers
-
-    def commands(self, xyz: Floats) -> Floats:
-        """(N, 3) commands, m, for positions (N, 3) in the firmware's coordinates, m; NaN for positions out of reach."""
-        return self.drives.commands(self.towers, xyz)
-
-
 def drives_of(towers: Towers, nominal: Model, box: Box) -> Drives:
     """Find the actuator of a nominal robot for each tower, by comparing carriage heights with commands over a box.
 
     Raises `ModelError` if the commands of the robot are not the heights of such carriages, up to sign and zero.
     """
     xyz = box.grid(*POINTS)
-    height, q = towers.heights(xyz), ModelController(nominal, box.origin).commands(xyz)
+    height, q = towers.heights(xyz), controller_of(nominal, box.origin)(xyz)
     there = np.isfinite(height).all(axis=1) & np.isfinite(q).all(axis=1)
     hint = "give the dimensions that the robot was made from (examples/machines/printer.py), --origin and --box"
     if there.sum() < 4 or q.shape[1] != 3:
@@ -153,7 +141,7 @@ class TowerFit:
     def of(machine: CompensatedMachine, drives: Drives, box: Box) -> TowerFit:
         """The fit to a machine; raises `UnreachableError` if it can't reach all of the box."""
         wanted = box.grid(*POINTS)
-        asked = positions_to_ask_for(machine, TowerController(drives, drives.towers), box, wanted)
+        asked = positions_to_ask_for(machine, partial(drives.commands, drives.towers), box, wanted)
         needed = drives.commands(drives.towers, asked)
         kinematics = machine.model.kinematics
         jacobian = kinematics.command_jacobian(needed, kinematics.forward(needed))[:, :3]

@@ -1,6 +1,6 @@
 """Models for other software: URDF, SDF, MJCF, and correction tables for controllers."""
 
-from gtpin.compensation.box import Box
+from gtpin.compensation.controller import Box
 from gtpin.export.export import SUFFIXES, Format, export
 from gtpin.export.tables import TablesFor
 

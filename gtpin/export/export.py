@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
 
-from gtpin.compensation.corrections import MOST, correctable, corrections
-from gtpin.compensation.files import TRIPLETS, correction_table, linuxcnc_file
+from gtpin.compensation.corrections import MOST, TRIPLETS, correctable, correction_table, corrections, linuxcnc_file
 from gtpin.errors import GtpinError, check_kind, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
 from gtpin.export.drives import drive_scales, with_drives

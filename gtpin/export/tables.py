@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from gtpin.compensation.box import Box, spread
-from gtpin.compensation.controller import Controller, ModelController, there
+from gtpin.compensation.controller import Box, Controller, controller_of, spread, there
 from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
 from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
-from gtpin.compensation.towers import DIMENSIONS, Drives, TowerController, TowerFit, Towers, drives_of
+from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers, drives_of
 from gtpin.errors import GtpinError, ModelError
 from gtpin.export.machine_error import (
     Left,
@@ -176,7 +176,7 @@ def printer_correction(
     ``believed``: the firmware's kinematics. ``drives``: those of a delta whose dimensions may change; None: they stay.
     ``undetermined``: whether settings change that the data do not determine.
     """
-    plain, first = ModelController(believed, box.origin), machines[0]
+    plain, first = controller_of(believed, box.origin), machines[0]
     shown, standing = _shown(first, plain, drives, box), touches_one_plane(model)
     if standing:
         shown[[D + PARTS.index("offset x"), D + PARTS.index("offset y")]] = False
@@ -187,7 +187,7 @@ def printer_correction(
         if drives is None:
             return None, plain
         towers = TowerFit.of(replace(part, temperatures=first.temperatures), drives, box).towers(chosen[:D])
-        return towers, TowerController(drives, towers)
+        return towers, partial(drives.commands, towers)
 
     def tables_of(part: CompensatedMachine, controller: Controller) -> PlaneTables:
         return plane_tables(part, controller, box).only(chosen[D:])
@@ -198,7 +198,7 @@ def printer_correction(
         after = there(part, controller, box, table.applied(points), approach) - points
         if standing:
             before, after = on_the_bed(before, points), on_the_bed(after, points)
-        q = plain.commands(points)
+        q = plain(points)
         doubt = None if whole is None else open_directions(part, whole, q, standing=standing)
         return Left(before, after, doubt, standing)
 
@@ -224,7 +224,7 @@ def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None
         return free
     if drives is None:
         xyz = box.grid(*GRID)
-        free[D:] = determined(machine, plain.commands(xyz), lambda errors: changes_of_parts(xyz, errors))
+        free[D:] = determined(machine, plain(xyz), lambda errors: changes_of_parts(xyz, errors))
         return free
     fit = TowerFit.of(machine, drives, box)
     gain = fit.response(free[:D])[1]

@@ -37,7 +37,6 @@ class ChainKinematics:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with the displaced joints, anchors and TCP of the geometry."""
         robot = self.geometry.robot
         placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
         anchors = self.geometry.anchors
@@ -45,7 +44,6 @@ class ChainKinematics:
 
     @cached_property
     def home(self) -> Poses:
-        """(1) pose at the home commands, base frame."""
         return self.forward(self.robot.home_q[None])
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
@@ -55,8 +53,7 @@ class ChainKinematics:
     def displaced(
         self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats], lengths: Floats
     ) -> Poses:
-        """Poses (N) at other commands, with placement frames and the TCP displaced, but no anchors; see ``Kinematics``."""
-        return self._displaced(commands, twists)
+        return self._displaced(commands, twists)  # of joints and TCP: no effect displaces an anchor
 
     def _displaced(self, q: Floats, twists: Mapping[int, Floats]) -> Poses:
         self.robot.check_commands(q)
@@ -68,11 +65,9 @@ class ChainKinematics:
         return poses
 
     def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
-        """(N, 6 + k, n) derivative by the commands; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         return _contracted(self._responses(q) if at is None else at.response, driven_twists(self.robot))
 
     def bodies(self, q: Floats, poses: Poses) -> Bodies:
-        """Motion of the TCP by displaced joints, tool and anchors: see ``Kinematics``."""
         return bodies(self.robot, q)
 
     def carried(self, actuator: int) -> tuple[int, ...]:
@@ -90,15 +85,12 @@ class ChainKinematics:
         return joint_loads(self.robot, q, force, payload)
 
     def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
-        """There are no rods: (N, 0, 3) both."""
         return np.zeros((len(q), 0, 3)), np.zeros((len(q), 0, 3))
 
     def rod_forces(self, q: Floats, poses: Poses, force: Floats | None, payload: Floats | None) -> Floats:
-        """There are no rods: (N, 0)."""
         return np.zeros((len(q), 0))
 
     def length_response(self, q: Floats, poses: Poses) -> Floats:
-        """There are no rods: (N, 6 + k, 0)."""
         return np.zeros((len(q), self.robot.motion_size, 0))
 
     def singularity(self, q: Floats, poses: Poses) -> tuple[Floats, str]:
@@ -134,7 +126,6 @@ class ChainKinematics:
         return poses
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         return _contracted(self._responses(q), self._parameter_twists)
 
     def _responses(self, q: Floats) -> Floats:

@@ -119,7 +119,7 @@ def _newton(
     stride = np.ones(len(T))
     scale = max(1.0, kinematics.geometry.robot.size)
     for _ in range(MAX_STEPS):
-        error = _errors(poses[rows], T[rows], None if R is None else R[rows])
+        error = errors_of(poses[rows], T[rows], None if R is None else R[rows])
         far = np.abs(error).max(axis=1) > TOLERANCE * scale
         if ends is not None:
             far &= stride[rows] > SMALLEST
@@ -139,14 +139,14 @@ def _newton(
         moved = kinematics.forward(trial)
         better = np.zeros(len(rows), dtype=bool)
         reached = moved.reached
-        left = _errors(moved[reached], T[rows[reached]], None if R is None else R[rows[reached]])
+        left = errors_of(moved[reached], T[rows[reached]], None if R is None else R[rows[reached]])
         better[reached] = np.linalg.norm(left, axis=1) < np.linalg.norm(error[reached], axis=1)
         q[rows[better]], poses.T[rows[better]], poses.R[rows[better]] = trial[better], moved.T[better], moved.R[better]
         stride[rows[better]] = np.minimum(1.0, 2.0 * stride[rows[better]])
         stride[rows[~better]] /= 2.0
     final = np.full(len(T), np.inf)
     there = np.flatnonzero(poses.reached & finite)
-    final[there] = np.abs(_errors(poses[there], T[there], None if R is None else R[there])).max(axis=1)
+    final[there] = np.abs(errors_of(poses[there], T[there], None if R is None else R[there])).max(axis=1)
     lost = final > 100.0 * TOLERANCE * scale
     q[lost], poses.T[lost], poses.R[lost] = np.nan, np.nan, np.nan
     return q, poses
@@ -197,7 +197,8 @@ def _check(T: Floats, R: Floats | None) -> None:
         raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
 
 
-def _errors(poses: Poses, T: Floats, R: Floats | None) -> Floats:
+def errors_of(poses: Poses, T: Floats, R: Floats | None) -> Floats:
+    """(N, 3) wanted positions less those of poses, m; with wanted rotations (N, 6), then rotation vectors, rad; base frame."""
     position: Floats = T - poses.T
     if R is None:
         return position

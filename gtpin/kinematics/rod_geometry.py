@@ -1,163 +1,108 @@
-"""The rods of one geometry in arrays: joints, lengths, and the motion of the joints on their carriers."""
+"""The rods of one geometry in arrays: joints, lengths, motion of the joints on their carriers, and small errors of one rod."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.errors import ModelError
-from gtpin.kinematics.closures import RodEnds
-from gtpin.kinematics.rotations import cross, exp, left_jacobian
+from gtpin.errors import ConvergenceError, ModelError
+from gtpin.kinematics.closures import RodEnds, between, follow
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp, left_jacobian, skew
 from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.parameters import Kind, rotation_axes
 from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
-
-class CarrierJoint(Protocol):
-    """A joint on a carrier. Everything is in the base frame; ``travel`` (N,) is in m or rad."""
-
-    @property
-    def v(self) -> Floats:
-        """(3,) unit direction of the track or axis; zero where nothing moves the joint."""
-
-    def position(self, travel: Floats) -> Floats:
-        """(N, 3) the paper's C(q), m."""
-
-    def by_travel(self, travel: Floats) -> Floats:
-        """(N, 3) derivative of the position by the travel."""
-
-    def by_joint(self, travel: Floats, component: int) -> Floats:
-        """(N, 3) derivative of the position by a component, base frame, of the joint's position at the command 0."""
-
-    def by_turn(self, travel: Floats, component: int) -> Floats:
-        """(N, 3) derivative of the position by a small rotation (a, b, or about the track itself) of the carrier's path."""
+PARAMETERS = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz", "vx", "vy", "vz")
+"""Small errors of a rod (Dressler et al. 2010, Table III): of its length L; of its joint P on the platform, TCP frame; of its
+joint C on the carrier at command 0 and of the direction v of its track, base frame."""
 
 
 @dataclass(frozen=True)
-class Turned:
-    """A rotation by three small angles.
+class CarrierJoint:
+    """A joint on a carrier: C(q) = C0 + R p(q) + (exp(R w(q)) - 1) lever, base frame.
 
-    ``axes``: (3, 3) unit vectors, one per row: the axes of the angles a, b and c. ``angles``: (3,) angles a, b and c, rad.
-    The rotation is the exponential of the rotation vector ``angles @ axes``.
+    The path p and the rotation vector w of the carrier: of a cart on a straight track q ``axis`` and 0 (eq. 2); of an arm 0 and
+    q ``axis``; of a cart whose guideway was measured those of the ``track`` (eq. 4). ``lever`` goes from the point about which
+    the carrier turns to the joint. R is the rotation of path and axis as a whole, by three small angles. Everywhere ``travel``
+    (N,) is in m or rad.
+
+    ``C0``: (3,) position at the command 0, m. ``axis``: (3,) nominal unit direction; zero where nothing moves the joint.
+    ``axes``, ``angles``: (3, 3) unit vectors, one per row, and (3,) angles a, b and c about them, rad; c: about the track.
+    ``origin``: (3,) a point of an arm's axis, m; None: the carrier slides. ``track``: the measured track; None: there is none.
     """
 
+    C0: Floats
+    axis: Floats
     axes: Floats
     angles: Floats
+    origin: Floats | None = None
+    track: MeasuredTrack | None = None
 
     @cached_property
     def R(self) -> Floats:
-        """(3, 3) the rotation."""
+        """(3, 3) the rotation of the carrier's path."""
         return exp(self.angles @ self.axes)
 
-    def rate(self, component: int) -> Floats:
-        """(3,) derivative of the rotation by one of the angles, as a rotation vector in the fixed frame."""
-        return np.asarray(left_jacobian(self.angles @ self.axes) @ self.axes[component])
-
-
-@dataclass(frozen=True)
-class TrackJoint:
-    """A joint on a cart that slides along a straight track: C(q) = C0 + q v (eq. 2); with a zero axis, one on the base."""
-
-    C0: Floats
-    axis: Floats
-    turned: Turned
-
     @cached_property
     def v(self) -> Floats:
-        """(3,) unit direction of the track."""
-        return np.asarray(self.turned.R @ self.axis)
-
-    def position(self, travel: Floats) -> Floats:
-        return np.asarray(self.C0 + travel[:, None] * self.v)
-
-    def by_travel(self, travel: Floats) -> Floats:
-        return np.broadcast_to(self.v, (len(travel), 3))
-
-    def by_joint(self, travel: Floats, component: int) -> Floats:
-        return np.broadcast_to(np.eye(3)[component], (len(travel), 3))
-
-    def by_turn(self, travel: Floats, component: int) -> Floats:
-        return np.asarray(travel[:, None] * cross(self.turned.rate(component), self.v))
-
-
-@dataclass(frozen=True)
-class ArmJoint:
-    """A joint on an arm that rotates about an axis through ``origin``."""
-
-    C0: Floats
-    axis: Floats
-    origin: Floats
-    turned: Turned
-
-    @cached_property
-    def v(self) -> Floats:
-        """(3,) unit direction of the axis."""
-        return np.asarray(self.turned.R @ self.axis)
-
-    def _turn(self, travel: Floats) -> Floats:
-        return exp(travel[:, None] * self.v)
-
-    def position(self, travel: Floats) -> Floats:
-        return np.asarray(self.origin + self._turn(travel) @ (self.C0 - self.origin))
-
-    def by_travel(self, travel: Floats) -> Floats:
-        return np.cross(self.v, self.position(travel) - self.origin)
-
-    def by_joint(self, travel: Floats, component: int) -> Floats:
-        return self._turn(travel)[:, :, component]
-
-    def by_turn(self, travel: Floats, component: int) -> Floats:
-        # A rotation of the axis rotates the arm about ``origin``. The arm at the command 0 stays, so its rotation is undone.
-        rate = self.turned.rate(component)
-        undone = self._turn(travel) @ np.cross(rate, self.C0 - self.origin)
-        return np.asarray(np.cross(rate, self.position(travel) - self.origin) - undone)
-
-
-@dataclass(frozen=True)
-class JointReading:
-    """A joint on a cart whose path, and where known its rotation, was measured along its guideway (eq. 4)."""
-
-    C0: Floats
-    track: MeasuredTrack
-    turned: Turned
-
-    @cached_property
-    def v(self) -> Floats:
-        """(3,) unit direction of the track's chord."""
-        chord = self.turned.R @ (self.track.path[-1] - self.track.path[0])
+        """(3,) unit direction of the track (of a measured one, of its chord) or axis; zero where nothing moves the joint."""
+        if self.track is None:
+            return np.asarray(self.R @ self.axis)
+        chord = self.R @ (self.track.path[-1] - self.track.path[0])
         return np.asarray(chord / np.linalg.norm(chord))
+
+    def position(self, travel: Floats) -> Floats:
+        """(N, 3) the paper's C(q), m."""
+        moved, turn = self.C0 + self._path(travel), self._turn(travel)
+        return np.asarray(moved if turn is None else moved + turn @ self._lever - self._lever)
+
+    def by_travel(self, travel: Floats) -> Floats:
+        """(N, 3) derivative of the position by the travel."""
+        turn = self._turn(travel)
+        if turn is None:
+            return np.broadcast_to(self.v, (len(travel), 3))
+        if self.track is None:
+            return np.cross(self.v, turn @ self._lever)
+        along, turning = self.track.slope(travel) @ self.R.T, self.track.turn_slope(travel) @ self.R.T
+        # Carts rotate by fractions of a milliradian: the derivative of the rotation vector is taken for that of the rotation.
+        return np.asarray(along + np.cross(turning, self._lever))
+
+    def by_joint(self, travel: Floats, component: int) -> Floats:
+        """(N, 3) derivative of the position by a component, base frame, of the joint's position at the command 0."""
+        turn = self._turn(travel)
+        return np.broadcast_to(np.eye(3)[component], (len(travel), 3)) if turn is None else turn[:, :, component]
+
+    def by_turn(self, travel: Floats, component: int) -> Floats:
+        """(N, 3) derivative of the position by one of the angles; the joint at the command 0 stays."""
+        rate = left_jacobian(self.angles @ self.axes) @ self.axes[component]
+        turn, across = self._turn(travel), skew(rate).T
+        if turn is None:
+            return np.asarray(travel[:, None] * (self.v @ across))
+        path = self._path(travel) @ across
+        return np.asarray(path + turn @ self._lever @ across - turn @ (self._lever @ across))
 
     @cached_property
     def _lever(self) -> Floats:
-        """(3,) from the cart's centre of rotation to the joint."""
-        return np.asarray(self.C0 - self.track.origin)
+        origin = self.origin if self.track is None else self.track.origin
+        assert origin is not None
+        return np.asarray(self.C0 - origin)
 
-    def _turn(self, travel: Floats) -> Floats:
-        return exp(self.track.turn(travel) @ self.turned.R.T)
+    def _path(self, travel: Floats) -> Floats:
+        if self.track is not None:
+            return np.asarray(self.track.displacement(travel) @ self.R.T)
+        return np.asarray((travel if self.origin is None else 0.0 * travel)[:, None] * self.v)
 
-    def position(self, travel: Floats) -> Floats:
-        moved = self.C0 + self.track.displacement(travel) @ self.turned.R.T
-        return np.asarray(moved + self._turn(travel) @ self._lever - self._lever)
-
-    def by_travel(self, travel: Floats) -> Floats:
-        along = self.track.slope(travel) @ self.turned.R.T
-        # Carts rotate by fractions of a milliradian: the derivative of the rotation vector is taken for that of the rotation.
-        return np.asarray(along + np.cross(self.track.turn_slope(travel) @ self.turned.R.T, self._lever))
-
-    def by_joint(self, travel: Floats, component: int) -> Floats:
-        return self._turn(travel)[:, :, component]
-
-    def by_turn(self, travel: Floats, component: int) -> Floats:
-        rate = self.turned.rate(component)
-        path = np.cross(rate, self.track.displacement(travel) @ self.turned.R.T)
-        turn = self._turn(travel)
-        return np.asarray(path + np.cross(rate, turn @ self._lever) - turn @ np.cross(rate, self._lever))
+    def _turn(self, travel: Floats) -> Floats | None:
+        """(N, 3, 3) rotation of the carrier since the command 0; None: it slides along a straight track."""
+        if self.track is not None:
+            return exp(self.track.turn(travel) @ self.R.T)
+        return None if self.origin is None else exp(travel[:, None] * self.v)
 
 
 @dataclass(frozen=True)
@@ -250,17 +195,11 @@ class RodGeometry:
         return np.asarray(own + np.where(self._driver[:, None] >= 0, by_actuator[self._driver], 0.0))
 
     def _seat(self, i: int, rod: Rod) -> CarrierJoint:
-        robot, C0 = self.geometry.robot, self.C0[i]
         if rod.carrier is None:
-            return TrackJoint(C0, np.zeros(3), Turned(np.eye(3), np.zeros(3)))
-        actuator = robot.actuators[rod.carrier]
-        turned = Turned(rotation_axes(actuator.axis), self._turns[i])
-        track = self.geometry.track(i)
-        if track is not None:
-            return JointReading(C0, track, turned)
-        if actuator.revolute:
-            return ArmJoint(C0, actuator.axis, actuator.origin, turned)
-        return TrackJoint(C0, actuator.axis, turned)
+            return CarrierJoint(self.C0[i], np.zeros(3), np.eye(3), np.zeros(3))
+        actuator, track = self.robot.actuators[rod.carrier], self.geometry.track(i)
+        origin = actuator.origin if actuator.revolute and track is None else None
+        return CarrierJoint(self.C0[i], actuator.axis, rotation_axes(actuator.axis), self._turns[i], origin, track)
 
     @cached_property
     def _turns(self) -> Floats:
@@ -290,3 +229,72 @@ class RodGeometry:
         if kind == "direction":
             return [i for i, rod in enumerate(self._rods) if rod.carrier == owner]
         return [i for i in range(self._k) if self._driver[i] == owner]
+
+
+@dataclass(frozen=True)
+class RodStep:
+    """Dependence of one rod's ends and length on one parameter.
+
+    - ``rod``: index of the rod.
+    - ``P``: (3,) motion of its joint on the platform, TCP frame, per unit of the parameter.
+    - ``C``: (N, 3) motion of its joint on the carrier at each pose, base frame, per unit of the parameter.
+    - ``L``: change of its length, per unit of the parameter.
+    """
+
+    rod: int
+    P: Floats
+    C: Floats
+    L: float
+
+    def vector(self, poses: Poses) -> Floats:
+        """(N, 3) change of the rod's vector d = T + R P - C at fixed poses, base frame, per unit of the parameter."""
+        return np.asarray(poses.R @ self.P - self.C)
+
+    def slope(self, d: Floats, ends: RodEnds, poses: Poses) -> Floats:
+        """(N,) derivative of the rod's closure (|d|^2 - L^2) / 2 by the parameter; d (N, 3) is its vector."""
+        L = np.broadcast_to(ends.L, (len(poses), ends.L.shape[1]))[:, self.rod]
+        return np.asarray(np.einsum("ni,ni->n", d, self.vector(poses)) - L * self.L)
+
+    def poses_after(self, step: float, ends: RodEnds, poses: Poses, size: float) -> Poses:
+        """Poses (N) that satisfy the closures after a step of the parameter, in the same assembly mode as ``poses`` before it.
+
+        ``ends``: the rods at these poses; ``size``: as for :func:`~gtpin.kinematics.closures.newton`.
+
+        Raises `ConvergenceError` if the closures have no solution.
+        """
+        P, C = ends.P.copy(), ends.C.copy()
+        L = np.repeat(ends.L, len(poses), axis=0) if len(ends.L) == 1 else ends.L.copy()
+        P[..., self.rod, :] += step * self.P
+        C[:, self.rod] += step * self.C
+        L[:, self.rod] += step * self.L
+        after = RodEnds(P, C, L)
+        moved = follow(lambda s, rows: between(ends, after, s, rows), poses, size)
+        if not moved.reached.all():
+            raise ConvergenceError(
+                f"a step of {step:g} opens the rods at row {np.flatnonzero(~moved.reached)[0]}",
+                hint="leave out commands near a singularity",
+            )
+        return moved
+
+
+def rod_step(rods: RodGeometry, q: Floats, parameter: str, rod: int) -> RodStep | None:
+    """The effect of a parameter of a rod at commands q (N, n); None for a direction where the rod's carrier has no track.
+
+    C = C0 + q (v + dv): as in the paper, a step dv of the direction is added without normalisation, also to a measured track.
+    For a carrier that turns, the parameter C is the joint's position at command 0.
+    """
+    zero, still = np.zeros(3), np.zeros((len(q), 3))
+    if parameter == "L":
+        return RodStep(rod, zero, still, 1.0)
+    axis = np.eye(3)["xyz".index(parameter[1])]
+    if parameter[0] == "P":
+        return RodStep(rod, axis, still, 0.0)
+    robot = rods.geometry.robot
+    carrier = robot.rods[rod].carrier
+    if parameter[0] == "C":
+        travel = np.zeros(len(q)) if carrier is None else q[:, carrier] * rods.scale[rod]
+        moved = rods.seats[rod].by_joint(travel, "xyz".index(parameter[1]))
+        return RodStep(rod, zero, np.array(np.broadcast_to(moved, still.shape)), 0.0)
+    if carrier is None or bool(robot.revolute[carrier]):
+        return None
+    return RodStep(rod, zero, q[:, carrier, None] * axis, 0.0)

@@ -9,14 +9,12 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import RodEnds, between, follow, newton, pose_jacobian, rod_vectors
-from gtpin.kinematics.first_guess import FirstGuess
+from gtpin.kinematics.closures import FirstGuess, RodEnds, between, follow, newton, pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.protocol import Bodies, SmallError
-from gtpin.kinematics.rod_geometry import RodGeometry
+from gtpin.kinematics.rod_geometry import PARAMETERS, RodGeometry, rod_step
 from gtpin.kinematics.rod_joints import RodJoint, direction, motion
-from gtpin.kinematics.rod_steps import PARAMETERS, rod_step
 from gtpin.kinematics.statics import rod_forces
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
@@ -31,19 +29,12 @@ class RodKinematics(RodGeometry):
     """The closures of one geometry (Dressler et al. 2010, eqs. 2 and 5) of k rods, in arrays.
 
     It is a :class:`~gtpin.kinematics.protocol.Kinematics`, held to Pinocchio's results by tests.
-
-    ``geometry``: the geometry of a robot with six rods.
-
-    Raises `ModelError` if the robot does not have six rods.
     """
 
     def forward(self, q: Floats, start: Poses | None = None) -> Poses:
-        """Poses at commands q (N, n), in the base frame, on the assembly mode of home.
+        """Poses on the assembly mode of home. ``start``: poses of a similar geometry at the same commands.
 
-        ``q``: (N, n) commands, m or rad. ``start``: (N) poses of a similar geometry at the same commands, from which the
-        solver starts; None: it starts at home.
-
-        Returns NaN where the loops can't be closed. Raises `ModelError` if ``q`` does not have this shape.
+        Raises `ModelError` if ``q`` is not (N, n).
         """
         self.geometry.robot.check_commands(q)
         near = start if start is not None and start.reached.all() else None
@@ -110,7 +101,6 @@ class RodKinematics(RodGeometry):
 
     @cached_property
     def home(self) -> Poses:
-        """(1) pose at the home commands, on a path from the nominal robot's home."""
         robot = self.geometry.robot
         posture = home(robot)
         nominal = RodGeometry(Geometry(robot, (), np.zeros(0)))
@@ -122,7 +112,6 @@ class RodKinematics(RodGeometry):
     def displaced(
         self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats], lengths: Floats
     ) -> Poses:
-        """Poses (N) at other commands, with shifted joints on the carriers and longer rods; see ``Kinematics``."""
         ends = self.ends(commands)
         C = ends.C.copy()
         for i, twist in twists.items():
@@ -132,7 +121,6 @@ class RodKinematics(RodGeometry):
         return self.with_joints(poses, commands, C)
 
     def bodies(self, q: Floats, poses: Poses) -> Bodies:
-        """Motion by displaced joints on the carriers: see ``Kinematics``."""
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         along = d / np.linalg.norm(d, axis=2)[..., None]
@@ -161,15 +149,12 @@ class RodKinematics(RodGeometry):
         return np.concatenate([pulled[..., None] * d, np.zeros_like(d)], axis=2)
 
     def rod_vectors(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
-        """d = T + R P - C and R P, both (N, k, 3), base frame, m."""
         return rod_vectors(poses, self.ends(q))
 
     def rod_forces(self, q: Floats, poses: Poses, force: Floats | None, payload: Floats | None) -> Floats:
-        """(N, k) axial forces: see :func:`~gtpin.kinematics.statics.rod_forces`."""
         return rod_forces(self, q, poses, force, payload)
 
     def length_response(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, k) motion of the TCP and the j measured joints per change of each rod's length."""
         moved = self._by_length(q, poses)
         return np.concatenate([moved, self.joint_motion(q, poses, moved, None)], axis=1) if self._measured else moved
 
@@ -195,7 +180,7 @@ class RodKinematics(RodGeometry):
         return np.asarray(np.linalg.svd(rows, compute_uv=False), dtype=np.float64)[:, -1]
 
     def small_errors(self, q: Floats, poses: Poses) -> Iterator[SmallError]:
-        """Errors of the length, the joints and the track of each rod: :data:`~gtpin.kinematics.rod_steps.PARAMETERS`."""
+        """Errors of the length, the joints and the track of each rod: :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`."""
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
         response = np.linalg.inv(pose_jacobian(d, RP))
@@ -220,7 +205,6 @@ class RodKinematics(RodGeometry):
         return pose_jacobian(*rod_vectors(poses, self.ends(q)))
 
     def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
-        """(N, 6 + j, n) derivative by the commands; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         jacobian = np.empty((len(q), 6, q.shape[1]))
         for rows in chunks(len(q)):
             jacobian[rows] = self._by_commands(q[rows], poses[rows])
@@ -243,7 +227,6 @@ class RodKinematics(RodGeometry):
         return np.asarray(-np.linalg.solve(pose_jacobian(d, RP), gradient), dtype=np.float64)
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + j, p) derivative by the geometry's parameters; see :class:`~gtpin.kinematics.protocol.Kinematics`."""
         if not self.geometry.parameters:
             return np.zeros((len(q), 6 + len(self._measured), 0))
         ends = self.ends(q)

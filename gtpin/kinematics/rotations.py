@@ -20,12 +20,6 @@ def skew(vectors: Floats) -> Floats:
     return matrices
 
 
-def cross(one: Floats, two: Floats) -> Floats:
-    """(3,) cross product of two vectors (3,): NumPy's own is made for arrays, and takes ten times as long."""
-    (a, b, c), (x, y, z) = one, two
-    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
-
-
 def frame_motions(T: Floats) -> Floats:
     """(N, 6, 6) motions of poses at positions T (N, 3) by three shifts of their frame, and three turns about its origin."""
     motions = np.zeros((len(T), 6, 6))

@@ -9,9 +9,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ClosureError, ModelError, SingularityError
-from gtpin.kinematics.bodies import configurations
+from gtpin.kinematics.bodies import configurations, to_gap
 from gtpin.kinematics.closures import pose_jacobian, rod_vectors
-from gtpin.kinematics.geometry_jacobian import to_gap
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.rod_geometry import RodGeometry
@@ -80,14 +79,10 @@ def static_forces(
     multipliers = posture.passive_inverse.T @ load[robot.passive]
     driven, on_gaps = robot.driven, robot.spread(multipliers)
     posture.refresh()
-    world = [_from_gap(posture, i, on_gaps[3 * i : 3 * i + 3]) for i in range(len(robot.constraints))]
+    # From the frame of the first anchor to the base frame.
+    world = [to_gap(robot, i, np.eye(3)).T @ on_gaps[3 * i : 3 * i + 3] for i in range(len(robot.constraints))]
     loops = -np.array(world).reshape(-1, 3)
     return StaticForces(loops, _axial(posture, loops), load[driven] - J[:, driven].T @ multipliers)
-
-
-def _from_gap(posture: ClosedPosture, loop: int, multiplier: Floats) -> Floats:
-    """(3,) force on a loop's second anchor, base frame, N, from the Lagrange multipliers (3,) in the first anchor's frame."""
-    return to_gap(posture, loop, np.eye(3)).T @ multiplier
 
 
 def _axial(posture: ClosedPosture, loops: Floats) -> Floats:

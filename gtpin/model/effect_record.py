@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
@@ -14,6 +14,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.driver import PREFIX, DriverColumn, DriverEffect, InstrumentAxes, refusal
 from gtpin.effects.effect import Effect
+from gtpin.effects.sites import joints, links
 from gtpin.effects.situation import PARTS, References, Situation
 from gtpin.effects.situation import Column as Covariate
 from gtpin.errors import ModelError
@@ -145,6 +146,16 @@ def record(active: ActiveEffect) -> EffectRecord:
     known = active.references
     (lower, upper), (mean, spread) = known.commands, known.joints
     measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
+    column = None
+    if isinstance(own, DriverEffect):
+        column = ColumnRecord(
+            name=own.column.name,
+            mean=own.column.mean,
+            range=own.column.range,
+            drivers=[DriverRecord(site=d.site, motion=d.motion, size=d.size) for d in own.drivers],
+            origin=own.instrument.origin.tolist(),
+            axes=own.instrument.axes.tolist(),
+        )
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
@@ -164,20 +175,8 @@ def record(active: ActiveEffect) -> EffectRecord:
             else None,
             joints=JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None,
         ),
-        column=_column(own) if isinstance(own, DriverEffect) else None,
+        column=column,
         only_measured=active.only_measured,
-    )
-
-
-def _column(effect: DriverEffect) -> ColumnRecord:
-    column, instrument = effect.column, effect.instrument
-    return ColumnRecord(
-        name=column.name,
-        mean=column.mean,
-        range=column.range,
-        drivers=[DriverRecord(site=d.site, motion=d.motion, size=d.size) for d in effect.drivers],
-        origin=instrument.origin.tolist(),
-        axes=instrument.axes.tolist(),
     )
 
 
@@ -225,21 +224,14 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         tuple(stored.further_settings),
         stored.only_measured,
     )
-    _check_measured(active, robot)
+    angles = active.references.angles
+    if active.only_measured and not (
+        effect.of_own_command and len(angles) and angles[robot.sites.index(active.site)].any()
+    ):
+        what = f"only a curve of a turning joint with references.commands.measured can be, not {active.name}"
+        raise ModelError(what, column="only_measured")
     _try(active, kinematics)
     return replace(active, covariance=_covariance(stored))
-
-
-def _check_measured(active: ActiveEffect, robot: Robot) -> None:
-    """Raise where an effect is to be zero at angles without a measurement, and can't be."""
-    if not active.only_measured:
-        return
-    angles = active.references.angles
-    if not active.effect.of_own_command or not len(angles) or not angles[robot.sites.index(active.site)].any():
-        raise ModelError(
-            f"only a curve of a turning joint with references.commands.measured can be, not {active.name}",
-            column="only_measured",
-        )
 
 
 def _covariance(stored: EffectRecord) -> Floats:
@@ -253,60 +245,48 @@ def _covariance(stored: EffectRecord) -> Floats:
 
 
 def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...]) -> References:
-    n_rods = len(robot.rods)
-    counts = {
-        "force.mean": len(stored.force.mean),
-        "force.spread": len(stored.force.spread),
-        "direction.mean": len(stored.direction.mean),
-        "direction.spread": len(stored.direction.spread),
-    }
-    for name, count in counts.items():
-        if count != n_rods:
-            raise ModelError(f"{count} values for {n_rods} rods", column=f"references.{name}")
-    towards = np.array(stored.direction.mean).reshape(n_rods, 3)
+    rods, force, direction = len(links(robot)), stored.force, stored.direction
+    for name, one in (("force", force), ("direction", direction)):
+        for part in ("mean", "spread"):
+            count = len(getattr(one, part))
+            if count != rods:
+                raise ModelError(f"{count} values for {rods} rods", column=f"references.{name}.{part}")
+    towards = np.array(direction.mean).reshape(rods, 3)
     if (np.abs(np.linalg.norm(towards, axis=1) - 1.0) > UNIT).any():
         raise ModelError("not unit vectors", column="references.direction.mean")
     missing = [name for name in needed if name not in stored.covariates]
     if missing:
         raise ModelError(f"{missing[0]} is missing, which the effect needs", column="references.covariates")
     if len(set(stored.sessions)) != len(stored.sessions) or bool(stored.sessions) != ("session" in stored.covariates):
-        raise ModelError(
-            "list each session of the fit once, and none without the covariate session", column="references.sessions"
-        )
-    return References(
+        what = "list each session of the fit once, and none without the covariate session"
+        raise ModelError(what, column="references.sessions")
+    found = References(
         temperature=stored.temperature,
         time=(stored.time.start, stored.time.span),
         sessions=tuple(stored.sessions),
-        force=(np.array(stored.force.mean), np.array(stored.force.spread)),
-        direction=(towards, np.array(stored.direction.spread)),
+        force=(np.array(force.mean), np.array(force.spread)),
+        direction=(towards, np.array(direction.spread)),
         covariates=tuple(stored.covariates),
-        **_of_chain(stored, robot),
     )
-
-
-def _of_chain(stored: ReferencesRecord, robot: Robot) -> dict[str, Any]:
-    """Commands and joints' loads of a fit of a robot without rods.
-
-    Raises `ModelError` if they are missing, or are another robot's.
-    """
-    if robot.rods:
-        return {}
-    commands, joints = stored.commands, stored.joints
-    if commands is None or {len(commands.lower), len(commands.upper)} != {robot.n_actuators}:
-        raise ModelError(f"not {robot.n_actuators} values", column="references.commands")
-    if joints is None or {len(joints.mean), len(joints.spread)} != {robot.model.njoints}:
+    if not joints(robot):
+        return found
+    commands, loads, n = stored.commands, stored.joints, robot.n_actuators
+    if commands is None or {len(commands.lower), len(commands.upper)} != {n}:
+        raise ModelError(f"not {n} values", column="references.commands")
+    if loads is None or {len(loads.mean), len(loads.spread)} != {robot.model.njoints}:
         raise ModelError(f"not {robot.model.njoints} values", column="references.joints")
     measured = commands.measured or []
-    if commands.measured is not None and len(measured) != robot.n_actuators:
-        raise ModelError(f"not {robot.n_actuators} values", column="references.commands.measured")
+    if commands.measured is not None and len(measured) != n:
+        raise ModelError(f"not {n} values", column="references.commands.measured")
     angles = np.zeros((len(measured), PARTS), dtype=bool)
     for parts, known in zip(angles, measured, strict=True):
         parts[known] = True
-    return {
-        "commands": (np.array(commands.lower), np.array(commands.upper)),
-        "joints": (np.array(joints.mean), np.array(joints.spread)),
-        "angles": angles,
-    }
+    return replace(
+        found,
+        commands=(np.array(commands.lower), np.array(commands.upper)),
+        joints=(np.array(loads.mean), np.array(loads.spread)),
+        angles=angles,
+    )
 
 
 def _try(active: ActiveEffect, kinematics: Kinematics) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -245,7 +245,7 @@ def _geometry(robot: Robot, content: ModelFile) -> Geometry:
     kept = tuple(p for p in full.parameters if p.name in content.parameters)
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
-    parameters = tuple(p.with_tolerance(tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    parameters = tuple(replace(p, tolerance=tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
     geometry = Geometry(robot, parameters, values, tracks)
     _check_values(geometry)
     return geometry

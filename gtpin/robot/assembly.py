@@ -11,8 +11,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from gtpin.robot.chain import Chain, joint_axis
-from gtpin.robot.constraints import constraint_error, constraint_jacobian
-from gtpin.robot.undetermined import is_determined, undetermined
+from gtpin.robot.constraints import constraint_error, constraint_jacobian, is_determined, undetermined
 from gtpin.typing import Floats
 
 NEAR = 0.02

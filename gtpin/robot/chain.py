@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, RobotError, warn
+from gtpin.errors import ModelError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
@@ -116,9 +116,9 @@ class Chain:
         self.actuators = tuple(self._actuator(element) for element in elements)
         driven = [actuator.index_v for actuator in self.actuators]
         if len(set(driven)) != len(driven):
-            raise RobotError("two actuators drive one joint", file=description.source, hint="name each joint once")
+            raise description.error("two actuators drive one joint", "name each joint once")
         if len(set(self.sites)) != len(driven):
-            raise RobotError("two actuators have one site", file=description.source, hint="name each site once")
+            raise description.error("two actuators have one site", "name each site once")
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
@@ -282,30 +282,27 @@ class Chain:
         if self.description.actuators:
             return self.description.actuators
         if self.description.loops:
-            raise RobotError(
-                "loops but no actuators",
-                file=self.description.source,
-                hint="name them in a <gtpin> element, or as actuators in dataset.toml",
+            raise self.description.error(
+                "loops but no actuators", "name them in a <gtpin> element, or as actuators in dataset.toml"
             )
         names = self.description.tree.moving
         if not names:
-            raise RobotError("nothing moves", file=self.description.source, hint="give the robot a moving joint")
+            raise self.description.error("nothing moves", "give the robot a moving joint")
         return tuple(ActuatorElement(name, name) for name in names)
 
     def _actuator(self, element: ActuatorElement) -> Actuator:
         model = self.model
-        source = self.description.source
         if not model.existJointName(element.joint):
-            raise RobotError(f"no moving joint is called {element.joint}", file=source, hint=self._known())
+            raise self.description.error(f"no moving joint is called {element.joint}", self._known())
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
-            raise RobotError(
-                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", file=source, hint="drive one"
+            raise self.description.error(
+                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", "drive one"
             )
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         column = joint_jacobian(model, self.data, joint_id)[:, index_v]
         if not column.any():
-            raise RobotError(f"actuator {element.joint} has an axis of no length", file=source, hint="mend its <axis>")
+            raise self.description.error(f"actuator {element.joint} has an axis of no length", "mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
         continuous = model.nqs[joint_id] == 2
         lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
@@ -332,9 +329,7 @@ class Chain:
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
-            raise RobotError(
-                f"no link is called {anchor.link}", file=self.description.source, hint="mend the loop, platform or TCP"
-            )
+            raise self.description.error(f"no link is called {anchor.link}", "mend the loop, platform or TCP")
         frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
@@ -361,17 +356,13 @@ class Chain:
         for name, placement in zip(self.model.names, self.data.oMi, strict=True):
             where = np.abs(placement.translation).max()
             if not where < FARTHEST:
-                raise RobotError(
-                    f"joint {name} is {where:g} m from the base", file=self.description.source, hint="lengths are in m"
-                )
+                raise self.description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
 
     def _check_home(self) -> None:
         home = self.description.home
         if home and len(home.q) != self.n_actuators:
-            raise RobotError(
-                f"home has {len(home.q)} commands for {self.n_actuators} actuators",
-                file=self.description.source,
-                hint="mend <home q>",
+            raise self.description.error(
+                f"home has {len(home.q)} commands for {self.n_actuators} actuators", "mend <home q>"
             )
 
 

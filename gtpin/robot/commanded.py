@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from xml.etree.ElementTree import Element, tostring
 
 from gtpin.errors import RobotError
@@ -73,14 +73,10 @@ def remove_resting_loops(root: Element, driven: Collection[str], source: str) ->
     """
     tree = Tree.of(root, source)
     masters = {joint: joint for joint in tree.moving} | {mimic.joint: mimic.master for mimic in tree.mimics}
-    above = {}
-    for joint in root.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            above[child.get("link", "")] = (parent.get("link", ""), joint.get("name", ""))
     resting = {}
     for loop in root.findall("loop_joint"):
-        one, other = (_joints_above(loop.find(tag), above) for tag in ("link1", "link2"))
+        ends = (loop.find(tag) for tag in ("link1", "link2"))
+        one, other = (tree.path("" if end is None else end.get("link", "")) for end in ends)
         resting[loop] = {masters[joint] for joint in one ^ other if joint in masters}
     moving = set(driven)
     while moved := [loop for loop, own in resting.items() if own & moving]:
@@ -94,14 +90,3 @@ def remove_resting_loops(root: Element, driven: Collection[str], source: str) ->
             if plane.get("loop") in names:
                 own.remove(plane)
     return bool(resting)
-
-
-def _joints_above(end: Element | None, above: Mapping[str, tuple[str, str]]) -> set[str]:
-    """Names of the joints between one end of a loop and the root."""
-    found, link = set(), "" if end is None else end.get("link", "")
-    for _ in range(len(above)):  # a ring of links, which Pinocchio refuses, must not hang this
-        if link not in above:
-            break
-        link, joint = above[link]
-        found.add(joint)
-    return found

@@ -118,6 +118,10 @@ class RobotDescription:
     def __reduce__(self) -> tuple[Callable[[str, str, Kind], RobotDescription], tuple[str, str, Kind]]:
         return RobotDescription.parse, (self.xml, self.source, self.kind)  # read-only mappings don't pickle
 
+    def error(self, what: str, hint: str) -> RobotError:
+        """The error of something wrong in this file."""
+        return RobotError(what, file=self.source, hint=hint)
+
     @staticmethod
     def read(path: Path) -> RobotDescription:
         """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
@@ -217,10 +221,13 @@ class _Reader:
 
     source: str
 
+    def error(self, what: str, hint: str) -> RobotError:
+        return RobotError(what, file=self.source, hint=hint)
+
     def text(self, element: Element, key: str) -> str:
         value = element.get(key)
         if not value:
-            raise RobotError(f"<{element.tag}> lacks the attribute {key}", file=self.source, hint=f'write {key}="..."')
+            raise self.error(f"<{element.tag}> lacks the attribute {key}", f'write {key}="..."')
         return value
 
     def numbers(self, element: Element, key: str, count: int | None) -> Vector:
@@ -231,23 +238,19 @@ class _Reader:
             values = (math.nan,)
         if not all(map(math.isfinite, values)) or (count is not None and len(values) != count):
             wanted = "finite numbers" if count is None else f"{count} finite numbers"
-            raise RobotError(f'<{element.tag} {key}="{text}">', file=self.source, hint=f"give {wanted}")
+            raise self.error(f'<{element.tag} {key}="{text}">', f"give {wanted}")
         return values
 
     def actuator(self, element: Element) -> ActuatorElement:
         joint, scale = self.text(element, "joint"), element.get("scale")
         if scale not in (None, "unknown"):
-            raise RobotError(
-                f'<actuator scale="{scale}">', file=self.source, hint='write scale="unknown", or leave it out'
-            )
+            raise self.error(f'<actuator scale="{scale}">', 'write scale="unknown", or leave it out')
         return ActuatorElement(joint, element.get("site", joint), scale is not None)
 
     def anchor(self, loop: Element, tag: str) -> Anchor:
         element = loop.find(tag)
         if element is None:
-            raise RobotError(
-                f"loop {loop.get('name', '')} lacks <{tag}>", file=self.source, hint="give both <link1> and <link2>"
-            )
+            raise self.error(f"loop {loop.get('name', '')} lacks <{tag}>", "give both <link1> and <link2>")
         zero = (0.0, 0.0, 0.0)
         return Anchor(
             self.text(element, "link"),
@@ -258,10 +261,9 @@ class _Reader:
     def loop(self, element: Element) -> Loop:
         name = self.text(element, "name")
         if element.get("type", "spherical") != "spherical":
-            raise RobotError(
+            raise self.error(
                 f"loop {name} is of type {element.get('type')}",
-                file=self.source,
-                hint='write type="spherical", the only type that is read; a loop whose joints turn about parallel axes is '
+                'write type="spherical", the only type that is read; a loop whose joints turn about parallel axes is '
                 "recognised as planar, and closed in its plane only",
             )
         return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
@@ -276,7 +278,7 @@ class _Reader:
                     if name not in loops
                     else f"<plane> of {name} has a normal of no length"
                 )
-                raise RobotError(what, file=self.source, hint="name a <loop_joint> and the normal of its plane")
+                raise self.error(what, "name a <loop_joint> and the normal of its plane")
             found[name] = normal / np.linalg.norm(normal)
         return found
 
@@ -288,7 +290,7 @@ class _Reader:
         values = {kind: self.numbers(element, kind, 1)[0] for kind in element.attrib}
         for kind, value in values.items():
             if value <= 0.0:
-                raise RobotError(f"{element.tag} {kind} is {value:g}", file=self.source, hint="give a positive value")
+                raise self.error(f"{element.tag} {kind} is {value:g}", "give a positive value")
         return values
 
 

@@ -11,6 +11,7 @@ from gtpin.errors import RobotError
 from gtpin.robot.assembly import home_attributes
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
+from gtpin.robot.mjcf_values import exact_text
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -36,7 +37,7 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
         if carried:
             frame = robot.data.oMi[actuator.joint_id].rotation
             mean = v[carried].mean(axis=0)
-            _axis(joints[actuator.joint]).set("xyz", _text(frame.T @ (mean / np.linalg.norm(mean))))
+            _axis(joints[actuator.joint]).set("xyz", exact_text(frame.T @ (mean / np.linalg.norm(mean))))
     for i, rod in enumerate(robot.rods):
         loop = robot.description.loops[rod.loop]
         own, other = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
@@ -44,8 +45,8 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
         own_element = _child(element, "link1" if rod.rod_end == 0 else "link2")
         other_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
         stretched = np.array(own.xyz) + (L0[i] - rod.L) * _own_direction(robot, own.link, own.xyz, rod.joint_id)
-        own_element.set("xyz", _text(stretched))
-        other_element.set("xyz", _text(_link_placement(robot, other.link).actInv(C0[i])))
+        own_element.set("xyz", exact_text(stretched))
+        other_element.set("xyz", exact_text(_link_placement(robot, other.link).actInv(C0[i])))
         _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
     _rehome(robot, root, joints, home)
     _name_what_was_found(robot, root)
@@ -75,7 +76,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
         if moved_by.any():
             anchor = (loop.anchor1, loop.anchor2)[index % 2]
             element = _child(loops[loop.name], f"link{index % 2 + 1}")
-            element.set("xyz", _text(np.array(anchor.xyz) + moved_by))
+            element.set("xyz", exact_text(np.array(anchor.xyz) + moved_by))
     _name_what_was_found(robot, root)
     platform = geometry.platform
     if platform.any():
@@ -130,7 +131,7 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
         own.append(Element("home", at, link=str(link.name)))
     for name, normal in planes.items():
         if name not in description.planes:
-            own.append(Element("plane", loop=name, normal=_text(normal)))
+            own.append(Element("plane", loop=name, normal=exact_text(normal)))
 
 
 def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
@@ -167,8 +168,8 @@ def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple
         return
     platform_pose = pin.SE3(home[1], home[0]) * robot.tcp_placement.inverse()
     pose = platform_pose * robot.home_placement
-    element.set("tcp_xyz", _text(pose.translation))
-    element.set("tcp_rotvec", _text(pin.log3(pose.rotation)))
+    element.set("tcp_xyz", exact_text(pose.translation))
+    element.set("tcp_rotvec", exact_text(pin.log3(pose.rotation)))
     platform = robot.model.names[robot.tcp_joint]
     was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
     now = robot.data.oMi[robot.tcp_joint] * robot.home_placement
@@ -181,8 +182,8 @@ def _set_origin(joint: Element, placement: pin.SE3) -> None:
     if origin is None:
         origin = Element("origin")
         joint.insert(0, origin)
-    origin.set("xyz", _text(placement.translation))
-    origin.set("rpy", _text(pin.rpy.matrixToRpy(placement.rotation)))
+    origin.set("xyz", exact_text(placement.translation))
+    origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placement.rotation)))
 
 
 def _axis(joint: Element) -> Element:
@@ -198,8 +199,3 @@ def _child(element: Element, tag: str) -> Element:
     if child is None:
         raise RobotError(f"<{element.tag} {element.get('name', '')}> lacks <{tag}>", hint="complete the URDF")
     return child
-
-
-def _text(values: Floats) -> str:
-    """Numbers as text from which exactly the same floats are read."""
-    return " ".join(repr(float(value) + 0.0) for value in values)

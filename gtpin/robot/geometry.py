@@ -10,15 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
-from gtpin.robot.parameters import (
-    Kind,
-    Parameter,
-    Per,
-    all_tolerances,
-    cluster_parameters,
-    placement_parameters,
-    rod_parameters,
-)
+from gtpin.robot.parameters import Kind, Parameter, Per, all_tolerances, placement_parameters, rod_parameters
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -51,16 +43,6 @@ class MeasuredTrack:
                 object.__setattr__(self, name, frozen)
         if len(self.q) < 2 or not (np.diff(self.q) > 0.0).all():
             raise ModelError("a measured track needs two or more different commands", hint="measure more points")
-
-    @property
-    def lower(self) -> float:
-        """Smallest command at which the track was measured, m."""
-        return float(self.q[0])
-
-    @property
-    def upper(self) -> float:
-        """Largest command at which the track was measured, m."""
-        return float(self.q[-1])
 
     def displacement(self, q: Floats) -> Floats:
         """(N, 3) path at commands (N,), m; NaN outside the measured range."""
@@ -128,7 +110,7 @@ class Geometry:
 
     def with_tolerances(self, factors: Floats) -> Geometry:
         """The same geometry with its tolerances multiplied by factors (p,)."""
-        parameters = tuple(p.with_tolerance(p.tolerance * f) for p, f in zip(self.parameters, factors, strict=True))
+        parameters = tuple(replace(p, tolerance=p.tolerance * f) for p, f in zip(self.parameters, factors, strict=True))
         return replace(self, parameters=parameters)
 
     def __repr__(self) -> str:
@@ -185,10 +167,8 @@ class Geometry:
         measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
         if not robot.rods:
             parameters = placement_parameters(robot, tolerances)
-        elif arm == "reduced":
-            parameters = cluster_parameters(robot, tolerances, scale, measured)
         else:
-            parameters = rod_parameters(robot, tolerances, directions, scale, measured)
+            parameters = rod_parameters(robot, tolerances, directions, scale, measured, arm == "reduced")
         for start in without:
             kept = [p for p in parameters if not p.name.startswith(start)]
             if len(kept) == len(parameters):
@@ -225,7 +205,7 @@ class Geometry:
         outside = np.zeros(len(q), dtype=bool)
         for rod, track in zip(self.robot.rods, self.tracks, strict=False):
             if track is not None and rod.carrier is not None:
-                outside |= (q[:, rod.carrier] < track.lower) | (q[:, rod.carrier] > track.upper)
+                outside |= (q[:, rod.carrier] < track.q[0]) | (q[:, rod.carrier] > track.q[-1])
         return outside
 
     def with_values(self, values: Floats) -> Geometry:

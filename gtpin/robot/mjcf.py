@@ -6,7 +6,6 @@ After that the robot is treated like any other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -15,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_equalities import WORLD, EqualityTargets, add_equality
 from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import MAIN, Part, Values
+from gtpin.robot.mjcf_values import MAIN, Part, Values, exact_text, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
+WORLD = "world"
 MOST = 300
 """Largest number of elements that may be nested: bodies, frames, default classes."""
 REFUSED = ("replicate", "attach", "composite", "flexcomp")
@@ -84,10 +83,8 @@ class _Writer:
         for world in root.findall("worldbody"):
             self._children(list(self.values.parts(world, MAIN)), WORLD)
         own = Element("gtpin")
-        made = EqualityTargets(self.values, self.robot, self.bodies, self.sites, self.at, self.initial, _text)
-        for equality in root.findall("equality"):
-            for element in equality:
-                add_equality(made, element)
+        for element in root.iterfind("equality/*"):
+            self._equality(element)
         marked = self._marked(root)
         # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
         if root.find("equality/connect") is not None or marked is not None:
@@ -103,24 +100,24 @@ class _Writer:
         for plane in root.iterfind("custom/numeric"):
             if (mark := plane.get("name", "")).startswith(PLANE_MARK):
                 normal = self.values.numbers(plane.attrib, "data", "", 3)
-                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=_text(normal))
+                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=exact_text(normal))
         if own.find("actuator") is not None:
             q = [self.initial.get(drive.get("joint", ""), 0.0) for drive in own.findall("actuator")]
             pose = self.at[tip]
             SubElement(
                 own,
                 "home",
-                q=_text(np.array(q)),
-                tcp_xyz=_text(pose.translation),
-                tcp_rotvec=_text(pin.log3(pose.rotation)),
+                q=exact_text(np.array(q)),
+                tcp_xyz=exact_text(pose.translation),
+                tcp_rotvec=exact_text(pin.log3(pose.rotation)),
             )
         options = root.findall("option")
         given = [option for option in options if option.get("gravity")]
         flags = [flag.get("gravity") for option in options for flag in option.findall("flag") if flag.get("gravity")]
         if flags[-1:] == ["disable"]:
-            SubElement(own, "gravity", xyz=_text(np.zeros(3)))
+            SubElement(own, "gravity", xyz=exact_text(np.zeros(3)))
         elif given:
-            SubElement(own, "gravity", xyz=_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
+            SubElement(own, "gravity", xyz=exact_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
         self.robot.append(own)
         self._warn(root)
         indent(self.robot)
@@ -134,7 +131,7 @@ class _Writer:
         link = marks[-1] if marks[-1] in self.sites else self.bodies.get(marks[-1])
         if link is None:
             what = f"{TCP_MARK} names {marks[-1]!r}, which is no body and no site"
-            raise RobotError(what, file=self.values.source, hint="mend <custom>")
+            raise self.values.error(what, "mend <custom>")
         return link
 
     def _warn(self, root: Element) -> None:
@@ -156,7 +153,7 @@ class _Writer:
             if part.element.tag == "site":
                 given = self.values.attributes(part.element, part.inherited)
                 if (name := given.get("name", "")) in self.sites:
-                    raise RobotError(f"two sites are called {name}", file=self.values.source, hint="name each once")
+                    raise self.values.error(f"two sites are called {name}", "name each once")
                 if name:
                     self.sites[name] = (link, part.frame * self.values.placement(given))
             elif part.element.tag == "body":
@@ -166,7 +163,7 @@ class _Writer:
         body = part.element
         name = body.get("name") or self._free(f"body{len(self.at)}")
         if name in self.bodies:
-            raise RobotError(f"two bodies are called {name}", file=self.values.source, hint="name each once")
+            raise self.values.error(f"two bodies are called {name}", "name each once")
         link = self._free(f"{name}_body") if name in self.named else name
         self.bodies[name] = link
         placement = part.frame * self.values.placement(body.attrib)
@@ -198,9 +195,7 @@ class _Writer:
             self._joint(name, "floating", parent, child, origin)
             return
         if kind not in ("hinge", "slide"):
-            raise RobotError(
-                f"joint {name} is of type {kind}", file=self.values.source, hint="use hinge and slide joints"
-            )
+            raise self.values.error(f"joint {name} is of type {kind}", "use hinge and slide joints")
         unit = self.values.angle if kind == "hinge" else 1.0
         axis = frame @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
         start = float(self.values.numbers(given, "ref", "0", 1)[0]) * unit
@@ -211,7 +206,7 @@ class _Writer:
         lower, upper = self.values.numbers(given, "range", "0 0", 2) * unit if limited == "true" else (0.0, 0.0)
         turning = "revolute" if limited == "true" else "continuous"
         joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, origin * back)
-        SubElement(joint, "axis", xyz=_text(axis))
+        SubElement(joint, "axis", xyz=exact_text(axis))
         # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
@@ -228,6 +223,84 @@ class _Writer:
             if name in self.initial and name not in tied:
                 SubElement(own, "actuator", joint=name)
 
+    # ------------------------------------------------------------------------------------------------ equalities
+
+    def _equality(self, element: Element) -> None:
+        """Write an equality constraint, if it is active: a loop, a joint that follows another, or one that does not move."""
+        given = self.values.attributes(element, MAIN, "equality")
+        if given.get("active", "true") != "true":
+            return
+        if element.tag == "connect":
+            self._connect(given)
+        elif element.tag == "joint":
+            self._tie(given)
+        else:
+            what = f"equality/{element.tag} {given.get('name', '')}".strip() + " is not read"
+            raise self.values.error(what, "use connect, or joint")
+
+    def _connect(self, given: dict[str, str]) -> None:
+        name = given.get("name", f"connect{len(self.robot.findall('loop_joint')) + 1}")
+        if "site1" in given or "site2" in given:
+            ends = [self.sites.get(given.get(key, ""), ("", None)) for key in ("site1", "site2")]
+            missing = next((given.get(f"site{i + 1}", "") for i, (_, at) in enumerate(ends) if at is None), None)
+            points = [(link, None if at is None else at.translation) for link, at in ends]
+        else:
+            names = given.get("body1", ""), given.get("body2", WORLD)
+            missing = next((body for body in names if body not in self.bodies), None)
+            if missing is None:
+                first, second = (self.bodies[body] for body in names)
+                anchor = self.values.numbers(given, "anchor", "", 3)
+                # They meet at the initial posture.
+                points = [(first, anchor), (second, self.at[second].actInv(self.at[first].act(anchor)))]
+        if missing is not None:
+            raise self.values.error(f"connect {name} of unknown {missing!r}", "name two bodies or sites")
+        loop = SubElement(self.robot, "loop_joint", name=name, type="spherical")
+        for tag, (link, xyz) in zip(("link1", "link2"), points, strict=True):
+            SubElement(loop, tag, link=link, xyz=exact_text(np.asarray(xyz)))
+
+    def _tie(self, given: dict[str, str]) -> None:
+        """Let a joint follow another by ``<mimic>``; without another one, fix it."""
+        joints = {joint.get("name", ""): joint for joint in self.robot.findall("joint")}
+        follower, master = given.get("joint1", ""), given.get("joint2")
+        poly = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+        own = self.values.numbers(given, "polycoef", "0 1 0 0 0", 1, 5)
+        poly[: len(own)] = own
+        hint = "give joint1 and joint2, and a polycoef of two numbers and zeros"
+        unknown = [name for name in (follower, master) if name is not None and name not in self.initial]
+        if unknown:
+            what = f"equality/joint of {follower or 'no joint'}: no hinge or slide is called {unknown[0]!r}"
+            raise self.values.error(what, hint)
+        joint = joints[follower]
+        if joint.find("mimic") is not None or joint.get("type") == "fixed":
+            what = f"two equality constraints of joint {follower}"
+            raise self.values.error(what, "keep one")
+        if master is None:
+            self._fix(joint, self.initial[follower] + poly[0])
+            return
+        if poly[2:].any():
+            raise self.values.error(f"equality/joint of {follower} is a curve", hint)
+        offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
+        SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
+
+    def _fix(self, joint: Element, coordinate: float) -> None:
+        """Make a joint a fixed one, at a coordinate, rad or m."""
+        origin, axis = joint.find("origin"), joint.find("axis")
+        assert origin is not None
+        assert axis is not None
+        place, turn, along = (
+            np.array([float(word) for word in str(text).split()])
+            for text in (origin.get("xyz"), origin.get("rpy"), axis.get("xyz"))
+        )
+        slides = joint.get("type") == "prismatic"
+        step = coordinate * along
+        moved = pin.SE3(np.eye(3), step) if slides else pin.SE3(pin.exp3(step), np.zeros(3))
+        placed = pin.SE3(pin.rpy.rpyToMatrix(*turn), place) * moved
+        joint.set("type", "fixed")
+        origin.set("xyz", exact_text(placed.translation))
+        origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placed.rotation)))
+        for tag in ("axis", "limit"):
+            joint.remove(joint.find(tag))  # type: ignore[arg-type]
+
     # ------------------------------------------------------------------------------------------------ elements
 
     def _free(self, name: str) -> str:
@@ -238,9 +311,7 @@ class _Writer:
 
     def _link(self, name: str, placement: Any) -> None:
         if name in self.at:
-            raise RobotError(
-                f"two links would be called {name}", file=self.values.source, hint="rename the body or site"
-            )
+            raise self.values.error(f"two links would be called {name}", "rename the body or site")
         SubElement(self.robot, "link", name=name)
         self.at[name] = placement
 
@@ -249,7 +320,7 @@ class _Writer:
             return
         link = next(link for link in self.robot.findall("link") if link.get("name") == name)
         inertial = SubElement(link, "inertial")
-        SubElement(inertial, "origin", xyz=_text(inertia.lever))
+        SubElement(inertial, "origin", xyz=exact_text(inertia.lever))
         SubElement(inertial, "mass", value=repr(float(inertia.mass)))
         I = inertia.inertia  # noqa: E741
         entries = {"ixx": I[0, 0], "iyy": I[1, 1], "izz": I[2, 2], "ixy": I[0, 1], "ixz": I[0, 2], "iyz": I[1, 2]}
@@ -259,53 +330,7 @@ class _Writer:
         joint = SubElement(self.robot, "joint", name=name, type=kind)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        SubElement(joint, "origin", xyz=_text(origin.translation), rpy=_text(pin.rpy.matrixToRpy(origin.rotation)))
+        SubElement(
+            joint, "origin", xyz=exact_text(origin.translation), rpy=exact_text(pin.rpy.matrixToRpy(origin.rotation))
+        )
         return joint
-
-
-def _text(values: Floats) -> str:
-    """Numbers as text from which exactly the same floats are read."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-JOINTS = ("joint", "freejoint")
-NAMING = ("actuator", "equality", "tendon")
-"""Parts of a file that name what belongs to the robot."""
-
-
-def without_objects(root: Element) -> None:
-    """Remove objects: bodies on the world that move, but are not part of the robot.
-
-    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names an object or what is on it. Where a file has no actuators,
-    an object must also float freely. Where all moving bodies would be objects, none is removed.
-    """
-    on_world = [(place, body) for world in root.findall("worldbody") for place, body in _bodies(world)]
-    moving = [(world, body) for world, body in on_world if _joints(body)]
-    parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
-    named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
-    driven = any(len(part) for part in root.findall("actuator"))
-    objects = [
-        (world, body)
-        for world, body in moving
-        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or _floats(body))
-    ]
-    if len(objects) < len(moving):
-        for world, body in objects:
-            world.remove(body)
-
-
-def _bodies(place: Element) -> Iterator[tuple[Element, Element]]:
-    """The bodies on the world, also those in ``<frame>`` elements, each after the element that has it as a child."""
-    for child in place:
-        if child.tag == "body":
-            yield place, child
-        elif child.tag == "frame":
-            yield from _bodies(child)
-
-
-def _joints(body: Element) -> list[Element]:
-    return [element for element in body.iter() if element.tag in JOINTS]
-
-
-def _floats(body: Element) -> bool:
-    return all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints(body))

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError, warn
+from gtpin.errors import warn
 from gtpin.robot.mjcf_values import MAIN, Part, Values
 from gtpin.typing import Floats
 
@@ -57,9 +57,7 @@ class Masses:
         """
         found = self._found(name, parts)
         if found.mass < 0.0:
-            raise RobotError(
-                f"the mass of {name} is {found.mass:g}", file=self.values.source, hint="give a mass above 0"
-            )
+            raise self.values.error(f"the mass of {name} is {found.mass:g}", "give a mass above 0")
         mass = max(found.mass, float(self._option("boundmass", "0", 1)[0]))
         least = float(self._option("boundinertia", "0", 1)[0])
         moments, axes = np.linalg.eigh(found.inertia)
@@ -105,9 +103,7 @@ class Masses:
         shape, at = geom.get("type", "sphere"), self.values.placement(geom)
         size = self.values.numbers(geom, "size", "0", 1, 3)
         if (size < 0.0).any():
-            raise RobotError(
-                f'size="{geom["size"]}" of a {shape}', file=self.values.source, hint="sizes are positive, m"
-            )
+            raise self.values.error(f'size="{geom["size"]}" of a {shape}', "sizes are positive, m")
         if "fromto" in geom:
             ends = self.values.numbers(geom, "fromto", "", 6)
             across = [size[0]] * (2 if shape in ("box", "ellipsoid") else 1)
@@ -118,9 +114,7 @@ class Masses:
         volume = 0.0 if solid is None else solid[0]
         mass = float(self.values.numbers(geom, "mass", repr(float(volume * density)), 1)[0])
         if mass < 0.0:
-            raise RobotError(
-                f"a geom of {name} has a negative mass", file=self.values.source, hint="give a mass above 0"
-            )
+            raise self.values.error(f"a geom of {name} has a negative mass", "give a mass above 0")
         weighs = mass > 0.0 or ("mass" not in geom and density > 0.0)
         if solid is None and shape not in FLAT and weighs:
             what = "the masses of meshes are not read (give each body its <inertial>)"

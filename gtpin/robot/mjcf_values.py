@@ -1,4 +1,4 @@
-"""Values of MJCF attributes: numbers, default classes, units of angles, orientations, and frames; and files that it includes.
+"""Values of MJCF attributes: numbers, default classes, units, orientations, frames; included files; objects of a scene.
 
 MuJoCo, XML reference: https://mujoco.readthedocs.io/en/stable/XMLreference.html (compiler, default, body, frame).
 """
@@ -77,6 +77,10 @@ class Values:
             options.get("autolimits", "true") == "true",
         )
 
+    def error(self, what: str, hint: str) -> RobotError:
+        """The error of something wrong in this file."""
+        return RobotError(what, file=self.source, hint=hint)
+
     def attributes(self, element: Element, inherited: str, tag: str = "") -> dict[str, str]:
         """An element's attributes with those of its class, or of the class that its body gives its children.
 
@@ -86,7 +90,7 @@ class Values:
         """
         name = element.get("class", inherited)
         if name not in self.defaults:
-            raise RobotError(f"no default class is called {name!r}", file=self.source, hint="mend class or childclass")
+            raise self.error(f"no default class is called {name!r}", "mend class or childclass")
         given = dict(self.defaults[name].get(tag or element.tag, {}))
         if any(
             key in element.attrib for key in TURNS
@@ -121,7 +125,7 @@ class Values:
         except ValueError:
             values = np.array([np.nan])
         if not least <= len(values) <= (most or least) or not np.isfinite(values).all():
-            raise RobotError(f'{key}="{text[:60]}"', file=self.source, hint=f"give {least} finite numbers")
+            raise self.error(f'{key}="{text[:60]}"', f"give {least} finite numbers")
         return values
 
     def placement(self, attributes: Mapping[str, str]) -> Any:
@@ -161,7 +165,7 @@ class Values:
         """
         length = float(np.linalg.norm(vector))
         if length < 1e-12:
-            raise RobotError(f"{key} of no length", file=self.source, hint="give a direction")
+            raise self.error(f"{key} of no length", "give a direction")
         return vector / length
 
 
@@ -184,6 +188,11 @@ def _turned_to(direction: Floats) -> Floats:
     sine = float(np.linalg.norm(axis))
     axis = axis / sine if sine > 1e-10 else np.array([1.0, 0.0, 0.0])
     return np.asarray(pin.exp3(math.atan2(sine, direction[2]) * axis))
+
+
+def exact_text(values: Floats) -> str:
+    """Numbers as text from which exactly the same floats are read."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def with_includes(root: Element, file: Path, parse: Any) -> None:
@@ -214,3 +223,46 @@ def _include(root: Element, main: Path, own: Path, parse: Any, read: set[Path]) 
             _include(inside, main, file.parent, parse, read)
             kept += inside
         parent[:] = kept
+
+
+JOINTS = ("joint", "freejoint")
+NAMING = ("actuator", "equality", "tendon")
+"""Parts of a file that name what belongs to the robot."""
+
+
+def without_objects(root: Element) -> None:
+    """Remove objects: bodies on the world that move, but are not part of the robot.
+
+    Nothing in ``<actuator>``, ``<equality>`` and ``<tendon>`` names an object or what is on it. Where a file has no actuators,
+    an object must also float freely. Where all moving bodies would be objects, none is removed.
+    """
+    on_world = [(place, body) for world in root.findall("worldbody") for place, body in _bodies(world)]
+    moving = [(world, body) for world, body in on_world if _joints(body)]
+    parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
+    named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
+    driven = any(len(part) for part in root.findall("actuator"))
+    objects = [
+        (world, body)
+        for world, body in moving
+        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or _floats(body))
+    ]
+    if len(objects) < len(moving):
+        for world, body in objects:
+            world.remove(body)
+
+
+def _bodies(place: Element) -> Iterator[tuple[Element, Element]]:
+    """The bodies on the world, also those in ``<frame>`` elements, each after the element that has it as a child."""
+    for child in place:
+        if child.tag == "body":
+            yield place, child
+        elif child.tag == "frame":
+            yield from _bodies(child)
+
+
+def _joints(body: Element) -> list[Element]:
+    return [element for element in body.iter() if element.tag in JOINTS]
+
+
+def _floats(body: Element) -> bool:
+    return all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints(body))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, cast
 
 import numpy as np
@@ -58,10 +58,6 @@ class Parameter:
     nominal: float
     tolerance: float
 
-    def with_tolerance(self, tolerance: float) -> Parameter:
-        """The same parameter with another tolerance."""
-        return replace(self, tolerance=tolerance)
-
 
 def rotation_axes(direction: Floats) -> Floats:
     """(3, 3) unit vectors, one per row, about which a direction (3,) is rotated by small angles: a, b, and the direction.
@@ -102,32 +98,28 @@ def _carrier_kind(robot: Robot, rod: Rod) -> str:
 
 
 def rod_parameters(
-    robot: Robot, tolerances: Mapping[str, float], directions: Per, scale: Per | None, measured: Sequence[bool]
+    robot: Robot,
+    tolerances: Mapping[str, float],
+    directions: Per,
+    scale: Per | None,
+    measured: Sequence[bool],
+    reduced: bool = False,
 ) -> list[Parameter]:
     """Parameters of a robot with rods: lengths, joints, directions and, if asked for or declared unknown, scales.
 
     Rods whose track was measured (``measured``) have no scale. Their measured track is rotated as a whole by three angles: a,
-    b, and c about its own direction.
+    b, and c about its own direction. Of a ``reduced`` arm the rods of a cart share one length, and their joints on the cart
+    move together.
     """
-    found = _lengths_and_joints(robot, tolerances, clusters=False)
+    found = _lengths_and_joints(robot, tolerances, reduced)
     carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
     straight = [(i, carrier) for i, carrier in carriers if not measured[i]]
-    found += _directions(robot, tolerances, directions, straight, "ab")
+    found += _directions(robot, tolerances, "actuator" if reduced else directions, straight, "ab")
     found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
+    if reduced:
+        return found + _scales(robot, tolerances, scale and "actuator", straight)
     driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
     return found + _scales(robot, tolerances, scale, driven)
-
-
-def cluster_parameters(
-    robot: Robot, tolerances: Mapping[str, float], scale: Per | None, measured: Sequence[bool]
-) -> list[Parameter]:
-    """Parameters of the reduced arm: the rods of a cart share one length, and their joints on the cart move together."""
-    found = _lengths_and_joints(robot, tolerances, clusters=True)
-    carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
-    straight = [pair for pair in carriers if not measured[pair[0]]]
-    found += _directions(robot, tolerances, "actuator", straight, "ab")
-    found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
-    return found + _scales(robot, tolerances, scale and "actuator", straight)
 
 
 def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:

@@ -34,22 +34,22 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
     for name in driven:
         if name in follows:
-            raise RobotError(
+            raise description.error(
                 f"actuator {name} follows {follows[name].master} by <mimic>",
-                file=description.source,
-                hint=f"name {follows[name].master} in its place",
+                f"name {follows[name].master} in its place",
             )
-    closing = _in_loops(model, description)
+    # The closure of a loop moves the joints that carry only one of its two anchors.
+    path, loops = description.tree.path, description.loops
+    closing = set[str]().union(*(path(loop.anchor1.link) ^ path(loop.anchor2.link) for loop in loops))
     moving = {name for name in model.names[1:] if name in driven or name in closing}
     moving |= {name for name, mimic in follows.items() if mimic.master in moving}
     resting = [name for name in model.names[1:] if name not in moving]
     free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
     if free and not description.actuators:
         count = model.nvs[model.getJointId(free[0])]
-        raise RobotError(
+        raise description.error(
             f"joint {free[0]} has {count} degrees of freedom, which no command moves",
-            file=description.source,
-            hint="planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
+            "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
         )
     if not resting:
         return model
@@ -80,19 +80,6 @@ def neutral(model: Any, description: RobotDescription) -> Floats:
             joint = model.getJointId(mimic.joint)
             put(configuration, int(model.idx_qs[joint]), mimic.offset, model.nqs[joint] == 2)
     return configuration
-
-
-def _in_loops(model: Any, description: RobotDescription) -> set[str]:
-    """Names of the joints that carry only one of a loop's two anchors: the closure of the loop moves them."""
-    found: set[str] = set()
-    for loop in description.loops:
-        ways = []
-        for anchor in (loop.anchor1, loop.anchor2):
-            known = model.existFrame(anchor.link, pin.FrameType.BODY)
-            frame = model.frames[model.getFrameId(anchor.link, pin.FrameType.BODY)] if known else None
-            ways.append(set() if frame is None else set(model.supports[frame.parentJoint]))
-        found |= {model.names[joint] for joint in ways[0] ^ ways[1]}
-    return found
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -18,19 +18,9 @@ from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
 
-Placements = tuple[tuple[Floats, Floats], ...]
-"""Rotation and translation of every joint's placement, then of the TCP's on its body, then of the loops' anchors."""
-State = tuple[Placements, tuple[str, ...]]
-"""What is not in the URDF: placements that were changed, and the names of the measured joints."""
-
 
 class Robot(Chain):
-    """A robot, built from its URDF alone.
-
-    Parameters
-    ----------
-    description, tcp
-        As for :class:`~gtpin.robot.chain.Chain`.
+    """A chain with its rods, its assembly at home and its measured joints, built from the URDF alone.
 
     Attributes
     ----------
@@ -38,11 +28,6 @@ class Robot(Chain):
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
     measured_joints : tuple of MeasuredJoint
         Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
-
-    Raises
-    ------
-    RobotError
-        If the URDF does not describe a complete robot.
     """
 
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
@@ -158,27 +143,30 @@ class Robot(Chain):
         other.prepare_constraints()
         return other
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[RobotDescription, str], State]:
-        state = (self._placements(), tuple(j.name for j in self.measured_joints))
-        return type(self), (self.description, self.tcp_frame), state
+    def __reduce__(self) -> tuple[type[Robot], tuple[RobotDescription, str], tuple[list[Any], tuple[str, ...]]]:
+        return (
+            type(self),
+            (self.description, self.tcp_frame),
+            (self._placed(), tuple(j.name for j in self.measured_joints)),
+        )
 
-    def _placements(self) -> Placements:
-        moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
-        return tuple((M.rotation.copy(), M.translation.copy()) for M in moved)
-
-    def __setstate__(self, state: State) -> None:
-        # The displaced placements are not in the URDF.
-        placements, joints = state
-        count = self.model.njoints
-        pairs = zip(placements, self._placements(), strict=True)
-        if not all(np.array_equal(a, b) for one, own in pairs for a, b in zip(one, own, strict=True)):
+    def __setstate__(self, state: tuple[list[Any], tuple[str, ...]]) -> None:
+        # Displaced placements and measured joints are not in the URDF.
+        placed, joints = state
+        if placed != self._placed():
             self._nominal = type(self)(self.description, self.tcp_frame)
-        for joint_id, (R, T) in enumerate(placements[:count]):
-            self.model.jointPlacements[joint_id] = pin.SE3(R, T)
-        self.tcp_placement = pin.SE3(*placements[count])
-        anchors = zip(self.anchors, placements[count + 1 :], strict=True)
-        self.place_anchors([(joint, pin.SE3(R, T)) for (joint, _), (R, T) in anchors])
+        count = self.model.njoints
+        for joint_id, placement in enumerate(placed[:count]):
+            self.model.jointPlacements[joint_id] = placement
+        self.tcp_placement = placed[count]
+        carriers = (joint for joint, _ in self.anchors)
+        self.place_anchors(list(zip(carriers, placed[count + 1 :], strict=True)))
         self.measured_joints = tuple(measured_joint(self, name) for name in joints)
+
+    def _placed(self) -> list[Any]:
+        """Placements (``pinocchio.SE3``) of every joint, of the TCP on its body, then of the loops' anchors."""
+        moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
+        return [pin.SE3(placement) for placement in moved]
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

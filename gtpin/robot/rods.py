@@ -76,17 +76,11 @@ def rods(robot: Chain) -> tuple[Rod, ...]:
             raise _error(robot, element, f"its loop {element.loop} does not exist")
         found.append(_rod(robot, element, *loops[element.loop]))
     if found and len(found) != len(robot.constraints):
-        raise RobotError(
-            f"{len(robot.constraints)} loops but {len(found)} rods",
-            file=robot.description.source,
-            hint="name every rod",
-        )
+        raise robot.description.error(f"{len(robot.constraints)} loops but {len(found)} rods", "name every rod")
     for what in ("loop", "name"):
         if len({getattr(rod, what) for rod in found}) != len(found):
-            raise RobotError(
-                f"two rods have the same {'loop' if what == 'loop' else 'site'}",
-                file=robot.description.source,
-                hint="name each once",
+            raise robot.description.error(
+                f"two rods have the same {'loop' if what == 'loop' else 'site'}", "name each once"
             )
     return tuple(found)
 
@@ -141,8 +135,7 @@ def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
 
 
 def _error(robot: Chain, element: RodElement, what: str) -> RobotError:
-    return RobotError(
+    return robot.description.error(
         f"rod {element.link}: {what}",
-        file=robot.description.source,
-        hint="let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",
+        "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",
     )

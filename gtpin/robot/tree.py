@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 from gtpin.errors import RobotError
@@ -40,12 +40,24 @@ class Tree:
       moving joints (of several, the last in document order). Empty where there are no links.
     - ``ends``: the links at the ends of chains of moving joints, in document order. More than one: ``tip`` is a guess,
       except where it is ``tool0``.
+    - ``above``: by link, the link above it, and the joint between the two.
     """
 
     moving: tuple[str, ...]
     mimics: tuple[Mimic, ...]
     tip: str
     ends: tuple[str, ...]
+    above: Mapping[str, tuple[str, str]]
+
+    def path(self, link: str) -> set[str]:
+        """Names of the joints between a link and the root."""
+        found = set()
+        for _ in range(len(self.above)):  # ends also for a ring of links, which Pinocchio refuses later
+            if link not in self.above:
+                break
+            link, joint = self.above[link]
+            found.add(joint)
+        return found
 
     @staticmethod
     def of(root: Element, source: str) -> Tree:
@@ -62,8 +74,20 @@ class Tree:
             if (element := joints[name].find("mimic")) is not None
         }
         mimics = tuple(_to_master(mimic, follows, moving, source) for mimic in follows.values())
-        tip, ends = _tip_and_ends(root)
-        return Tree(tuple(name for name in moving if name not in follows), mimics, tip, ends)
+        links = [link.get("name", "") for link in root.findall("link")]
+        above = {}
+        for joint in root.findall("joint"):
+            child, parent = joint.find("child"), joint.find("parent")
+            if child is not None and parent is not None:
+                above[child.get("link", "")] = (parent.get("link", ""), joint.get("name", ""))
+        tree = Tree(tuple(name for name in moving if name not in follows), mimics, "", (), above)
+        fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
+        depths = {link: len(tree.path(link) - fixed) for link in links}
+        parents = {parent for parent, _ in above.values()}
+        deepest = max(depths.values(), default=0)
+        longest = [link for link in links if link not in parents and depths[link] == deepest]
+        tip = TOOL if TOOL in links else longest[-1] if longest else ""
+        return replace(tree, tip=tip, ends=tuple(link for link in depths if link not in parents and depths[link] > 0))
 
 
 def _mimic(joint: str, element: Element, source: str) -> Mimic:
@@ -97,30 +121,3 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
         why = "that follows it" if master in follows else "which does not move"
         raise RobotError(f"{what}, {why}", file=source, hint="let it follow a joint that moves by itself")
     return Mimic(mimic.joint, master, multiplier, offset)
-
-
-def _tip_and_ends(root: Element) -> tuple[str, tuple[str, ...]]:
-    links = [link.get("name", "") for link in root.findall("link")]
-    above: dict[str, tuple[str, bool]] = {}
-    for joint in root.findall("joint"):
-        child, parent = joint.find("child"), joint.find("parent")
-        if child is not None and parent is not None:
-            above[child.get("link", "")] = (parent.get("link", ""), joint.get("type") != "fixed")
-    depths = {link: _depth(link, above) for link in links}
-    parents = {parent for parent, _ in above.values()}
-    ends = {link: depth for link, depth in depths.items() if link not in parents}
-    deepest = max(depths.values(), default=0)
-    longest = [link for link, depth in ends.items() if depth == deepest]
-    tip = TOOL if TOOL in links else longest[-1] if longest else ""
-    return tip, tuple(link for link, depth in ends.items() if depth > 0)
-
-
-def _depth(link: str, above: Mapping[str, tuple[str, bool]]) -> int:
-    """Number of moving joints between a link and the root."""
-    depth = 0
-    for _ in range(len(above)):  # ends also for a ring of links, which Pinocchio refuses later
-        if link not in above:
-            break
-        link, moves = above[link]
-        depth += moves
-    return depth

@@ -1,10 +1,11 @@
-"""The Gantry-Tau's closures and springs once more, of the tests' own: only the nominal numbers come from gtpin."""
+"""The Gantry-Tau as gtpin has it, and as the tests' own closures."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from closures import Closures, nominal
 
 import gtpin
 from gtpin.accuracy.expected import closure_response
@@ -12,7 +13,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import RobotDescription
 
-sys.path.append(str(Path(__file__).parents[1] / "kinematics"))
+sys.path += [str(Path(__file__).parents[up] / folder) for up, folder in ((1, "kinematics"), (2, "examples/machines"))]
 import machines
 
 Floats = np.ndarray
@@ -20,7 +21,7 @@ Floats = np.ndarray
 ROBOT = gtpin.load_robot("gantry_tau")
 MODEL = gtpin.Model(gtpin.Geometry.nominal(ROBOT))
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
-CART = np.array([0, 1, 1, 2, 2, 2])
+NOMINAL = nominal("gantry_tau")
 
 
 def commands(count: int, seed: int = 0) -> Floats:
@@ -33,43 +34,12 @@ def other(name: str) -> gtpin.Model:
     return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(machine.urdf, machine.name))))
 
 
-def numbers() -> dict[str, Floats]:
-    """P, C (6, 3), L (6,) and v (6, 3)."""
-    return {
-        "P": np.array([rod.P for rod in ROBOT.rods]),
-        "C": np.array([rod.C for rod in ROBOT.rods]),
-        "L": np.array([rod.L for rod in ROBOT.rods]),
-        "v": np.array([ROBOT.actuators[i].axis for i in CART]),
-    }
-
-
-def closures(n: dict[str, Floats], q: Floats, T: Floats, R: Floats) -> Floats:
-    """(6,) |T + R P - C0 - q v|^2 - L^2, m^2, of one pose."""
-    d = T + n["P"] @ R.T - n["C"] - q[CART, None] * n["v"]
-    return (d**2).sum(axis=1) - n["L"] ** 2
-
-
-def pose(n: dict[str, Floats], q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats]:
-    """The pose near T, R at which the closures vanish."""
-
-    def turned(x: Floats) -> tuple[Floats, Floats]:
-        return T + x[:3], Rotation.from_rotvec(x[3:]).as_matrix() @ R
-
-    x = np.zeros(6)
-    for _ in range(4):  # Newton's method by central differences
-        J = [(closures(n, q, *turned(x + e)) - closures(n, q, *turned(x - e))) / 2e-4 for e in 1e-4 * np.eye(6)]
-        x = x - np.linalg.solve(np.transpose(J), closures(n, q, *turned(x)))
-    assert np.abs(closures(n, q, *turned(x))).max() < 1e-12
-    return turned(x)
-
-
-def stepped(parameter: str, link: int, step: float) -> dict[str, Floats]:
-    n = numbers()
-    if parameter == "L":
-        n["L"][link] += step
-    else:
-        n[parameter[0]][link, "xyz".index(parameter[1])] += step
-    return n
+def stepped(parameter: str, link: int, step: float) -> Closures:
+    """The nominal machine with one parameter of one link changed; a direction is not made a unit vector again."""
+    table = {"L": "L0", "P": "P", "C": "C0", "v": "axis"}[parameter[0]]
+    values = getattr(NOMINAL, table).copy()
+    values[link if parameter == "L" else (link, "xyz".index(parameter[1]))] += step
+    return replace(NOMINAL, **{table: values})
 
 
 def drawn_measurements(model: gtpin.Model, q: Floats, sigmas: Floats, seed: int = 0) -> Poses:

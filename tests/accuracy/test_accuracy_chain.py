@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.accuracy.analysis import analyse
@@ -19,22 +20,17 @@ from gtpin.report.workspace_maps import slices
 from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
-LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
 
 
 def robot(*joints: tuple[str, str, str, float]) -> gtpin.Model:
     """A chain of (type, axis, place, half range) joints."""
-    parts, parent = ['<link name="base"/>'], "base"
-    for i, (kind, axis, place, limit) in enumerate(joints):
-        parts.append(
-            f'<link name="l{i}"/><joint name="j{i}" type="{kind}"><parent link="{parent}"/><child link="l{i}"/>'
-            f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT.format(-limit, limit)}</joint>'
-        )
-        parent = f"l{i}"
-    tool = '<link name="tool0"/><joint name="tool" type="fixed"><parent link="{}"/><child link="tool0"/>{}</joint>'
-    parts.append(tool.format(parent, '<origin xyz="0.4 0 0"/>'))
-    text = f'<robot name="chain">{"".join(parts)}</robot>'
-    return gtpin.Model(gtpin.Geometry.nominal(gtpin.Robot(RobotDescription.parse(text, "chain"))))
+    links = ["base", *(f"l{i}" for i in range(len(joints)))]
+    parts = [
+        joint(f"j{i}", links[i], links[i + 1], place, axis, kind=kind, limit=limit)
+        for i, (kind, axis, place, limit) in enumerate(joints)
+    ]
+    made = robot_of("chain", *parts, joint("tool", links[-1], "tool0", "0.4 0 0", kind="fixed"))
+    return gtpin.Model(gtpin.Geometry.nominal(made))
 
 
 GANTRY = robot(

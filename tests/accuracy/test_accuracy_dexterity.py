@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from accuracy_machines import CART, MODEL, ROBOT, commands, numbers, other
+from accuracy_machines import MODEL, NOMINAL, ROBOT, commands, other
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
+from stiffness import stiffness
 
 import gtpin
 from gtpin.accuracy.dexterity import dexterity
-from gtpin.accuracy.stiffness import stiffness
 from gtpin.accuracy.workspace import default_commands, workspace
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.robot.description import RobotDescription
@@ -77,13 +77,12 @@ def test_distance_to_the_limits_is_that_of_the_nearest_actuator() -> None:
 
 def sprung(q: np.ndarray, force: np.ndarray, T: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Displacement (3,) of the TCP at which the energy of six rods and three drives under a force is least."""
-    n = numbers()
 
     def energy(x: np.ndarray) -> float:
         turned = Rotation.from_rotvec(1e-6 * x[3:6]).as_matrix() @ R
         cart = q + 1e-6 * x[6:]
-        d = T + 1e-6 * x[:3] + n["P"] @ turned.T - n["C"] - cart[CART, None] * n["v"]
-        stretch = 1e6 * (np.linalg.norm(d, axis=1) - n["L"])
+        d = T + 1e-6 * x[:3] + NOMINAL.P @ turned.T - NOMINAL.C(cart[None])[0]
+        stretch = 1e6 * (np.linalg.norm(d, axis=1) - NOMINAL.L0)
         return float((ROD * stretch**2).sum() + (CARTS * x[6:] ** 2).sum()) / 2e6 - float(force @ x[:3])
 
     def gradient(x: np.ndarray) -> np.ndarray:

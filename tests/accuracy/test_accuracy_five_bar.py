@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from urdfs import crossing
 
 import gtpin
 from gtpin.accuracy.expected import Uncertainty
@@ -41,11 +42,7 @@ def tool(q: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """(N, 2) x and z of the tool: circles of the far links about the elbows; the tool is on the left far link, 0.45 m out."""
     left = elbow(-0.1, 2.2 + q[:, 0], lengths[0], lengths[4])
     right = elbow(0.1, 0.94159265 + q[:, 1], lengths[1], lengths[5])
-    between = right - left
-    apart = np.linalg.norm(between, axis=1, keepdims=True)
-    along = (apart**2 + lengths[2] ** 2 - lengths[3] ** 2) / (2.0 * apart)
-    up = np.column_stack([-between[:, 1], between[:, 0]]) / apart
-    pin = left + along * between / apart + np.sqrt(lengths[2] ** 2 - along**2) * up
+    pin = crossing(left, lengths[2], right, lengths[3])
     return left + 0.45 * (pin - left) / lengths[2]
 
 

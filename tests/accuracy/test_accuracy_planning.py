@@ -7,8 +7,7 @@ import pytest
 from accuracy_machines import MODEL, ROBOT, commands
 
 import gtpin
-from gtpin.accuracy.planning import best_poses, plan_poses
-from gtpin.accuracy.signal import Signal, signal
+from gtpin.accuracy.planning import Signal, best_poses, plan_poses, signal
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import ModelError
 from gtpin.noise.noise import Noise

@@ -32,7 +32,11 @@ def load(name: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[Path(name).name] = module
-    spec.loader.exec_module(module)
+    sys.path.insert(0, str((EXAMPLES / name).parent))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.pop(0)
     return module
 
 

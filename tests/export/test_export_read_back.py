@@ -11,7 +11,7 @@ from drawn_machines import without_scales
 
 import gtpin
 from gtpin.export import export
-from gtpin.kinematics.first_guess import halton
+from gtpin.kinematics.closures import halton
 from gtpin.robot.description import RobotDescription
 
 LINK = (

@@ -1,24 +1,21 @@
 """The machines, as gtpin loads them and as the tests' own closures."""
 
-from importlib import metadata
-from pathlib import Path
-
 import machines
 import pytest
+from closures import Closures, nominal
 from loaded_machines import load
-from machines import Machine
+from urdfs import joint, loop, own, robot_of
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.robot.description import RobotDescription
 
 NAMES = ("gantry_tau", *machines.MAKERS)
 
 
 @pytest.fixture(scope="session")
-def gantry() -> Machine:
+def gantry() -> Closures:
     """The Gantry-Tau's closures, read from the shipped URDF by the tests."""
-    return machines.gantry(gtpin.load_robot("gantry_tau").description.xml)
+    return nominal("gantry_tau")
 
 
 @pytest.fixture(scope="session")
@@ -40,13 +37,13 @@ def arrays(robot: gtpin.Robot) -> RodKinematics:
 
 
 @pytest.fixture(scope="session", params=NAMES)
-def machine(request: pytest.FixtureRequest, gantry: Machine) -> Machine:
+def machine(request: pytest.FixtureRequest, gantry: Closures) -> Closures:
     """Each of the parallel machines."""
     return gantry if request.param == "gantry_tau" else machines.MAKERS[request.param]()
 
 
 @pytest.fixture(scope="session")
-def loaded(machine: Machine) -> gtpin.Robot:
+def loaded(machine: Closures) -> gtpin.Robot:
     """The same machine as gtpin loads it."""
     return load(machine)
 
@@ -58,27 +55,13 @@ def closures(loaded: gtpin.Robot) -> RodKinematics:
 
 
 @pytest.fixture(scope="session")
-def example_robots() -> Path:
-    """The folder of example-robot-data's robots."""
-    files = metadata.files("example-robot-data") or []
-    anyone = next(file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
-    return Path(str(anyone.locate())).resolve().parents[2]
-
-
-FOUR_BAR = """<robot name="four_bar">
-  <link name="base"/><link name="crank"/><link name="coupler"/><link name="rocker"/>
-  <joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
-  <joint name="elbow" type="continuous"><parent link="crank"/><child link="coupler"/>
-    <origin xyz="0.2 0 0" rpy="0 0 1.025"/><axis xyz="0 0 1"/></joint>
-  <joint name="swing" type="continuous"><parent link="base"/><child link="rocker"/>
-    <origin xyz="0.6 0 0" rpy="0 0 1.889"/><axis xyz="0 0 1"/></joint>
-  <loop_joint name="pin" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>
-    <link2 link="rocker" xyz="0.45 0 0"/></loop_joint>
-  <gtpin><actuator joint="turn" site="crank"/><platform link="rocker"/></gtpin>
-</robot>"""
-
-
-@pytest.fixture(scope="session")
 def four_bar() -> gtpin.Robot:
     """A planar crank and rocker (0.2, 0.5, 0.45 m on a base of 0.6 m); the crank turns round and round."""
-    return gtpin.Robot(RobotDescription.parse(FOUR_BAR))
+    return robot_of(
+        "four_bar",
+        joint("turn", "base", "crank", kind="continuous"),
+        joint("elbow", "crank", "coupler", "0.2 0 0", kind="continuous", rpy="0 0 1.025"),
+        joint("swing", "base", "rocker", "0.6 0 0", kind="continuous", rpy="0 0 1.889"),
+        loop("coupler", "0.5 0 0", "rocker", "0.45 0 0"),
+        own(["turn"], "rocker"),
+    )

@@ -1,117 +1,13 @@
 """Parallel machines written down twice: as a URDF for gtpin, and as the numbers of their closures for the tests."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from xml.etree import ElementTree
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import fsolve
+from closures import Closures
 from scipy.spatial.transform import Rotation
+from urdfs import joint, urdf
 
 Floats = np.ndarray
-
-
-@dataclass(frozen=True)
-class Machine:
-    """|T + R P - C(q)| = L(q): joints on the platform P (6, 3), on the carriers C(q) (N, 6, 3), lengths L(q) (N, 6)."""
-
-    name: str
-    urdf: str
-    P: Floats
-    C: Callable[[Floats], Floats]
-    L: Callable[[Floats], Floats]
-    q: Floats
-    T: Floats
-    R: Floats
-    spread: float
-    """Half the width of the commands about home that tests draw from."""
-
-    def commands(self, count: int, seed: int = 0) -> Floats:
-        rng = np.random.default_rng(seed)
-        return self.q + self.spread * rng.uniform(-1.0, 1.0, (count, len(self.q)))
-
-    def residual(self, q: Floats, T: Floats, R: Floats) -> Floats:
-        """(N, 6) |T + R P - C| - L, m."""
-        d = T[:, None] + self.P @ np.swapaxes(R, 1, 2) - self.C(q)
-        return np.linalg.norm(d, axis=2) - self.L(q)
-
-    def close(self, q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats]:
-        """Newton's method on the closures, N poses at once: the tests' own, without safeguards, for small steps."""
-        T, R = T.copy(), R.copy()
-        C, L = self.C(q), self.L(q)
-        for _ in range(20):
-            RP = self.P @ np.swapaxes(R, 1, 2)
-            d = T[:, None] + RP - C
-            gap = np.einsum("nki,nki->nk", d, d) - L**2
-            J = 2.0 * np.concatenate([d, np.cross(RP, d)], axis=2)
-            step = np.linalg.solve(J, -gap[..., None])[..., 0]
-            T += step[:, :3]
-            R = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
-            if np.abs(step).max() < 1e-13:
-                break
-        return T, R
-
-    def follow(self, q: Floats, stride: float = 0.005) -> tuple[Floats, Floats]:
-        """From home to commands q (N, n) along straight lines, in strides of at most so much a command."""
-        strides = int(np.ceil(np.abs(q - self.q).max() / stride))
-        T, R = np.tile(self.T, (len(q), 1)), np.tile(self.R, (len(q), 1, 1))
-        for k in range(1, strides + 1):
-            T, R = self.close(self.q + k / strides * (q - self.q), T, R)
-        return T, R
-
-    def fsolve(self, q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats, bool]:
-        """One posture by scipy's fsolve on the distances, with a numerical Jacobian."""
-
-        def distances(x: Floats) -> Floats:
-            turned = Rotation.from_rotvec(x[3:]).as_matrix() @ R
-            return self.residual(q[None], x[None, :3], turned[None])[0]
-
-        x, _, code, _ = fsolve(distances, np.concatenate([T, np.zeros(3)]), xtol=1e-14, full_output=True)
-        closed = bool(np.abs(distances(x)).max() < 1e-12)
-        return x[:3], Rotation.from_rotvec(x[3:]).as_matrix() @ R, closed or code == 1
-
-
-def gantry(urdf: str) -> Machine:
-    """The closures of a Gantry-Tau, read from its URDF with nothing but ElementTree."""
-    root = ElementTree.fromstring(urdf)
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    loops = {loop.get("name"): loop for loop in root.findall("loop_joint")}
-    own = root.find("gtpin")
-    assert own is not None
-    P, C0, L0, v = (np.zeros((6, 3)), np.zeros((6, 3)), np.zeros(6), np.zeros((6, 3)))
-    driver = np.zeros(6, dtype=int)
-    for i, rod in enumerate(own.findall("rod")):
-        loop = loops[rod.get("loop")]
-        seat, tip = loop.find("link2"), loop.find("link1")
-        assert seat is not None
-        assert tip is not None
-        driver[i] = int(seat.get("link", "").removeprefix("cart")) - 1
-        track = joints[f"track{driver[i] + 1}"]
-        P[i] = numbers(joints[f"{rod.get('link')}_pitch"].find("origin"), "xyz")
-        C0[i] = numbers(track.find("origin"), "xyz") + numbers(seat, "xyz")
-        L0[i] = np.linalg.norm(numbers(tip, "xyz"))
-        v[i] = numbers(track.find("axis"), "xyz")
-        v[i] /= np.linalg.norm(v[i])
-    home = own.find("home")
-    return Machine(
-        "gantry_tau",
-        urdf,
-        P,
-        lambda q: C0 + q[:, driver, None] * v,
-        lambda q: np.tile(L0, (len(q), 1)),
-        numbers(home, "q"),
-        numbers(home, "tcp_xyz"),
-        Rotation.from_rotvec(numbers(home, "tcp_rotvec")).as_matrix(),
-        0.65,
-    )
-
-
-def numbers(element: ElementTree.Element | None, key: str) -> Floats:
-    assert element is not None
-    return np.array([float(word) for word in element.get(key, "").split()])
-
-
-# ------------------------------------------------------------------------------------------------------ the generator
 
 
 @dataclass(frozen=True)
@@ -124,99 +20,17 @@ class Carrier:
     frame: Floats
 
 
-def write(
-    name: str,
-    carriers: list[Carrier],
-    carried: list[int | None],
-    P: Floats,
-    C: Floats,
-    L: Floats,
-    q: Floats,
-    T: Floats,
-    R: Floats,
-    *,
-    zero_is_home: bool,
-    mass: float = 2.0,
-) -> str:
-    """URDF of a machine with six rods; rods without a carrier are legs of variable length, on the base.
-
-    Joints are named against the order of q, odd loops are written the other way round, frames are turned, and the TCP is
-    not the platform's frame: nothing of that may matter.
-    """
-    tcp = (np.array([0.01, -0.02, 0.05]), np.array([0.1, 0.2, -0.3]))  # in the platform's frame
-    tcp_R = rpy_matrix(tcp[1])
-    platform_R = R @ tcp_R.T
-    platform_T = T - platform_R @ tcp[0]
-    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
-    out = [f'<robot name="{name}">', '<link name="base"/>', '<link name="platform"><inertial>']
-    out += [
-        f'<origin xyz="0.01 0.02 -0.03"/><mass value="{3.0 * mass}"/>{inertia}</inertial></link>',
-        '<link name="tcp"/>',
-    ]
-    origin = placed(platform_T, platform_R) if zero_is_home else ""
-    out.append(f'<joint name="floats" type="floating"><parent link="base"/><child link="platform"/>{origin}</joint>')
-    out.append(
-        f'<joint name="tcp_mount" type="fixed"><parent link="platform"/><child link="tcp"/>{placed(tcp[0], tcp_R)}</joint>'
-    )
-    actuators = []
-    limit = '<limit lower="-0.9" upper="1.1" effort="10" velocity="1"/>'
-    for k, carrier in enumerate(carriers):
-        joint = f"drive_{chr(ord('z') - k)}"
-        actuators.append((joint, f"cart{k + 1}"))
-        out.append(f'<link name="cart{k + 1}"><inertial><mass value="{mass}"/>')
-        out.append(
-            f'<origin xyz="{text(carrier.frame.T @ (C[carried.index(k)] - carrier.point) / 2)}"/>{inertia}</inertial></link>'
-        )
-        out.append(f'<joint name="{joint}" type="{carrier.kind}"><parent link="base"/><child link="cart{k + 1}"/>')
-        out.append(placed(carrier.point, carrier.frame) + f'<axis xyz="{text(2.0 * carrier.frame.T @ carrier.axis)}"/>')
-        out.append(("" if carrier.kind == "continuous" else limit) + "</joint>")
-    for i in range(6):
-        link, at = f"link{i + 1}", tcp_R @ P[i] + tcp[0]
-        z = platform_R.T @ (C_home(carriers, carried, C, q)[i] - T - R @ P[i])
-        axes = along_z(z / np.linalg.norm(z))
-        passive = '<limit lower="-1.5" upper="1.5" effort="0" velocity="9"/></joint>'
-        out.append(f'<link name="{link}_cross"/><joint name="{link}_pitch" type="revolute"><parent link="platform"/>')
-        out.append(f'<child link="{link}_cross"/>{placed(at, axes)}<axis xyz="1 0 0"/>{passive}')
-        body = f'<inertial><origin xyz="0 0 {0.4 * L[i]}"/><mass value="{0.2 * mass}"/>{inertia}</inertial></link>'
-        hung = link if carried[i] is not None else f"{link}_tube"
-        out.append(f'<link name="{hung}">{body}<joint name="{link}_yaw" type="revolute"><parent link="{link}_cross"/>')
-        out.append(f'<child link="{hung}"/><axis xyz="0 1 0"/>{passive}')
-        tip = float(L[i])
-        if carried[i] is None:
-            joint = f"leg_{chr(ord('z') - i)}"
-            actuators.append((joint, f"leg{i + 1}"))
-            out.append(f'<link name="{link}">{body}<joint name="{joint}" type="prismatic"><parent link="{hung}"/>')
-            out.append(f'<child link="{link}"/><origin xyz="0 0 0.25"/><axis xyz="0 0 3"/>{limit}</joint>')
-            tip -= 0.25
-        carrier = None if carried[i] is None else carriers[carried[i]]
-        seat = C[i] if carrier is None else carrier.frame.T @ (C[i] - carrier.point)
-        seat_link = "base" if carrier is None else f"cart{carried[i] + 1}"  # type: ignore[operator]
-        ends = [
-            f'link="{link}" xyz="0 0 {tip!r}" rpy="0.3 -0.2 0.1"',
-            f'link="{seat_link}" xyz="{text(seat)}" rpy="1 2 3"',
-        ]
-        first, second = ends if i % 2 == 0 else ends[::-1]
-        out.append(f'<loop_joint name="ball{i + 1}" type="spherical"><link1 {first}/><link2 {second}/></loop_joint>')
-    out.append("<gtpin>")
-    out += [f'<actuator joint="{joint}" site="{site}"/>' for joint, site in actuators]
-    out.append('<platform link="platform" tcp="tcp"/>')
-    out += [f'<rod link="link{i + 1}" loop="ball{i + 1}" site="link{i + 1}"/>' for i in range(6)]
-    rotvec = Rotation.from_matrix(R).as_rotvec()
-    out.append(f'<home q="{text(q)}" tcp_xyz="{text(T)}" tcp_rotvec="{text(rotvec)}"/><gravity xyz="0.5 -0.3 -9.7"/>')
-    out.append('<tolerance link_length="0.0005"/></gtpin></robot>')
-    return "\n".join(out)
-
-
 def text(values: Floats) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def placed(T: Floats, R: Floats) -> str:
-    return f'<origin xyz="{text(T)}" rpy="{text(Rotation.from_matrix(R).as_euler("xyz"))}"/>'
+def rpy(R: Floats) -> str:
+    return text(Rotation.from_matrix(R).as_euler("xyz"))
 
 
-def rpy_matrix(rpy: Floats) -> Floats:
-    return Rotation.from_euler("xyz", rpy).as_matrix()
+def inertial(xyz: str, mass: float) -> str:
+    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+    return f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/>{inertia}</inertial>'
 
 
 def along_z(z: Floats) -> Floats:
@@ -224,25 +38,6 @@ def along_z(z: Floats) -> Floats:
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
-
-
-def C_at(carriers: list[Carrier], carried: list[int | None], C: Floats, q: Floats) -> Floats:
-    """(N, 6, 3) joints on the carriers at commands q (N, n)."""
-    result = np.tile(C, (len(q), 1, 1))
-    for i, k in enumerate(carried):
-        if k is None:
-            continue
-        carrier = carriers[k]
-        if carrier.kind == "prismatic":
-            result[:, i] += q[:, k, None] * carrier.axis
-        else:
-            turned = Rotation.from_rotvec(q[:, k, None] * carrier.axis).apply(C[i] - carrier.point)
-            result[:, i] = carrier.point + turned
-    return result
-
-
-def C_home(carriers: list[Carrier], carried: list[int | None], C: Floats, q: Floats) -> Floats:
-    return C_at(carriers, carried, C, q[None])[0]
 
 
 def machine(
@@ -255,24 +50,72 @@ def machine(
     T: Floats,
     R: Floats,
     spread: float,
-    **options: bool,
-) -> Machine:
-    """A machine whose rods are as long as its home needs them."""
-    L = np.linalg.norm(T + P @ R.T - C_home(carriers, carried, C, q), axis=1)
-    legs = np.array([k is None for k in carried])
-    stretched = np.where(legs, q if legs.all() else 0.0, 0.0)
-    urdf = write(name, carriers, carried, P, C, L - stretched, q, T, R, zero_is_home=options.get("zero_is_home", True))
-    return Machine(
+    zero_is_home: bool = True,
+) -> Closures:
+    """A machine whose six rods are as long as its home needs them; those without a carrier are legs of variable length.
+
+    In its URDF joints are named against the order of q, odd loops are written the other way round, frames are turned, and the
+    TCP is not the platform's frame: nothing of that may matter.
+    """
+    legs = carried[0] is None
+    made = Closures(
         name,
-        urdf,
+        "",
+        "leg" if legs else "track" if carriers[0].kind == "prismatic" else "arm",
+        np.arange(6) if legs else np.array(carried),
         P,
-        lambda q: C_at(carriers, carried, C, q),
-        lambda q: np.tile(L, (len(q), 1)) if not legs.any() else L - stretched + q,
+        C,
+        np.zeros(6),
+        np.zeros((6, 3)) if legs else np.array([carriers[k].axis for k in carried]),
+        np.zeros((6, 3)) if legs else np.array([carriers[k].point for k in carried]),
         q,
         T,
         R,
         spread,
     )
+    L, seats = made.residual(q[None], T[None], R[None])[0], made.C(q[None])[0]  # as of rods without a length
+    tcp_T, tcp_R = np.array([0.01, -0.02, 0.05]), Rotation.from_euler("xyz", [0.1, 0.2, -0.3]).as_matrix()
+    platform_R = R @ tcp_R.T
+    zero = {"xyz": text(T - platform_R @ tcp_T), "rpy": rpy(platform_R)} if zero_is_home else {}
+    parts = [
+        joint("floats", "base", "platform", kind="floating", body=inertial("0.01 0.02 -0.03", 6.0), **zero),
+        joint("tcp_mount", "platform", "tcp", text(tcp_T), kind="fixed", rpy=rpy(tcp_R)),
+    ]
+    actuators = []
+    driven = {"limit": (-0.9, 1.1)}
+    for k, one in enumerate(carriers):
+        actuators.append((f"drive_{chr(ord('z') - k)}", f"cart{k + 1}"))
+        body = inertial(text(one.frame.T @ (C[carried.index(k)] - one.point) / 2), 2.0)
+        axis = text(2.0 * one.frame.T @ one.axis)
+        at = {"kind": one.kind, "rpy": rpy(one.frame), "body": body, **driven}
+        parts.append(joint(actuators[-1][0], "base", f"cart{k + 1}", text(one.point), axis, **at))
+    for i, k in enumerate(carried):
+        link, tip = f"link{i + 1}", float(L[i])
+        z = platform_R.T @ (seats[i] - T - R @ P[i])
+        at = {"xyz": text(tcp_R @ P[i] + tcp_T), "rpy": rpy(along_z(z / np.linalg.norm(z)))}
+        body = inertial(f"0 0 {0.4 * L[i]}", 0.4)
+        parts.append(joint(f"{link}_pitch", "platform", f"{link}_cross", axis="1 0 0", limit=1.5, **at))
+        hung = f"{link}_tube" if k is None else link
+        parts.append(joint(f"{link}_yaw", f"{link}_cross", hung, axis="0 1 0", limit=1.5, body=body))
+        if k is None:
+            actuators.append((f"leg_{chr(ord('z') - i)}", f"leg{i + 1}"))
+            slide = {"kind": "prismatic", "body": body, **driven}
+            parts.append(joint(actuators[-1][0], hung, link, "0 0 0.25", "0 0 3", **slide))
+            tip -= 0.25
+        seat = C[i] if k is None else carriers[k].frame.T @ (C[i] - carriers[k].point)
+        seat_link = "base" if k is None else f"cart{k + 1}"
+        ends = [
+            f'link="{link}" xyz="0 0 {tip!r}" rpy="0.3 -0.2 0.1"',
+            f'link="{seat_link}" xyz="{text(seat)}" rpy="1 2 3"',
+        ]
+        first, second = ends if i % 2 == 0 else ends[::-1]
+        parts.append(f'<loop_joint name="ball{i + 1}" type="spherical"><link1 {first}/><link2 {second}/></loop_joint>')
+    own = [f'<actuator joint="{drive}" site="{site}"/>' for drive, site in actuators]
+    own += [f'<rod link="link{i}" loop="ball{i}" site="link{i}"/>' for i in range(1, 7)]
+    rotvec = text(Rotation.from_matrix(R).as_rotvec())
+    own.append(f'<home q="{text(q)}" tcp_xyz="{text(T)}" tcp_rotvec="{rotvec}"/><platform link="platform" tcp="tcp"/>')
+    own.append('<gravity xyz="0.5 -0.3 -9.7"/><tolerance link_length="0.0005"/>')
+    return replace(made, L0=L, urdf=urdf(name, *parts, f"<gtpin>{''.join(own)}</gtpin>"))
 
 
 def circle(radius: float, degrees: list[float], z: float = 0.0) -> Floats:
@@ -280,7 +123,7 @@ def circle(radius: float, degrees: list[float], z: float = 0.0) -> Floats:
     return np.column_stack([radius * np.cos(a), radius * np.sin(a), np.full(len(a), z)])
 
 
-def stewart() -> Machine:
+def stewart() -> Closures:
     """Six legs of variable length between a base and a platform; home is not at zero commands."""
     base = circle(0.6, [-8, 8, 112, 128, 232, 248])
     platform = circle(0.25, [-50, 50, 70, 170, 190, 290], -0.04)
@@ -289,7 +132,7 @@ def stewart() -> Machine:
     return machine("stewart", [], [None] * 6, platform, base, q, np.array([0.02, 0.03, 0.75]), R, 0.06)
 
 
-def linear_delta() -> Machine:
+def linear_delta() -> Closures:
     """Three vertical tracks, six equal rods in parallel pairs; the URDF's zero is not its home."""
     out = circle(1.0, [90, 210, 330])
     carriers = [Carrier("prismatic", 0.4 * o, np.array([0.0, 0.0, 1.0]), along_z(o)) for o in out]
@@ -302,13 +145,13 @@ def linear_delta() -> Machine:
     return machine("linear_delta", carriers, carried, P, C, np.zeros(3), T, np.eye(3), 0.12, zero_is_home=False)
 
 
-def rotary_tau() -> Machine:
+def rotary_tau() -> Closures:
     """Three arms that turn about one column, with one, two and three rods; one of them turns without end."""
     up = np.array([0.0, 0.0, 1.0])
     kinds = ["revolute", "continuous", "revolute"]
     points = [up * 0.9, up * 0.1, up * 0.5]
     tilt = Rotation.from_rotvec([[0.02, 0.0, 0.0], [0.0, -0.03, 0.0], [0.01, 0.02, 0.0]]).apply(up)
-    frames = [rpy_matrix(np.array([0.3, -0.4, 0.5 * k])) for k in range(3)]
+    frames = [Rotation.from_euler("xyz", [0.3, -0.4, 0.5 * k]).as_matrix() for k in range(3)]
     carriers = [Carrier(*parts) for parts in zip(kinds, points, tilt, frames, strict=True)]
     carried: list[int | None] = [0, 1, 1, 2, 2, 2]
     arms = circle(0.8, [20, -40, 70])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.ndimage import label
+from urdfs import crossing, joint, loop, own, robot_of, urdf
 
 import gtpin
 from gtpin.bench.simulator.simulate import TrueRobot
@@ -56,12 +57,7 @@ class FiveBar:
     def tip(self, q: Floats, side: int) -> Floats:
         """(N, 2) where the circles about the elbows cross, on one side of the line from the first to the second."""
         one, two = self.elbows(q)
-        d = np.linalg.norm(two - one, axis=-1, keepdims=True)
-        u = (two - one) / d
-        along = (d**2 + self.links[0] ** 2 - self.links[1] ** 2) / (2.0 * d)
-        with np.errstate(invalid="ignore"):
-            across = np.sqrt(self.links[0] ** 2 - along**2)
-        return one + along * u + side * across * np.stack([-u[..., 1], u[..., 0]], axis=-1)
+        return crossing(one, self.links[0], two, self.links[1], side)
 
     def knees(self, tip: Floats) -> Floats:
         """(2,) angle from each crank to its link at home, rad."""
@@ -73,26 +69,16 @@ class FiveBar:
     def robot(self) -> gtpin.Robot:
         turn = np.arctan2(*(self.home_tip - self.elbows(np.zeros((1, 2)))[0, 0])[::-1])
 
-        def joint(name: str, parent: str, child: str, x: float, yaw: float) -> str:
-            return (
-                f'<link name="{child}"/><joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-                f'<origin xyz="{x!r} 0 0" rpy="0 0 {yaw!r}"/><axis xyz="0 0 1"/></joint>'
-            )
-
-        parts = ['<robot name="five"><link name="base"/>']
+        parts = []
         for i, side in enumerate((-0.5, 0.5)):
-            parts.append(joint(f"m{i}", "base", f"crank{i}", float(side * self.base), float(self.zero[i])))
-            parts.append(joint(f"k{i}", f"crank{i}", f"link{i}", float(self.cranks[i]), 0.0))
+            turned = {"kind": "continuous", "rpy": f"0 0 {float(self.zero[i])!r}"}
+            parts.append(joint(f"m{i}", "base", f"crank{i}", f"{float(side * self.base)!r} 0 0", **turned))
+            parts.append(joint(f"k{i}", f"crank{i}", f"link{i}", f"{float(self.cranks[i])!r} 0 0", kind="continuous"))
         x, y = self.home_tip
-        ends = [f'<link{i + 1} link="link{i}" xyz="{float(self.links[i])!r} 0 0"/>' for i in (0, 1)]
-        parts.append('<link name="tip"/><joint name="end" type="fixed"><parent link="link0"/><child link="tip"/>')
-        parts.append(f'<origin xyz="{float(self.links[0])!r} 0 0"/></joint>')
-        parts.append(
-            f'<loop_joint name="pin" type="spherical">{"".join(ends)}</loop_joint><gtpin><actuator joint="m0"/>'
-        )
-        parts.append('<actuator joint="m1"/><platform link="tip"/>')
-        parts.append(f'<home q="0 0" tcp_xyz="{x} {y} 0" tcp_rotvec="0 0 {turn}"/></gtpin></robot>')
-        return gtpin.Robot(RobotDescription.parse("".join(parts)))
+        ends = [f"{float(length)!r} 0 0" for length in self.links]
+        home = f'<home q="0 0" tcp_xyz="{x} {y} 0" tcp_rotvec="0 0 {turn}"/>'
+        tip, pin = joint("end", "link0", "tip", ends[0], kind="fixed"), loop("link0", ends[0], "link1", ends[1])
+        return robot_of("five", *parts, tip, pin, own(["m0", "m1"], "tip", home))
 
     def straight(self, q: Floats) -> Floats:
         """(N,) smallest clearance, m, on the straight line of commands from home: on a grid, then refined about its minima."""
@@ -154,14 +140,16 @@ def test_a_virtual_machine_is_in_home_s_assembly(seed: int, knees: tuple[int, in
     np.testing.assert_array_equal(there[clear], free[clear] > 0.0)
 
 
-STRAIGHT_DOWN = """<robot name="five"><link name="base"/><link name="p1"/><link name="d1"/><link name="p2"/><link name="d2"/>
-<joint name="m1" type="continuous"><parent link="base"/><child link="p1"/><origin xyz="-0.15 0 0"/><axis xyz="0 0 1"/></joint>
-<joint name="f1" type="continuous"><parent link="p1"/><child link="d1"/><origin xyz="0 -0.45 0"/><axis xyz="0 0 1"/></joint>
-<joint name="m2" type="continuous"><parent link="base"/><child link="p2"/><origin xyz="0.15 0 0"/><axis xyz="0 0 1"/></joint>
-<joint name="f2" type="continuous"><parent link="p2"/><child link="d2"/><origin xyz="0 -0.45 0"/><axis xyz="0 0 1"/></joint>
-<link name="tip"/><joint name="t" type="fixed"><parent link="d1"/><child link="tip"/><origin xyz="0 -0.5 0"/></joint>
-<loop_joint name="l" type="spherical"><link1 link="d1" xyz="0 -0.5 0"/><link2 link="d2" xyz="0 -0.52 0"/></loop_joint>
-<gtpin><actuator joint="m1"/><actuator joint="m2"/><platform link="tip"/></gtpin></robot>"""
+STRAIGHT_DOWN = urdf(
+    "five",
+    joint("m1", "base", "p1", "-0.15 0 0", kind="continuous"),
+    joint("f1", "p1", "d1", "0 -0.45 0", kind="continuous"),
+    joint("m2", "base", "p2", "0.15 0 0", kind="continuous"),
+    joint("f2", "p2", "d2", "0 -0.45 0", kind="continuous"),
+    joint("t", "d1", "tip", "0 -0.5 0", kind="fixed"),
+    loop("d1", "0 -0.5 0", "d2", "0 -0.52 0", "l"),
+    own(["m1", "m2"], "tip"),
+)
 
 
 def test_a_robot_without_home_says_its_assembly_and_how_to_choose_another(tmp_path: Path) -> None:
@@ -169,9 +157,8 @@ def test_a_robot_without_home_says_its_assembly_and_how_to_choose_another(tmp_pa
     file.write_text(STRAIGHT_DOWN, encoding="utf-8")
     with pytest.warns(GtpinWarning, match="no <home>") as caught:
         robot = gtpin.load_robot(file)
-    # The elbows are at (-0.15, -0.45) and (0.15, -0.45): circles of 0.5 m and 0.52 m cross at x = -0.034.
-    x = -0.15 + (0.3**2 + 0.5**2 - 0.52**2) / (2 * 0.3)
-    down, up = (np.array([x, -0.45 + sign * np.sqrt(0.5**2 - (x + 0.15) ** 2), 0.0]) for sign in (-1, 1))
+    elbows = np.array([[-0.15, -0.45], [0.15, -0.45]])
+    down, up = ([*crossing(elbows[0], 0.5, elbows[1], 0.52, side), 0.0] for side in (-1, 1))
     np.testing.assert_allclose(gtpin.home(robot).T, down, atol=1e-9)
     (said,) = {str(warning.message) for warning in caught}
     homes = re.findall("<home [^>]*/>", said)
@@ -188,9 +175,8 @@ def test_displaced_robots_and_their_files_keep_the_assembly_that_was_chosen(tmp_
     values = nominal.values.copy()
     values[nominal.names.index("anchor[l.d1].y")] -= 0.05
     model = gtpin.Model(nominal.with_values(values))
-    x = -0.15 + (0.3**2 + 0.55**2 - 0.52**2) / (2 * 0.3)
-    pin_y = -0.45 - np.sqrt(0.55**2 - (x + 0.15) ** 2)
-    tip = np.array([-0.15, -0.45]) + (np.array([x, pin_y]) - [-0.15, -0.45]) * 0.5 / 0.55
+    elbows = np.array([[-0.15, -0.45], [0.15, -0.45]])
+    tip = elbows[0] + (crossing(elbows[0], 0.55, elbows[1], 0.52, -1) - elbows[0]) * 0.5 / 0.55
     gtpin.write_model(model, tmp_path)
     for again in (model, pickle.loads(pickle.dumps(model)), gtpin.read_model(tmp_path / "robot.urdf")):
         np.testing.assert_allclose(again.predict([[0.0, 0.0]]).T[0, :2], tip, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Robots without rods through the same code: arms, and a planar four-bar linkage."""
+"""Robots without rods through the same code: arms, what their joints carry, and a planar four-bar linkage."""
 
 import pickle
 from pathlib import Path
@@ -8,32 +8,30 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
+from loaded_machines import closed_by_hand, differences, drawn
 
 import gtpin
 from gtpin.errors import ClosureError, ModelError
+from gtpin.kinematics.bodies import bodies
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.statics import joint_loads
 from gtpin.model.model_folder import calibrated_urdf
+from gtpin.robot.chain import joint_axis
+from gtpin.robot.library import urdf_path
 
 Floats = np.ndarray
 FINGER = ("panda_finger_joint1", "panda_finger_joint2")  # the second follows the first
-ARMS = {"ur5": "ur_description/urdf/ur5_robot.urdf", "panda": "panda_description/urdf/panda.urdf"}
 
 
-@pytest.fixture(params=ARMS)
-def arm(request: pytest.FixtureRequest, example_robots: Path) -> tuple[gtpin.Robot, Path]:
-    file = example_robots / ARMS[request.param]
-    return gtpin.load_robot(file), file
+@pytest.fixture(params=["ur5", "panda"])
+def arm(request: pytest.FixtureRequest) -> tuple[gtpin.Robot, Path]:
+    return gtpin.load_robot(request.param), urdf_path(request.param)
 
 
 def every_joint(robot: gtpin.Robot, q: Floats) -> Floats:
     """(..., nv) coordinates of plain Pinocchio's model, which knows no mimic joints, in document order, at commands q."""
     return np.concatenate([q, q[..., -1:]], axis=-1) if FINGER[0] in robot.sites else q
-
-
-def drawn(geometry: gtpin.Geometry, seed: int) -> gtpin.Geometry:
-    rng = np.random.default_rng(seed)
-    return geometry.with_values(geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values)))
 
 
 def test_every_moving_joint_of_an_arm_is_an_actuator_in_document_order(arm: tuple[gtpin.Robot, Path]) -> None:
@@ -48,17 +46,6 @@ def test_every_moving_joint_of_an_arm_is_an_actuator_in_document_order(arm: tupl
     assert robot.rods == ()
 
 
-def differences(poses: object, x: Floats, step: float = 1e-4) -> Floats:
-    """(N, 6, p) central differences, of fourth order."""
-    columns = []
-    for k in range(len(x)):
-        h = np.zeros(len(x))
-        h[k] = step
-        once, twice = (poses(x + f * h).minus(poses(x - f * h)) / (2.0 * f * step) for f in (1.0, 2.0))  # type: ignore[operator]
-        columns.append((4.0 * once - twice) / 3.0)
-    return np.stack(columns, axis=2)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("away", [0.0, 1.0])
 def test_joint_placements_of_an_arm_have_the_derivative_of_its_poses(
@@ -68,11 +55,11 @@ def test_joint_placements_of_an_arm_have_the_derivative_of_its_poses(
     nominal = gtpin.Geometry.nominal(robot)
     placed = {f"placement[{robot.model.names[j]}]" for j in robot.moving_joints}
     assert {name.split(".")[0] for name in nominal.names} == {*placed, "platform"}
-    geometry = drawn(nominal, 2) if away else nominal
+    geometry = drawn(robot, 2) if away else nominal
     q = np.random.default_rng(3).uniform(-1.5, 1.5, (2, robot.n_actuators))
     here = ChainKinematics(geometry)
     analytic = here.geometry_jacobian(q, here.forward(q))
-    numeric = differences(lambda x: ChainKinematics(nominal.with_values(x)).forward(q), geometry.values)
+    numeric = differences(lambda x: ChainKinematics(nominal.with_values(x)).forward(q), geometry.values, 1e-4)
     np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-9)
 
 
@@ -81,7 +68,7 @@ def test_command_jacobian_of_an_arm_is_the_derivative_of_its_poses(arm: tuple[gt
     here = kinematics(gtpin.Geometry.nominal(robot))
     q = np.random.default_rng(4).uniform(-1.5, 1.5, (1, robot.n_actuators))
     analytic = here.command_jacobian(q, here.forward(q))
-    np.testing.assert_allclose(analytic, differences(lambda x: here.forward(x[None]), q[0]), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(analytic, differences(lambda x: here.forward(x[None]), q[0], 1e-4), rtol=0, atol=1e-9)
 
 
 def test_an_arm_reaches_positions_and_rotations(arm: tuple[gtpin.Robot, Path]) -> None:
@@ -114,7 +101,7 @@ def test_actuators_of_an_arm_hold_gravity_and_the_load(arm: tuple[gtpin.Robot, P
 
 def test_an_exported_arm_predicts_what_the_model_predicts(arm: tuple[gtpin.Robot, Path], tmp_path: Path) -> None:
     robot, _ = arm
-    geometry = drawn(gtpin.Geometry.nominal(robot), 5)
+    geometry = drawn(robot, 5)
     file = tmp_path / "arm.urdf"
     file.write_text(calibrated_urdf(gtpin.Model(geometry)), encoding="utf-8")
     other = yourdfpy.URDF.load(str(file), load_meshes=False, load_collision_meshes=False, build_scene_graph=False)
@@ -131,32 +118,20 @@ def test_an_exported_arm_predicts_what_the_model_predicts(arm: tuple[gtpin.Robot
 
 def test_a_robot_whose_joints_were_moved_pickles_with_them(arm: tuple[gtpin.Robot, Path]) -> None:
     robot, _ = arm
-    model = gtpin.Model(drawn(gtpin.Geometry.nominal(robot), 7))
+    model = gtpin.Model(drawn(robot, 7))
     q = np.random.default_rng(8).uniform(-2.0, 2.0, (5, robot.n_actuators))
     before = model.predict(q)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(model)).predict(q).T, before.T)
 
 
-def by_hand(angle: float) -> tuple[float, Floats]:
-    """Angle of the four-bar's rocker, and the pin, from the crank's angle: two circles that meet."""
-    elbow, pivot = 0.2 * np.array([np.cos(angle), np.sin(angle)]), np.array([0.6, 0.0])
-    d = np.linalg.norm(pivot - elbow)
-    along = (0.5**2 - 0.45**2 + d**2) / (2.0 * d)
-    u = (pivot - elbow) / d
-    candidates = [elbow + along * u + s * np.sqrt(0.5**2 - along**2) * np.array([-u[1], u[0]]) for s in (-1.0, 1.0)]
-    return d, np.array(candidates)
-
-
 def test_a_four_bar_linkage_moves_as_two_circles_meet(four_bar: gtpin.Robot) -> None:
+    """Twice round, on one side: where the loop is closed with its passive joints at zero, the pin is above the crank."""
     posture = gtpin.home(four_bar)
-    branch = None
-    for angle in np.linspace(0.0, 4.0 * np.pi, 60):  # twice round
+    for angle in np.linspace(0.0, 4.0 * np.pi, 60):
         posture = posture.moved_to([angle])
-        pin_at = posture.T[:2] + posture.R[:2, 0] * 0.45
-        distances = np.linalg.norm(by_hand(angle)[1] - pin_at, axis=1)
-        assert distances.min() <= 1e-12
-        branch = int(np.argmin(distances)) if branch is None else branch
-        assert np.argmin(distances) == branch
+        at, turn = closed_by_hand(angle, 1.0)["rocker"]
+        np.testing.assert_allclose(posture.T[:2], at, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(posture.R[:2, 0], [np.cos(turn), np.sin(turn)], rtol=0, atol=1e-12)
 
 
 def test_commands_of_a_continuous_joint_may_go_round(four_bar: gtpin.Robot) -> None:
@@ -185,3 +160,48 @@ def test_no_commands_have_no_poses(name: str) -> None:
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     poses = kinematics.forward(np.zeros((0, robot.n_actuators)))
     assert poses.T.shape == (0, 3)
+
+
+ARM = gtpin.load_robot(Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf")
+Q = np.random.default_rng(0).uniform(-1.2, 1.2, (4, 6))
+
+
+def tcp(model: pin.Model, q: np.ndarray, tool: pin.SE3) -> pin.SE3:
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return data.oMi[ARM.tcp_joint] * tool
+
+
+def energy(q: np.ndarray, payload: float, force: np.ndarray) -> float:
+    """Potential energy of links, payload and a constant force, J."""
+    data = ARM.model.createData()
+    own = pin.computePotentialEnergy(ARM.model, data, q)
+    T = tcp(ARM.model, q, ARM.tcp_placement).translation
+    return float(own - payload * ARM.model.gravity.linear @ T - force @ T)
+
+
+def test_what_a_joint_carries_about_its_axis_is_how_the_energy_falls() -> None:
+    rng = np.random.default_rng(1)
+    payload, force = rng.uniform(0.0, 5.0, len(Q)), 40.0 * rng.standard_normal((len(Q), 3))
+    loads = joint_loads(ARM, Q, force, payload)
+    for i, q in enumerate(Q):
+        for j, actuator in enumerate(ARM.actuators):
+            step = np.zeros(6)
+            step[j] = 1e-4
+            fall = (energy(q - step, payload[i], force[i]) - energy(q + step, payload[i], force[i])) / 2e-4
+            carried = loads[i, actuator.joint_id - 1] @ joint_axis(ARM.model, actuator.joint_id)
+            np.testing.assert_allclose(carried, fall, rtol=0, atol=1e-5)
+
+
+def test_the_first_joint_carries_the_whole_weight() -> None:
+    loads = joint_loads(ARM, Q, payload=np.full(len(Q), 3.0))
+    weight = (sum(inertia.mass for inertia in ARM.model.inertias[1:]) + 3.0) * 9.81
+    np.testing.assert_allclose(loads[:, 0, :3], np.tile([0.0, 0.0, -weight], (len(Q), 1)), rtol=0, atol=1e-9)
+
+
+def test_the_tcp_carries_the_payload_and_the_force_in_its_own_axes() -> None:
+    force = np.tile([10.0, -20.0, 5.0], (len(Q), 1))
+    found, at = joint_loads(ARM, Q, force, np.full(len(Q), 2.0))[:, -1], bodies(ARM, Q)
+    wanted = np.einsum("nji,nj->ni", at.R[:, -1], force + np.array([0.0, 0.0, -2.0 * 9.81]))
+    np.testing.assert_allclose(found[:, :3], wanted, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(found[:, 3:], 0.0)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from machines import Machine
+from closures import Closures
+from loaded_machines import closed_by_hand
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -18,7 +19,7 @@ def within_the_range(robot: gtpin.Robot, count: int, seed: int) -> Floats:
     return np.random.default_rng(seed).uniform(robot.lower, robot.upper, (count, robot.n_actuators))
 
 
-def orientation(machine: Machine, q: Floats, T: Floats, R: Floats) -> Floats:
+def orientation(machine: Closures, q: Floats, T: Floats, R: Floats) -> Floats:
     """(N,) sign of the closures' determinant by the pose, which changes where modes meet."""
     RP = machine.P @ np.swapaxes(R, 1, 2)
     d = T[:, None] + RP - machine.C(q)
@@ -27,7 +28,7 @@ def orientation(machine: Machine, q: Floats, T: Floats, R: Floats) -> Floats:
 
 @pytest.mark.slow
 def test_paths_between_random_postures_keep_the_mode(
-    gantry: Machine, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
+    gantry: Closures, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
 ) -> None:
     q = within_the_range(robot, 1500, seed=2)
     T, R = gantry.follow(q, stride=0.01)
@@ -39,20 +40,18 @@ def test_paths_between_random_postures_keep_the_mode(
 
 
 @pytest.fixture(scope="module")
-def other_modes(gantry: Machine) -> list[tuple[Floats, Floats]]:
-    """The closures' real solutions at q = 0 other than home, found by fsolve from random starts."""
-    rng = np.random.default_rng(4)
+def other_modes(gantry: Closures) -> list[tuple[Floats, Floats]]:
+    """The closures' real solutions at q = 0 other than home, found by Newton's method from random starts."""
+    rng, q = np.random.default_rng(4), np.zeros((400, 3))
+    start = Rotation.from_rotvec(rng.uniform(-np.pi, np.pi, (400, 3))).as_matrix()
+    with np.errstate(all="ignore"):
+        T, R = gantry.close(q, gantry.T + rng.uniform(-4.0, 4.0, (400, 3)), start, steps=60)
+    closed = np.abs(gantry.residual(q, T, R)).max(axis=1) <= 1e-11
     found: list[tuple[Floats, Floats]] = []
-    for _ in range(400):
-        start = Rotation.from_rotvec(rng.uniform(-np.pi, np.pi, 3)).as_matrix()
-        T, R, closed = gantry.fsolve(np.zeros(3), gantry.T + rng.uniform(-4.0, 4.0, 3), start)
-        if not closed or np.abs(gantry.residual(np.zeros((1, 3)), T[None], R[None])).max() > 1e-11:
-            continue
+    for pose in zip(T[closed], R[closed], strict=True):
         known = [(gantry.T, gantry.R), *found]
-        if all(np.abs(T - t).max() + np.abs(R - r).max() > 1e-6 for t, r in known):
-            found.append((T, R))
-        if len(found) == 5:
-            break
+        if len(found) < 5 and all(sum(np.abs(a - b).max() for a, b in zip(pose, k, strict=True)) > 1e-6 for k in known):
+            found.append(pose)
     return found
 
 
@@ -72,7 +71,7 @@ def test_the_closures_have_five_other_solutions_which_are_never_returned(
 
 
 def test_the_whole_range_is_reached_on_one_side_of_the_singularities(
-    gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
+    gantry: Closures, robot: gtpin.Robot, arrays: RodKinematics
 ) -> None:
     q = within_the_range(robot, 5000, seed=6)
     poses = arrays.forward(q)
@@ -82,14 +81,14 @@ def test_the_whole_range_is_reached_on_one_side_of_the_singularities(
 
 
 def test_the_plate_turns_by_less_than_0_6_degrees_over_the_range(
-    gantry: Machine, robot: gtpin.Robot, arrays: RodKinematics
+    gantry: Closures, robot: gtpin.Robot, arrays: RodKinematics
 ) -> None:
     turn = np.linalg.norm(log(arrays.forward(within_the_range(robot, 2000, seed=7)).R @ gantry.R.T), axis=1)
     assert 0.1 < np.degrees(turn).max() < 0.6
 
 
 def test_outside_the_range_a_pose_is_on_homes_side_of_the_singularities_or_there_is_none(
-    machine: Machine, closures: RodKinematics
+    machine: Closures, closures: RodKinematics
 ) -> None:
     rng = np.random.default_rng(8)
     q = machine.q + rng.uniform(-1.0, 1.0, (2000, len(machine.q))) * 3.0 * machine.spread
@@ -117,7 +116,7 @@ def test_starting_from_neighbouring_poses_ends_at_the_same_poses_as_starting_fro
 
 
 def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
-    other_modes: list[tuple[Floats, Floats]], gantry: Machine
+    other_modes: list[tuple[Floats, Floats]], gantry: Closures
 ) -> None:
     T, R = other_modes[0]
     old = gantry.urdf[gantry.urdf.index("<home") : gantry.urdf.index("<gravity")]
@@ -127,17 +126,6 @@ def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
     np.testing.assert_allclose(gtpin.home(other).T, T, rtol=0, atol=1e-11)
     poses = RodKinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
     np.testing.assert_allclose(poses.T[0], T, rtol=0, atol=1e-11)
-
-
-def closed_by_hand(q: float, side: float) -> dict[str, tuple[Floats, float]]:
-    """Origins (2,) and directions, rad, of the four-bar's links, by where two circles meet; side is +1 or -1."""
-    crank, base = 0.2 * np.array([np.cos(q), np.sin(q)]), np.array([0.6, 0.0])
-    way = base - crank
-    apart = float(np.hypot(*way))
-    along = (0.5**2 - 0.45**2 + apart**2) / (2.0 * apart)
-    height = side * np.sqrt(0.5**2 - along**2)
-    pin = crank + (along * way + height * np.array([-way[1], way[0]])) / apart
-    return {name: (at, float(np.arctan2(*(pin - at)[::-1]))) for name, at in (("coupler", crank), ("rocker", base))}
 
 
 @pytest.mark.parametrize("link", ["coupler", "rocker"])

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from machines import Machine
+from closures import Closures
 
 import gtpin
 from gtpin.errors import AssemblyModeError, ClosureError, ModelError, SingularityError, UnreachableError
@@ -95,7 +95,7 @@ def test_no_commands_give_no_poses(arrays: RodKinematics) -> None:
 
 
 @pytest.mark.slow
-def test_a_home_that_does_not_close_raises(gantry: Machine) -> None:
+def test_a_home_that_does_not_close_raises(gantry: Closures) -> None:
     short = gantry.urdf.replace('xyz="0 0 2.04422"', 'xyz="0 0 0.4"')
     assert short != gantry.urdf
     with pytest.raises(UnreachableError, match="home") as caught:
@@ -104,7 +104,7 @@ def test_a_home_that_does_not_close_raises(gantry: Machine) -> None:
 
 
 def test_a_geometry_of_another_robot_is_refused(
-    robot: gtpin.Robot, at_home: gtpin.ClosedPosture, gantry: Machine
+    robot: gtpin.Robot, at_home: gtpin.ClosedPosture, gantry: Closures
 ) -> None:
     nominal = gtpin.Geometry.nominal(robot)
     with pytest.raises(ModelError):
@@ -114,7 +114,7 @@ def test_a_geometry_of_another_robot_is_refused(
         gtpin.geometry_jacobian(at_home, gtpin.Geometry.nominal(longer))
 
 
-def test_rods_other_than_six_are_refused_in_arrays(gantry: Machine) -> None:
+def test_rods_other_than_six_are_refused_in_arrays(gantry: Closures) -> None:
     root = ElementTree.fromstring(gantry.urdf)
     own = root.find("gtpin")
     assert own is not None

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
+from closures import Closures
 from loaded_machines import drawn
-from machines import Machine
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -25,7 +25,7 @@ def written(geometry: gtpin.Geometry, folder: Path) -> Path:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_exported_robot_predicts_what_the_model_predicts(
-    machine: Machine, loaded: gtpin.Robot, seed: int, tmp_path: Path
+    machine: Closures, loaded: gtpin.Robot, seed: int, tmp_path: Path
 ) -> None:
     geometry = drawn(loaded, seed)
     again = gtpin.load_robot(written(geometry, tmp_path))
@@ -76,7 +76,7 @@ def test_an_export_keeps_links_loops_and_everything_that_is_not_geometry(loaded:
             assert text_of(one.findall(tag)) == text_of(other.findall(tag))
 
 
-def test_home_is_told_anew_and_closes(machine: Machine, loaded: gtpin.Robot, tmp_path: Path) -> None:
+def test_home_is_told_anew_and_closes(machine: Closures, loaded: gtpin.Robot, tmp_path: Path) -> None:
     geometry = drawn(loaded, 6)
     again = gtpin.load_robot(written(geometry, tmp_path))
     told = again.description.home
@@ -107,7 +107,7 @@ def test_track_directions_are_exported_as_unit_vectors_without_the_drives_scale(
         assert np.linalg.norm([float(x) for x in axis.get("xyz", "").split()]) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_an_axis_that_went_without_saying_is_written(gantry: Machine, tmp_path: Path) -> None:
+def test_an_axis_that_went_without_saying_is_written(gantry: Closures, tmp_path: Path) -> None:
     """<axis> may be left out of a URDF, and is (1, 0, 0) then."""
     start = gantry.urdf.index("<axis", gantry.urdf.index('name="track1"'))
     bare = gantry.urdf[:start] + gantry.urdf[gantry.urdf.index("/>", start) + 2 :]
@@ -118,7 +118,7 @@ def test_an_axis_that_went_without_saying_is_written(gantry: Machine, tmp_path: 
     assert np.abs(difference).max() <= 1e-9
 
 
-def test_a_tool_of_ones_own_does_not_change_home_and_is_the_exported_tcp(gantry: Machine, tmp_path: Path) -> None:
+def test_a_tool_of_ones_own_does_not_change_home_and_is_the_exported_tcp(gantry: Closures, tmp_path: Path) -> None:
     """<home> tells the pose of the TCP that the URDF names, whichever link the caller takes for the TCP."""
     tool = '<link name="tool"/><joint name="tool_mount" type="fixed"><parent link="platform"/><child link="tool"/>'
     tool += '<origin xyz="0.2 -0.4 0.7" rpy="0.5 0.6 0.7"/></joint></robot>'

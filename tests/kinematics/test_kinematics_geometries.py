@@ -1,8 +1,8 @@
 """Random geometries within the tolerances: arrays, Pinocchio on the exported URDF, and scipy's fsolve."""
 
-import machines
 import numpy as np
 import pytest
+from closures import read
 from loaded_machines import drawn
 
 import gtpin
@@ -35,7 +35,7 @@ def test_arrays_agree_with_pinocchio_for_random_geometries(robot: gtpin.Robot, s
 @pytest.mark.parametrize("seed", range(3))
 def test_both_agree_with_fsolve_on_the_numbers_of_the_exported_urdf(robot: gtpin.Robot, seed: int) -> None:
     geometry = drawn(robot, 50 + seed)
-    closures = machines.gantry(calibrated_urdf(gtpin.Model(geometry)))
+    closures = read(calibrated_urdf(gtpin.Model(geometry)))
     q = np.random.default_rng(seed).uniform(robot.lower, robot.upper, (15, 3))
     poses = RodKinematics(geometry).forward(q)
     near_T, near_R = closures.follow(q, stride=0.05)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from machines import Machine
+from closures import Closures
 
 import gtpin
 from gtpin.errors import ModelError, UnreachableError
@@ -12,7 +12,7 @@ from gtpin.kinematics.rotations import exp, log
 
 @pytest.mark.slow
 def test_commands_come_back_from_positions_over_the_whole_range(
-    machine: Machine, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
 ) -> None:
     q = machine.commands(500, seed=1)
     poses = closures.forward(q)
@@ -30,7 +30,7 @@ def test_commands_come_back_from_positions_over_the_whole_range(
 
 @pytest.mark.parametrize("machine", ["stewart"], indirect=True)
 def test_a_stewart_platform_reaches_positions_with_rotations(
-    machine: Machine, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
 ) -> None:
     rng = np.random.default_rng(2)
     T = machine.T + rng.uniform(-0.05, 0.05, (200, 3))
@@ -45,7 +45,7 @@ def test_a_stewart_platform_reaches_positions_with_rotations(
 
 
 @pytest.mark.parametrize("machine", ["linear_delta"], indirect=True)
-def test_a_linear_delta_has_its_commands_in_closed_form(machine: Machine, closures: RodKinematics) -> None:
+def test_a_linear_delta_has_its_commands_in_closed_form(machine: Closures, closures: RodKinematics) -> None:
     T = machine.T + np.random.default_rng(3).uniform(-0.08, 0.08, (200, 3))
     q, _ = gtpin.commands_for(closures, T)
     base, end = machine.C(np.zeros((1, 3)))[0, ::2], T[:, None] + machine.P[::2]

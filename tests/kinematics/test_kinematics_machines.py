@@ -1,11 +1,11 @@
 """Four parallel machines through one code: arrays, Pinocchio and the tests' own closures agree."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from loaded_machines import load
-from machines import MAKERS, Machine
+from closures import Closures
+from loaded_machines import differences, load
+from machines import MAKERS
+from pinocchio_rods import rods_jacobian
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -14,7 +14,7 @@ from gtpin.kinematics.rotations import log
 Floats = np.ndarray
 
 
-def test_home_closes_to_rounding_where_the_urdf_says(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_home_closes_to_rounding_where_the_urdf_says(machine: Closures, loaded: gtpin.Robot) -> None:
     posture = gtpin.home(loaded)
     gap = machine.residual(machine.q[None], posture.T[None], posture.R[None])
     assert np.abs(gap).max() <= 1e-14 * loaded.size
@@ -23,14 +23,14 @@ def test_home_closes_to_rounding_where_the_urdf_says(machine: Machine, loaded: g
     np.testing.assert_allclose(posture.R, machine.R, rtol=0, atol=1e-13)
 
 
-def test_rods_are_found_by_their_own_ends_whatever_the_frames(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_rods_are_found_by_their_own_ends_whatever_the_frames(machine: Closures, loaded: gtpin.Robot) -> None:
     zero = np.zeros((1, loaded.n_actuators))
     np.testing.assert_allclose([rod.P for rod in loaded.rods], machine.P, rtol=0, atol=1e-13)
     np.testing.assert_allclose([rod.C for rod in loaded.rods], machine.C(zero)[0], rtol=0, atol=1e-13)
     np.testing.assert_allclose([rod.L for rod in loaded.rods], machine.L(zero)[0], rtol=0, atol=1e-13)
 
 
-def test_forward_kinematics_follows_the_closures_from_home(machine: Machine, closures: RodKinematics) -> None:
+def test_forward_kinematics_follows_the_closures_from_home(machine: Closures, closures: RodKinematics) -> None:
     q = machine.commands(300, seed=2)
     T, R = machine.follow(q)
     poses = closures.forward(q)
@@ -38,21 +38,10 @@ def test_forward_kinematics_follows_the_closures_from_home(machine: Machine, clo
     assert np.abs(log(poses.R @ np.swapaxes(R, 1, 2))).max() <= 1e-12
 
 
-def test_commands_arrive_where_they_were_sent(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_commands_arrive_where_they_were_sent(machine: Closures, loaded: gtpin.Robot) -> None:
     posture = gtpin.home(loaded)
     for row in machine.commands(20, seed=3):
         np.testing.assert_allclose(posture.moved_to(row).q, row, rtol=0, atol=1e-15)
-
-
-def differences(poses: Callable[[Floats], gtpin.Poses], x: Floats, step: float) -> Floats:
-    """Central differences, of fourth order, of N poses by x (p,): (N, 6, p)."""
-    columns = []
-    for k in range(len(x)):
-        h = np.zeros(len(x))
-        h[k] = step
-        once, twice = (poses(x + f * h).minus(poses(x - f * h)) / (2.0 * f * step) for f in (1.0, 2.0))
-        columns.append((4.0 * once - twice) / 3.0)
-    return np.stack(columns, axis=2)
 
 
 def one_pose(posture: gtpin.ClosedPosture) -> gtpin.Poses:
@@ -60,7 +49,7 @@ def one_pose(posture: gtpin.ClosedPosture) -> gtpin.Poses:
 
 
 def test_command_jacobian_is_the_derivative_of_pinocchios_solution(
-    machine: Machine, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
 ) -> None:
     q = machine.commands(4, seed=4)
     jacobians = closures.command_jacobian(q, closures.forward(q))
@@ -73,20 +62,22 @@ def test_command_jacobian_is_the_derivative_of_pinocchios_solution(
 
 
 @pytest.mark.parametrize("per", ["actuator", "rod"])
-def test_geometry_jacobian_in_arrays_is_pinocchios(machine: Machine, loaded: gtpin.Robot, per: str) -> None:
+def test_geometry_jacobian_in_arrays_is_pinocchios(machine: Closures, loaded: gtpin.Robot, per: str) -> None:
     geometry = gtpin.Geometry.nominal(loaded, directions=per, scale=per)  # type: ignore[arg-type]
     arrays = RodKinematics(geometry)
     q = machine.commands(10, seed=5)
     for row, jacobian in zip(q, arrays.geometry_jacobian(q, arrays.forward(q)), strict=True):
-        by_pinocchio = gtpin.geometry_jacobian(gtpin.home(loaded).moved_to(row), geometry)
+        by_pinocchio = rods_jacobian(gtpin.home(loaded).moved_to(row), geometry)
         np.testing.assert_allclose(jacobian, by_pinocchio, rtol=0, atol=1e-11 * np.abs(jacobian).max())
+    own = gtpin.geometry_jacobian(gtpin.home(loaded).moved_to(row), geometry)
+    np.testing.assert_allclose(own, by_pinocchio, rtol=0, atol=1e-11 * np.abs(own).max())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("per", ["actuator", "rod"])
 @pytest.mark.parametrize("away", [0.0, 1.0])
 def test_geometry_jacobian_is_the_derivative_of_the_poses(
-    machine: Machine, loaded: gtpin.Robot, per: str, away: float
+    machine: Closures, loaded: gtpin.Robot, per: str, away: float
 ) -> None:
     nominal = gtpin.Geometry.nominal(loaded, directions=per, scale=per)  # type: ignore[arg-type]
     rng = np.random.default_rng(6)
@@ -112,7 +103,7 @@ def test_parameters_of_other_machines_have_the_names_of_what_they_are() -> None:
 
 
 @pytest.mark.parametrize("machine", ["linear_delta"], indirect=True)
-def test_a_linear_delta_only_translates(closures: RodKinematics, machine: Machine) -> None:
+def test_a_linear_delta_only_translates(closures: RodKinematics, machine: Closures) -> None:
     q = machine.commands(100, seed=9)
     np.testing.assert_allclose(closures.forward(q).R, np.tile(np.eye(3), (100, 1, 1)), rtol=0, atol=1e-12)
     # All carts up by the same travel lift the platform by just that.
@@ -120,7 +111,7 @@ def test_a_linear_delta_only_translates(closures: RodKinematics, machine: Machin
     np.testing.assert_allclose(lifted.T - closures.forward(q).T, np.tile([0, 0, 0.05], (100, 1)), rtol=0, atol=1e-12)
 
 
-def test_tolerances_of_the_urdf_override_the_defaults_and_only_those(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_tolerances_of_the_urdf_override_the_defaults_and_only_those(machine: Closures, loaded: gtpin.Robot) -> None:
     tolerance = dict(zip((g := gtpin.Geometry.nominal(loaded)).names, g.tolerance, strict=True))
     assert tolerance[f"length[{loaded.rods[0].name}]"] == (1e-3 if machine.name == "gantry_tau" else 5e-4)
     assert tolerance[f"platform_joint[{loaded.rods[0].name}].x"] == 1e-3

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from machines import Machine
+from closures import Closures
 from scipy.stats import qmc
 
 import gtpin
 from gtpin.kinematics import newton
-from gtpin.kinematics.first_guess import halton
+from gtpin.kinematics.closures import halton
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 
@@ -30,7 +30,7 @@ def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(
 
 @pytest.mark.slow
 def test_a_solve_closes_the_loops_to_1e_14_of_their_size(
-    gantry: Machine, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
+    gantry: Closures, robot: gtpin.Robot, at_home: gtpin.ClosedPosture
 ) -> None:
     rng = np.random.default_rng(2)
     for _ in range(300):
@@ -42,7 +42,7 @@ def test_a_solve_closes_the_loops_to_1e_14_of_their_size(
         assert np.abs(gap).max() <= 1e-14 * robot.size
 
 
-def test_arrays_close_the_rods_to_1e_14_of_their_size(machine: Machine, closures: RodKinematics) -> None:
+def test_arrays_close_the_rods_to_1e_14_of_their_size(machine: Closures, closures: RodKinematics) -> None:
     q = machine.commands(1000, seed=3)
     poses = closures.forward(q)
     size = np.abs(np.concatenate([machine.C(q).ravel(), poses.T.ravel(), machine.L(q).ravel()])).max()

@@ -5,11 +5,11 @@ import pickle
 
 import numpy as np
 import pytest
+from closures import Closures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays as array_of
 from loaded_machines import load
-from machines import Machine
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -62,7 +62,7 @@ def test_changing_the_commands_afterwards_changes_nothing(at_home: gtpin.ClosedP
     np.testing.assert_array_equal(posture.q, [0.1, 0.2, 0.3])
 
 
-def test_a_robot_pickles_and_behaves_the_same(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_a_robot_pickles_and_behaves_the_same(machine: Closures, loaded: gtpin.Robot) -> None:
     again = pickle.loads(pickle.dumps(loaded))
     assert again.sites == loaded.sites
     assert again.rod_sites == loaded.rod_sites
@@ -75,7 +75,7 @@ def test_a_robot_pickles_and_behaves_the_same(machine: Machine, loaded: gtpin.Ro
         np.testing.assert_array_equal(one.jacobian, other.jacobian)
 
 
-def test_models_pickle_and_copy_with_what_they_have_computed(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_models_pickle_and_copy_with_what_they_have_computed(machine: Closures, loaded: gtpin.Robot) -> None:
     model = gtpin.Model(gtpin.Geometry.nominal(loaded))
     q = machine.commands(10, seed=2)
     before = model.predict(q)
@@ -83,12 +83,12 @@ def test_models_pickle_and_copy_with_what_they_have_computed(machine: Machine, l
     np.testing.assert_array_equal(copy.deepcopy(model).predict(q).T, before.T)
 
 
-def test_a_robot_with_another_tcp_pickles_with_it(gantry: Machine) -> None:
+def test_a_robot_with_another_tcp_pickles_with_it(gantry: Closures) -> None:
     robot = gtpin.Robot(load(gantry).description, tcp="platform")
     assert pickle.loads(pickle.dumps(robot)).tcp_frame == "platform"
 
 
-def test_poses_seen_from_another_frame_are_moved_there(machine: Machine, closures: RodKinematics) -> None:
+def test_poses_seen_from_another_frame_are_moved_there(machine: Closures, closures: RodKinematics) -> None:
     R, T = Rotation.from_rotvec([0.3, -0.2, 1.0]).as_matrix(), np.array([5.0, -1.0, 0.5])
     poses = closures.forward(machine.commands(5, seed=3))
     moved = poses.moved(T, R)

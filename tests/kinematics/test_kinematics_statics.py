@@ -3,8 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from closures import Closures
 from loaded_machines import drawn
-from machines import Machine
 
 import gtpin
 from gtpin.errors import ModelError
@@ -40,14 +40,14 @@ def gradient(posture: gtpin.ClosedPosture, payload: float) -> Floats:
     return result
 
 
-def test_actuators_hold_the_gradient_of_the_potential_energy(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_actuators_hold_the_gradient_of_the_potential_energy(machine: Closures, loaded: gtpin.Robot) -> None:
     for q in machine.commands(3, seed=1):
         posture = gtpin.home(loaded).moved_to(q)
         forces = gtpin.static_forces(posture, payload=PAYLOAD).actuators
         np.testing.assert_allclose(forces, gradient(posture, PAYLOAD), rtol=0, atol=1e-7 * np.abs(forces).max())
 
 
-def test_a_load_on_the_tool_is_held_by_virtual_work(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_a_load_on_the_tool_is_held_by_virtual_work(machine: Closures, loaded: gtpin.Robot) -> None:
     for q in machine.commands(3, seed=2):
         posture = gtpin.home(loaded).moved_to(q)
         added = gtpin.static_forces(posture, FORCE, MOMENT).actuators - gtpin.static_forces(posture).actuators
@@ -56,7 +56,7 @@ def test_a_load_on_the_tool_is_held_by_virtual_work(machine: Machine, loaded: gt
         np.testing.assert_allclose(added, work, rtol=0, atol=1e-9 * np.abs(work).max())
 
 
-def test_forces_and_moments_on_the_plate_and_the_rods_are_in_balance(machine: Machine, loaded: gtpin.Robot) -> None:
+def test_forces_and_moments_on_the_plate_and_the_rods_are_in_balance(machine: Closures, loaded: gtpin.Robot) -> None:
     g = np.array(loaded.model.gravity.linear)
     plate = loaded.model.inertias[loaded.tcp_joint]
     for q in machine.commands(5, seed=3):
@@ -86,7 +86,7 @@ def test_forces_and_moments_on_the_plate_and_the_rods_are_in_balance(machine: Ma
         np.testing.assert_allclose(about_tcp, 0.0, atol=1e-10 * scale)
 
 
-def test_rods_forces_in_arrays_are_pinocchios(machine: Machine, loaded: gtpin.Robot, closures: RodKinematics) -> None:
+def test_rods_forces_in_arrays_are_pinocchios(machine: Closures, loaded: gtpin.Robot, closures: RodKinematics) -> None:
     rng = np.random.default_rng(4)
     q = machine.commands(40, seed=5)
     force, payload = rng.normal(0.0, 100.0, (40, 3)), rng.uniform(0.0, 10.0, 40)
@@ -96,7 +96,7 @@ def test_rods_forces_in_arrays_are_pinocchios(machine: Machine, loaded: gtpin.Ro
         np.testing.assert_allclose(arrays[i], one, rtol=0, atol=1e-9 * np.abs(one).max())
 
 
-def test_without_rods_of_weight_the_plate_hangs_on_forces_along_the_rods(gantry: Machine) -> None:
+def test_without_rods_of_weight_the_plate_hangs_on_forces_along_the_rods(gantry: Closures) -> None:
     """The textbook's case: six axial forces that balance the plate's weight, solved here by hand."""
     light = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace('<mass value="4.1"/>', '<mass value="0"/>')))
     arrays = RodKinematics(gtpin.Geometry.nominal(light))
@@ -116,7 +116,7 @@ def test_without_rods_of_weight_the_plate_hangs_on_forces_along_the_rods(gantry:
         )
 
 
-def test_a_load_along_a_rod_is_carried_by_that_rod_alone(gantry: Machine, at_home: gtpin.ClosedPosture) -> None:
+def test_a_load_along_a_rod_is_carried_by_that_rod_alone(gantry: Closures, at_home: gtpin.ClosedPosture) -> None:
     """A pull at joint 2a on the plate, away from its cart, tightens rod 2a by just that."""
     posture = at_home.moved_to([0.2, -0.3, 0.1])
     at = posture.R @ gantry.P[1]
@@ -127,7 +127,7 @@ def test_a_load_along_a_rod_is_carried_by_that_rod_alone(gantry: Machine, at_hom
 
 
 def test_the_middle_of_a_rod_bears_half_its_weight_more_than_its_lower_end(
-    gantry: Machine, at_home: gtpin.ClosedPosture
+    gantry: Closures, at_home: gtpin.ClosedPosture
 ) -> None:
     """The axial force falls from end to end by the rod's weight along it; the middle is half way."""
     posture = at_home.moved_to([-0.1, 0.3, 0.2])

@@ -6,8 +6,10 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from loaded_machines import drawn
 from pinocchio_rods import PinocchioRods
-from test_planar_loops import five_bar, hinge, loop, parallelogram, robot_of
+from test_planar_loops import five_bar, hinge, parallelogram
+from urdfs import joint, loop, own, robot_of
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
@@ -17,7 +19,6 @@ from gtpin.effects.situation import Situation
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import measured_joint, readable
 
 Floats = np.ndarray
@@ -29,43 +30,36 @@ def four_bar() -> gtpin.Robot:
     return robot_of(
         "four_bar",
         hinge("crank", "base", "arm", "0 0 0", "0 0 1", 1.0),
-        hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0).replace("revolute", "continuous"),
+        hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0, "continuous"),
         hinge("rocker", "base", "back", "0.25 0 0", "0 0 1", 1.3),
         loop("bar", "0.26 0 0", "back", "0.18 0 0"),
-        '<gtpin><actuator joint="crank"/><platform link="bar"/></gtpin>',
+        own(["crank"], "bar"),
     )
 
 
 def slider() -> gtpin.Robot:
     """A crank that moves a slider: its coordinate is a length."""
-    slide = hinge("slide", "base", "block", "0.4 0 0", "1 0 0").replace("revolute", "prismatic")
     return robot_of(
         "slider",
         hinge("crank", "base", "arm", "0 0 0", "0 0 1", 1.0),
         hinge("coupler", "arm", "bar", "0.1 0 0", "0 0 1", -1.0),
-        slide,
+        hinge("slide", "base", "block", "0.4 0 0", "1 0 0", 0.0, "prismatic"),
         loop("bar", "0.3 0 0", "block", "0 0 0"),
-        '<gtpin><actuator joint="crank"/><platform link="bar"/></gtpin>',
+        own(["crank"], "bar"),
     )
 
 
 def spatial_loop() -> gtpin.Robot:
     """A crank, a coupler that hangs on it by a universal joint, and a rocker to which a ball joint leads: RUSR."""
-    joints = "".join(
-        f'<link name="{child}"/><joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/></joint>'
-        for child, parent, xyz, rpy, axis in (
-            ("crank", "base", "0 0 0", "0 0 0", "0 0 1"),
-            ("cross", "crank", "0.2 0 0", "0 0 1.0", "0 0 1"),
-            ("coupler", "cross", "0 0 0", "0 0 0", "0 1 0"),
-            ("rocker", "base", "0.6 0 0", "0.3 0 1.9", "0 0 1"),
-        )
+    return robot_of(
+        "rusr",
+        joint("crank_joint", "base", "crank", kind="continuous"),
+        joint("cross_joint", "crank", "cross", "0.2 0 0", kind="continuous", rpy="0 0 1.0"),
+        joint("coupler_joint", "cross", "coupler", axis="0 1 0", kind="continuous"),
+        joint("rocker_joint", "base", "rocker", "0.6 0 0", kind="continuous", rpy="0.3 0 1.9"),
+        loop("coupler", "0.5 0 0", "rocker", "0.45 0 0"),
+        own(["crank_joint"], "rocker"),
     )
-    own = '<gtpin><actuator joint="crank_joint"/><platform link="rocker"/></gtpin>'
-    text = (
-        f'<robot name="rusr"><link name="base"/>{joints}{loop("coupler", "0.5 0 0", "rocker", "0.45 0 0")}{own}</robot>'
-    )
-    return gtpin.Robot(RobotDescription.parse(text))
 
 
 ROBOTS: dict[str, tuple[Callable[[], gtpin.Robot], tuple[str, ...]]] = {
@@ -90,13 +84,6 @@ def robot(request: pytest.FixtureRequest) -> gtpin.Robot:
 
 
 looped, of_rods = (pytest.mark.parametrize("robot", names, indirect=True) for names in (tuple(ROBOTS), RODS))
-
-
-def off(robot: gtpin.Robot) -> gtpin.Geometry:
-    """A machine whose parameters are off by their tolerances."""
-    nominal = gtpin.Geometry.nominal(robot)
-    rng = np.random.default_rng(2)
-    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
 
 
 def commands(robot: gtpin.Robot) -> Floats:
@@ -148,16 +135,16 @@ def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
 
 @pytest.mark.slow
 def test_derivatives_are_those_of_poses_and_coordinates(robot: gtpin.Robot) -> None:
-    drawn, q = off(robot), commands(robot)
-    here = kinematics(drawn)
+    moved, q = drawn(robot, 2), commands(robot)
+    here = kinematics(moved)
     found, plain = here.geometry_jacobian(q, here.forward(q)), kinematics(gtpin.Geometry.nominal(robot)).forward(q)
     assert plain.reached.all()
     assert found.shape[1] == robot.motion_size == 6 + len(robot.measured_joints)
 
     def at(h: Floats) -> gtpin.Poses:
-        return kinematics(drawn.with_values(drawn.values + h)).forward(q)
+        return kinematics(moved.with_values(moved.values + h)).forward(q)
 
-    slopes = [motion(at(h), at(-h)) / (2.0 * STEP) for h in STEP * np.eye(len(drawn.values))]
+    slopes = [motion(at(h), at(-h)) / (2.0 * STEP) for h in STEP * np.eye(len(moved.values))]
     np.testing.assert_allclose(found, np.stack(slopes, axis=2), rtol=0, atol=1e-7)
     steps = STEP * np.eye(robot.n_actuators)
     slopes = [motion(here.forward(q + h), here.forward(q - h)) / (2.0 * STEP) for h in steps]
@@ -188,7 +175,7 @@ class Displaced(Effect):
 
 
 def test_displacements_by_effects_are_those_of_the_exact_solution(robot: gtpin.Robot) -> None:
-    here, q = kinematics(off(robot)), commands(robot)
+    here, q = kinematics(drawn(robot, 2)), commands(robot)
     at = Situation(here, q, here.forward(q), {})
     first = Displaced().basis(at, robot.sites[0]).displacement(at)[:, :, 0]
 
@@ -208,13 +195,13 @@ def test_a_robot_measures_the_same_after_it_was_sent_elsewhere_and_moved(robot: 
     assert robot.measuring([]).measured_joints == ()
     q = commands(robot)
     np.testing.assert_array_equal(
-        coordinates(kinematics(off(again)).forward(q)), coordinates(kinematics(off(robot)).forward(q))
+        coordinates(kinematics(drawn(again, 2)).forward(q)), coordinates(kinematics(drawn(robot, 2)).forward(q))
     )
 
 
 def test_poses_do_not_depend_on_what_is_measured(robot: gtpin.Robot) -> None:
     q, plain = commands(robot), robot.measuring([])
-    one, other = (kinematics(off(r)) for r in (robot, plain))
+    one, other = (kinematics(drawn(r, 2)) for r in (robot, plain))
     here, there = one.forward(q), other.forward(q)
     np.testing.assert_array_equal(here.T, there.T)
     np.testing.assert_array_equal(one.geometry_jacobian(q, here)[:, :6], other.geometry_jacobian(q, there))
@@ -236,9 +223,9 @@ def postures(geometry: gtpin.Geometry, q: Floats) -> list[ClosedPosture]:
 @of_rods
 def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robot) -> None:
     """No parameter turns the rods' joints on the platform, so that this URDF has them as the nominal one does."""
-    drawn, q = off(robot), commands(robot)
-    found = kinematics(drawn).forward(q)
-    for i, posture in enumerate(postures(drawn, q)):
+    moved, q = drawn(robot, 2), commands(robot)
+    found = kinematics(moved).forward(q)
+    for i, posture in enumerate(postures(moved, q)):
         for name, x in found.joints.items():
             there = measured_joint(posture.robot, name).coordinate(posture.configuration)
             assert turned(x[i], np.array(there)) < 1e-9, name
@@ -254,7 +241,7 @@ def test_poses_that_are_not_reached_have_no_coordinates(robot: gtpin.Robot) -> N
 
 def test_a_platform_s_pose_has_several_coordinates_and_a_cart_is_driven() -> None:
     robot = gtpin.load_robot("gantry_tau")
-    for joint, what in (("platform_pose", "6 coordinates"), ("track1", "driven by q1")):
+    for name, what in (("platform_pose", "6 coordinates"), ("track1", "driven by q1")):
         with pytest.raises(RobotError, match=what) as caught:
-            robot.measuring([joint])
+            robot.measuring([name])
         assert "link1_pitch" in caught.value.hint

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import joint, loop, own, robot_of
 
 import gtpin
 from gtpin.bench.simulator import simulate
@@ -11,22 +12,8 @@ from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription
 
 
-def hinge(name: str, parent: str, child: str, xyz: str, axis: str, yaw: float = 0.0) -> str:
-    return (
-        f'<link name="{child}"/><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="0 0 {yaw}"/><axis xyz="{axis}"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
-        "</joint>"
-    )
-
-
-def loop(first: str, xyz1: str, second: str, xyz2: str) -> str:
-    return (
-        f'<loop_joint name="pin"><link1 link="{first}" xyz="{xyz1}"/><link2 link="{second}" xyz="{xyz2}"/></loop_joint>'
-    )
-
-
-def robot_of(name: str, *parts: str) -> gtpin.Robot:
-    return gtpin.Robot(RobotDescription.parse(f'<robot name="{name}"><link name="base"/>{"".join(parts)}</robot>'))
+def hinge(name: str, parent: str, child: str, xyz: str, axis: str, yaw: float = 0.0, kind: str = "revolute") -> str:
+    return joint(name, parent, child, xyz, axis, kind=kind, rpy=f"0 0 {yaw}", limit=0.6)
 
 
 def five_bar() -> gtpin.Robot:
@@ -37,7 +24,7 @@ def five_bar() -> gtpin.Robot:
         hinge("drive2", "base", "right", "0.1 0 0", "0 0 1", 0.94),
         hinge("elbow2", "right", "right_far", "0.2 0 0", "0 0 1", 1.44),
         loop("left_far", "0.3 0 0", "right_far", "0.3 0 0"),
-        '<gtpin><actuator joint="drive1"/><actuator joint="drive2"/><platform link="left_far"/></gtpin>',
+        own(["drive1", "drive2"], "left_far"),
     )
 
 
@@ -50,10 +37,9 @@ def parallelogram() -> gtpin.Robot:
         hinge("follow", "column", "rocker", "-0.1 0 0.3", "0 1 0"),
         hinge("top", "crank", "plate", "0 0 0.5", "0 1 0"),
         hinge("elbow", "plate", "wrist", "0.1 0 0.1", "0 1 0"),
-        '<link name="tool0"/><joint name="flange" type="fixed"><parent link="wrist"/><child link="tool0"/>'
-        '<origin xyz="0.4 0 0"/></joint>',
+        joint("flange", "wrist", "tool0", "0.4 0 0", kind="fixed"),
         loop("plate", "-0.2 0 0", "rocker", "0 0 0.5"),
-        '<gtpin><actuator joint="waist"/><actuator joint="shoulder"/><actuator joint="elbow"/></gtpin>',
+        own(["waist", "shoulder", "elbow"]),
     )
 
 

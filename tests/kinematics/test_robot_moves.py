@@ -60,22 +60,6 @@ def test_the_jacobian_is_the_derivative_of_the_pose(robot: gtpin.Robot, q: np.nd
         np.testing.assert_allclose(J[:, :, k], np.hstack([ahead.T - behind.T, turn]) / (2.0 * h), rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("robot", [name for name in OPEN if name != "panda"], indirect=True)  # its finger has <mimic>
-def test_pose_and_jacobian_of_an_open_chain_are_pinocchio_s_own(robot: gtpin.Robot, q: np.ndarray) -> None:
-    name = next(name for name in OPEN if urdf_path(name) == Path(robot.description.source))
-    model = pin.buildModelFromUrdf(str(urdf_path(name)))
-    data, frame = model.createData(), model.getFrameId(robot.tcp_frame)
-    joints = [model.getJointId(actuator.joint) for actuator in robot.actuators]
-    for row in q:
-        configuration = pin.neutral(model)
-        configuration[[model.idx_qs[joint] for joint in joints]] = row
-        J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL_WORLD_ALIGNED)
-        pin.framesForwardKinematics(model, data, configuration)
-        np.testing.assert_allclose(robot.forward(row).tcp.homogeneous, data.oMf[frame].homogeneous, rtol=0, atol=1e-12)
-        expected = J[:, [model.idx_vs[joint] for joint in joints]]
-        np.testing.assert_allclose(robot.jacobian(row), expected, rtol=0, atol=1e-12)
-
-
 @pytest.mark.slow
 def test_inverse_finds_commands_within_their_ranges_for_every_pose_that_there_is(
     robot: gtpin.Robot, q: np.ndarray

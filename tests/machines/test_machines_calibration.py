@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from family import NAMES, POSITION_SIGMA, nominal
+from closures import NAMES, POSITION_SIGMA, nominal
 from scipy.stats import binom, chi2
 
 import gtpin
@@ -31,9 +31,9 @@ def study(name: str) -> list[tuple[gtpin.Calibration, np.ndarray, np.ndarray]]:
         machine = closures.off(true)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", gtpin.GtpinWarning)
-            calibration = gtpin.calibrate(machine.measured(machine.commands(rng, POSES), rng))
-        q = machine.commands(rng, 20)
-        off = calibration.model.predict(q).T - machine.forward(q)[0]
+            calibration = gtpin.calibrate(machine.measured(machine.in_range(rng, POSES), rng))
+        q = machine.in_range(rng, 20)
+        off = calibration.model.predict(q).T - machine.follow(q, 0.02)[0]
         found.append((calibration, np.array([true[key] for key in calibration.names]), off))
     return found
 

@@ -9,14 +9,14 @@ from types import ModuleType
 import numpy as np
 import pandas as pd
 import pytest
-from family import nominal
+from closures import nominal
 
 import gtpin
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.sketch import Carrier, Sketch, SketchRod
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
 
 
 def load(path: str) -> ModuleType:
@@ -43,7 +43,7 @@ def test_tolerances_of_a_stewart_platform_spoil_what_its_jacobian_says() -> None
 def test_a_log_of_jugglebot_becomes_the_dataset_that_it_says(tmp_path: Path) -> None:
     example, closures = load("jugglebot/convert.py"), nominal("stewart_jugglebot")
     rng = np.random.default_rng(0)
-    q = closures.commands(rng, 60)
+    q = closures.in_range(rng, 60)
     made = closures.measured(q, rng)
     table = {f"leg_length_{i + 1}": q[:, i] / example.METRES_PER_REVOLUTION[i] for i in range(6)}
     table |= {f"position_{axis}": 1000.0 * made.position[:, i] for i, axis in enumerate("xyz")}
@@ -91,11 +91,15 @@ def test_another_log_is_refused_in_one_line(tmp_path: Path, spoilt: str) -> None
     assert not (tmp_path / "dataset").exists()
 
 
-ROOT = Path(__file__).parents[2]
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The writer of machines; the examples beside it can be imported."""
+    monkeypatch.syspath_prepend(EXAMPLES / "machines")
+    return importlib.import_module("machine_sketch")
 
 
-def test_urdfs_are_what_the_examples_write(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(ROOT / "examples/machines")
+@pytest.mark.usefixtures("written")
+def test_urdfs_are_what_the_examples_write() -> None:
     names = ("tau", "gantry_tau_6dof", "stewart", "linear_delta", "stewart_jugglebot")
     for name in names:
         sketch = importlib.import_module(name).sketch()
@@ -114,12 +118,13 @@ def test_dimensions_have_a_source_and_jugglebot_s_a_licence() -> None:
     assert "Jugleer" in head
 
 
-def test_a_sketch_that_can_not_be_is_one_line() -> None:
-    rod = SketchRod("link1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), carrier="cart9")
+def test_a_sketch_that_can_not_be_is_one_line(written: ModuleType) -> None:
+    rod = written.SketchRod("link1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), carrier="cart9")
+    carriers = [written.Carrier("cart1", (0, 0, 1), (1, 0, 0), (-1, 1))]
     with pytest.raises(RobotError, match="cart9"):
-        Sketch("one", [rod], [Carrier("cart1", (0, 0, 1), (1, 0, 0), (-1, 1))], home=[0.0], T=(1, 0, 0)).urdf()
+        written.Sketch("one", [rod], carriers, home=[0.0], T=(1, 0, 0)).urdf()
     with pytest.raises(RobotError, match="home has 0 commands for 1 actuators"):
-        Sketch("two", [], [Carrier("cart1", (0, 0, 1), (1, 0, 0), (-1, 1))]).urdf()
+        written.Sketch("two", [], carriers).urdf()
 
 
 def test_an_actuator_s_scale_is_unknown_or_not_mentioned() -> None:

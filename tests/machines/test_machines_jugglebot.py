@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from family import Closures, nominal
+from closures import Closures, nominal
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -30,7 +30,7 @@ def legs(values: dict[str, float], data: gtpin.Dataset) -> np.ndarray:
     measured: Closures = nominal("stewart_jugglebot")
     machine = measured.off({name: value - start(name, measured) for name, value in values.items()})
     R = Rotation.from_quat(data.orientation, scalar_first=True).as_matrix()
-    return machine.gap(data.q, data.position, R)
+    return machine.residual(data.q, data.position, R)
 
 
 def start(name: str, machine: Closures) -> float:
@@ -38,7 +38,7 @@ def start(name: str, machine: Closures) -> float:
     if word == "scale":
         return 1.0
     i = machine.rod(owner)
-    table = {"length": machine.L, "platform_joint": machine.P, "base_joint": machine.C}[word][i]
+    table = {"length": machine.L0, "platform_joint": machine.P, "base_joint": machine.C0}[word][i]
     return float(table if word == "length" else table["xyz".index(name[-1])])
 
 

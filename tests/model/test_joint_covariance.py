@@ -1,15 +1,12 @@
-"""What a model keeps of its fit: the joint covariance of geometry and effects, noise and temperatures."""
-
-import json
+"""The joint covariance of geometry and effects that a diagnosis gives its model."""
 
 import numpy as np
 import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.errors import ModelError
 
-pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +15,6 @@ def diagnosed():
     return case, gtpin.diagnose(case.dataset)
 
 
-@pytest.mark.slow
 def test_blocks_of_the_joint_covariance_are_those_of_geometry_and_effects(diagnosed):
     _, found = diagnosed
     model, p = found.model, len(found.model.geometry.parameters)
@@ -47,36 +43,3 @@ def test_predictions_are_as_sure_as_the_joint_covariance_says_and_surer_than_its
     together, alone = (np.sqrt(np.einsum("ij,jk,ik->i", J, C, J).mean()) for C in (earlier.covariance, blocks))
     assert together < 1e-5  # 120 poses of 15 um
     assert together < alone
-
-
-def test_it_is_read_as_it_was_written(diagnosed, tmp_path):
-    _, found = diagnosed
-    gtpin.write_model(found.model, tmp_path)
-    read = gtpin.read_model(tmp_path)
-    assert (read.joint_covariance == found.model.joint_covariance).all()
-    assert read.fit == found.model.fit
-    assert read.fit.position_sigma == 1.5e-5
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("joint_covariance", [[1.0]]),
-        ("joint_covariance", None),
-        ("fit", {"position_sigma": -1.0}),
-        ("fit", {"position_sigma": 1e-5, "orientation_sigma": 1e-5, "drives": 0.0, "misfit": 0.5}),
-    ],
-)
-def test_a_wrong_one_is_refused_by_its_key_and_none_is_taken(diagnosed, tmp_path, key, value):
-    _, found = diagnosed
-    gtpin.write_model(found.model, tmp_path)
-    file = tmp_path / "model.json"
-    told = json.loads(file.read_text())
-    told[key] = value
-    file.write_text(json.dumps(told))
-    if value is None:
-        assert gtpin.read_model(tmp_path).joint_covariance is None
-        return
-    with pytest.raises(ModelError) as refused:
-        gtpin.read_model(tmp_path)
-    assert str(refused.value.column).startswith(key)

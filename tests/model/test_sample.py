@@ -1,6 +1,8 @@
-"""Models drawn from the posterior."""
+"""Models drawn from the posterior, and what models keep of their fit."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +11,12 @@ import gtpin
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.situation import Situation
+from gtpin.errors import ModelError
+from gtpin.model.fit_conditions import FitConditions
 
 NOMINAL = gtpin.read_model("gantry_tau")
 SIGMA = 1e-6
+FIT = FitConditions(1.5e-5, 5e-5, 1e-6, 1.2, 21.5)
 
 
 def known_model(rho: float | None) -> gtpin.Model:
@@ -79,3 +84,34 @@ def test_without_an_effect_its_rows_are_gone() -> None:
     assert kept.joint_covariance is not None
     np.testing.assert_array_equal(kept.joint_covariance, model.joint_covariance)
     assert len(kept.joint_covariance) == p + 3
+
+
+def test_what_a_model_keeps_of_its_fit_is_read_as_it_was_written(tmp_path: Path) -> None:
+    model = replace(known_model(0.5), fit=FIT)
+    gtpin.write_model(model, tmp_path)
+    read = gtpin.read_model(tmp_path)
+    np.testing.assert_array_equal(read.joint_covariance, model.joint_covariance)
+    assert read.fit == FIT
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("joint_covariance", [[1.0]]),
+        ("joint_covariance", None),
+        ("fit", {"position_sigma": -1.0}),
+        ("fit", {"position_sigma": 1e-5, "orientation_sigma": 1e-5, "drives": 0.0, "misfit": 0.5}),
+    ],
+)
+def test_a_wrong_one_is_refused_by_its_key_and_none_is_taken(tmp_path: Path, key: str, value: object) -> None:
+    gtpin.write_model(replace(known_model(0.5), fit=FIT), tmp_path)
+    file = tmp_path / "model.json"
+    told = json.loads(file.read_text())
+    told[key] = value
+    file.write_text(json.dumps(told))
+    if value is None:
+        assert gtpin.read_model(tmp_path).joint_covariance is None
+        return
+    with pytest.raises(ModelError) as refused:
+        gtpin.read_model(tmp_path)
+    assert str(refused.value.column).startswith(key)

@@ -120,14 +120,6 @@ def test_commands_of_the_grid_stay_in_the_actuator_range() -> None:
     assert 118 <= len(q) <= 126
 
 
-def test_the_shipped_robot_is_table_2s_model_3() -> None:
-    printed = tables().calibrated[3]
-    rods = MODEL.robot.rods
-    np.testing.assert_allclose([rod.L for rod in rods], printed.length, atol=1e-12)
-    np.testing.assert_allclose([rod.P for rod in rods], printed.platform_joint, atol=1e-12)
-    np.testing.assert_allclose([rod.C for rod in rods], printed.offset, atol=1e-12)
-
-
 def test_printed_directions_are_no_unit_vectors_and_cart_2s_least() -> None:
     """Up to 3.7e-4 short of one: drive scale that the fit let into the direction."""
     excess = tables().direction_excess

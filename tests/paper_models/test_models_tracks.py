@@ -59,7 +59,7 @@ def test_between_measured_points_the_path_is_straight():
 
 def test_a_track_ends_where_its_measurement_ends():
     (track, *_) = measured_tracks(mm.ROBOT, mm.carts_of(PATHS))
-    ends = np.array([track.lower, track.upper])
+    ends = track.q[[0, -1]]
     assert ends.tolist() == [-0.65, 0.70]
     assert np.isfinite(track.displacement(ends)).all()
     assert np.isnan(track.displacement(ends + np.array([-1e-9, 1e-9]))).all()

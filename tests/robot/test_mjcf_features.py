@@ -47,6 +47,12 @@ FOUR = (
     '<body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 0 1"/><geom size="0.02"/><site name="e2" pos="0 0.25 0"/></body>'
 )
 DRIVEN = "<equality>{}</equality><actuator><position joint='a'/></actuator>"
+BODIES = DRIVEN.format('<connect body1="coupler" body2="rocker" anchor="0.3 0.05 0"/>')
+
+FIVE = FOUR.replace(
+    '<site name="e2"',
+    '<body name="far" pos="0 0.1 0"><joint name="d" axis="0 0 1"/><geom size="0.02"/></body><site name="e2"',
+)
 
 EQUAL = {
     "an inherited angle in degrees": arm('euler="30 40 50"'),
@@ -127,8 +133,12 @@ EQUAL = {
     "keyframes": arm(tail='<keyframe><key qpos="0.3 0.4"/></keyframe>'),
     "mocap": file(f'<body name="target" mocap="true" pos="1 2 3">{GEOM}</body><body name="a"><joint name="j"/>{GEOM}</body>'),
     "connect of sites": file(FOUR, "", DRIVEN.format('<connect site1="e1" site2="e2"/>')),
-    "connect of bodies": file(
-        FOUR, "", DRIVEN.format('<connect body1="coupler" body2="rocker" anchor="0.3 0.05 0"/>')
+    "connect of bodies": file(FOUR, "", BODIES),
+    "a five-bar": file(
+        FIVE,
+        "",
+        '<equality><connect body1="coupler" body2="far" anchor="0.3 0.05 0"/></equality>'
+        '<actuator><position joint="c"/><position joint="a"/><motor joint="c"/></actuator>',
     ),
     "connect that is not active": file(FOUR, "", DRIVEN.format('<connect site1="e1" site2="e2" active="false"/>')),
     "connect of a class that is not active": file(
@@ -311,6 +321,37 @@ def test_what_mujoco_refuses_is_refused(what: str, tmp_path: Path) -> None:
         loaded(text, tmp_path)
 
 
+SPOILT = {
+    "entities": arm().replace("<mujoco", '<!DOCTYPE mujoco [<!ENTITY a "b">]><mujoco'),
+    "broken": arm().replace("</worldbody>", ""),
+    "nothing that moves": "<mujoco><worldbody><body/></worldbody></mujoco>",
+    "an axis of no length": arm("", 'axis="0 0 0"'),
+    "a place in words": arm().replace("0.1 0.2 0.3", "here"),
+    "a place in two numbers": arm().replace("0.1 0.2 0.3", "1 2"),
+    "a place that is not finite": arm().replace("0.1 0.2 0.3", "nan 0 0"),
+    "two bodies of one name": arm(inside=CHILD.replace('"c"', '"a"')),
+    "two joints of one name": arm(inside=CHILD.replace('"three"', '"one"')),
+    "a loop of an unknown body": file(FOUR, "", BODIES.replace('"rocker"', '"nobody"')),
+    "a loop without its place": file(FOUR, "", BODIES.replace("anchor", "at")),
+    "loops but no drives": file(FOUR, "", BODIES.replace("actuator>", "other>")),
+    "euler angles in an order that is none": arm(head='<compiler eulerseq="zYq"/>'),
+    "a mass in words": arm(inside='<inertial pos="0 0 0" mass="heavy" diaginertia="1 1 1"/>'),
+    "sizes that are negative": arm(inside='<geom size="-0.1"/>'),
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_what_makes_no_robot_is_refused_in_one_line(
+    what: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(RobotError) as caught:
+        loaded(SPOILT[what], tmp_path)
+    assert str(caught.value).startswith(str(tmp_path / "robot.xml"))
+    assert "\n" not in str(caught.value)
+    assert caught.value.hint
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("where", ["robot.xml", "deep/arm.xml"])
 def test_included_files_are_found_as_mujoco_finds_them(where: str, tmp_path: Path) -> None:
     """In the folder of the main file; else beside the file that includes them."""
@@ -325,6 +366,40 @@ def test_included_files_are_found_as_mujoco_finds_them(where: str, tmp_path: Pat
     mujoco.mj_kinematics(model, data)
     home = gtpin.home(gtpin.load_robot(tmp_path / "robot.xml", tcp="b"))
     np.testing.assert_allclose(home.R, data.body("b").xmat.reshape(3, 3), rtol=0, atol=1e-12)
+
+
+def test_files_that_can_not_be_included_are_refused(tmp_path: Path) -> None:
+    for inside, said in (
+        ("robot.xml", "included twice"),
+        ("nothing.xml", r"nothing\.xml: the file is missing; mend <include>"),
+    ):
+        with pytest.raises(RobotError, match=said):
+            loaded(f'<mujoco><include file="{inside}"/></mujoco>', tmp_path)
+
+
+def test_ranges_are_in_the_unit_of_the_file(tmp_path: Path) -> None:
+    ranges = '<default><joint range="-90 60"/></default>'
+    for joint in ("", 'range="-10 10"', 'limited="false"', 'type="slide" range="-1 2"'):
+        text = arm("", joint, head=ranges)
+        robot, model = loaded(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+        for i, name in enumerate(robot.sites):
+            limited, (low, high) = model.joint(name).limited[0], model.joint(name).range
+            expected = (low, high) if limited else (-np.inf, np.inf)
+            np.testing.assert_allclose((robot.lower[i], robot.upper[i]), expected, rtol=1e-12)
+
+
+def test_a_loop_s_drives_are_those_of_the_file_in_its_order(tmp_path: Path) -> None:
+    assert loaded(EQUAL["a five-bar"], tmp_path).sites == ("c", "a")
+
+
+def test_a_model_of_an_mjcf_is_written_and_read_again(tmp_path: Path) -> None:
+    geometry = gtpin.Geometry.nominal(loaded(file(FOUR, "", BODIES), tmp_path))
+    rng = np.random.default_rng(4)
+    model = gtpin.Model(geometry.with_values(geometry.values + 1e-3 * rng.standard_normal(geometry.values.size)))
+    gtpin.write_model(model, tmp_path / "model")
+    q = rng.uniform(-0.3, 0.3, (5, 1))
+    for name in ("", "robot.urdf"):
+        assert np.abs(gtpin.read_model(tmp_path / "model" / name).predict(q).minus(model.predict(q))).max() < 1e-9
 
 
 def test_gravity_is_that_of_the_last_option_unless_it_is_switched_off() -> None:

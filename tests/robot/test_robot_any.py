@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.errors import RobotError
@@ -18,6 +19,7 @@ from gtpin.robot.library import FILES, example_names, example_path, load_robot
 
 SEVEN = [f"panda_joint{i}" for i in range(1, 8)]
 JOINTS = {"ur3": 6, "ur5": 6, "ur10": 6, "panda": 8, "kinova": 6, "xarm7": 7, "so100": 6, "z1": 7, "talos_left_arm": 7}
+JOINTS |= {"allegro_left_hand": 16}
 
 
 def plain(name: str) -> tuple[pin.Model, pin.Data]:
@@ -26,6 +28,7 @@ def plain(name: str) -> tuple[pin.Model, pin.Data]:
     return model, model.createData()
 
 
+@pytest.mark.filterwarnings("ignore:the TCP of .* does not move")
 @pytest.mark.parametrize("name", JOINTS)
 def test_arms_are_found_by_name_and_move_as_pinocchio_moves_them(name: str) -> None:
     robot = load_robot(name)
@@ -42,6 +45,10 @@ def test_arms_are_found_by_name_and_move_as_pinocchio_moves_them(name: str) -> N
         posture = gtpin.home(robot).moved_to(q)
         np.testing.assert_allclose(posture.T, data.oMf[frame].translation, rtol=0, atol=1e-12)
         np.testing.assert_allclose(posture.R, data.oMf[frame].rotation, rtol=0, atol=1e-12)
+        if not robot.followers:
+            J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL_WORLD_ALIGNED)
+            expected = J[:, [model.idx_vs[model.getJointId(name)] for name in robot.sites]]
+            np.testing.assert_allclose(posture.jacobian, expected, rtol=0, atol=1e-12)
 
 
 def test_every_file_of_the_table_is_there() -> None:
@@ -181,16 +188,6 @@ def test_a_base_above_which_the_urdf_has_more_links_stays_where_these_put_it() -
 # ------------------------------------------------------------------------------------------------ the default TCP
 
 
-def branches(*links: tuple[str, str, str]) -> str:
-    """A URDF of links (name, parent, type of joint), links and joints in this order."""
-    text = "".join(
-        f'<link name="{name}"/><joint name="to_{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for name, parent, kind in links
-    )
-    return f'<robot name="b"><link name="base"/>{text}</robot>'
-
-
 @pytest.mark.parametrize(
     ("links", "tip"),
     [
@@ -206,4 +203,5 @@ def branches(*links: tuple[str, str, str]) -> str:
     ],
 )
 def test_the_tcp_is_tool0_or_the_last_link_of_the_longest_chain(links: list[tuple[str, str, str]], tip: str) -> None:
-    assert gtpin.Robot(RobotDescription.parse(branches(*links))).tcp_frame == tip
+    parts = (joint(f"to_{name}", parent, name, kind=kind) for name, parent, kind in links)
+    assert robot_of("b", *parts).tcp_frame == tip

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import crossing, joint, urdf
 
 import gtpin
 from gtpin.errors import RobotError
@@ -20,25 +21,18 @@ name_mot: ["drive_left", "drive_right"]
 
 def five_bar() -> str:
     """A five-bar in an upright plane; ``pin_A`` is a link, ``pin_B`` a fixed joint, both where the far links meet."""
-    links, joints = ["base"], []
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        end = "pin_A" if side == "left" else "end"
-        links += [side, f"{side}_far", end]
-        for name, kind, parent, child, at, turn in (
-            (f"drive_{side}", "revolute", "base", side, sign * BASE, -2.2 if sign < 0.0 else -np.pi + 2.2),
-            (f"elbow_{side}", "continuous", side, f"{side}_far", NEAR, -1.3758 * sign),
-            ("pin_A_mount" if side == "left" else "pin_B", "fixed", f"{side}_far", end, FAR, 0.0),
-        ):
-            axis = (
-                ""
-                if kind == "fixed"
-                else '<axis xyz="0 -1 0"/><limit lower="-0.7" upper="0.7" effort="9" velocity="9"/>'
-            )
-            joints.append(
-                f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-                f'<origin xyz="{at} 0 0" rpy="0 {turn} 0"/>{axis}</joint>'
-            )
-    return f'<robot name="five">{"".join(f"<link name={chr(34)}{name}{chr(34)}/>" for name in links)}{"".join(joints)}</robot>'
+    parts = []
+    for side, sign, drive, end, pin in (
+        ("left", -1.0, -2.2, "pin_A", "mount"),
+        ("right", 1.0, 2.2 - np.pi, "end", "pin_B"),
+    ):
+        far, turned = f"{side}_far", f"0 {-1.3758 * sign} 0"
+        parts += [
+            joint(f"drive_{side}", "base", side, f"{sign * BASE} 0 0", "0 -1 0", rpy=f"0 {drive} 0", limit=0.7),
+            joint(f"elbow_{side}", side, far, f"{NEAR} 0 0", "0 -1 0", kind="continuous", rpy=turned),
+            joint(pin, far, end, f"{FAR} 0 0", kind="fixed"),
+        ]
+    return urdf("five", *parts)
 
 
 @pytest.fixture
@@ -54,10 +48,7 @@ def test_its_loop_closes_where_two_circles_meet(file: Path) -> None:
     q = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2))
     zero = np.array([2.2, np.pi - 2.2])  # a turn about -y lifts x towards z
     elbows = np.array([[-BASE, 0.0], [BASE, 0.0]]) + NEAR * np.stack([np.cos(zero + q), np.sin(zero + q)], axis=2)
-    middle, half = elbows.mean(axis=1), 0.5 * (elbows[:, 1] - elbows[:, 0])
-    along = np.linalg.norm(half, axis=1)
-    up = np.column_stack([-half[:, 1], half[:, 0]]) / along[:, None]
-    expected = middle + np.sqrt(FAR**2 - along**2)[:, None] * up
+    expected = crossing(elbows[:, 0], FAR, elbows[:, 1], FAR)
     np.testing.assert_allclose(model.predict(q).T[:, [0, 2]], expected, atol=1e-9)
 
 

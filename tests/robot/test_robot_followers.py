@@ -3,26 +3,19 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import RobotDescription
 
-LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
 MASS = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
 
 def hinge(name: str, parent: str, child: str, inside: str = "", axis: str = "0 0 1", kind: str = "revolute") -> str:
-    return (
-        f'<link name="{child}">{MASS}</link><joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="0.4 0.1 0.2" rpy="0.1 0.2 0.3"/><axis xyz="{axis}"/>{LIMIT}{inside}</joint>'
-    )
-
-
-def robot_of(*joints: str) -> gtpin.Robot:
-    return gtpin.Robot(RobotDescription.parse(f'<robot name="m"><link name="base"/>{"".join(joints)}</robot>'))
+    at = {"xyz": "0.4 0.1 0.2", "rpy": "0.1 0.2 0.3"}
+    return joint(name, parent, child, axis=axis, kind=kind, limit=3.0, inside=inside, body=MASS, **at)
 
 
 SERIES = (  # z follows y, which follows a, which comes after both in the document and in the alphabet before
@@ -48,7 +41,7 @@ def by_hand(q: np.ndarray) -> pin.SE3:
 
 
 def test_followers_are_not_counted_and_move_with_the_master_at_the_end_of_their_series() -> None:
-    robot = robot_of(*SERIES)
+    robot = robot_of("m", *SERIES)
     assert robot.sites == ("a", "b")
     for q in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 2)):
         posture, expected = gtpin.home(robot).moved_to(q), by_hand(q)
@@ -57,7 +50,7 @@ def test_followers_are_not_counted_and_move_with_the_master_at_the_end_of_their_
 
 
 def test_derivatives_by_commands_and_by_placements_hold_what_the_followers_do() -> None:
-    robot = robot_of(*SERIES)
+    robot = robot_of("m", *SERIES)
     geometry = gtpin.Geometry.nominal(robot)
     geometry = geometry.with_values(
         geometry.values + 1e-3 * np.random.default_rng(2).standard_normal(geometry.values.size)
@@ -81,7 +74,7 @@ def test_derivatives_by_commands_and_by_placements_hold_what_the_followers_do() 
 
 def test_the_drive_of_a_master_holds_its_followers_too() -> None:
     """Virtual work: the drive's torque is the slope of the potential energy by its command."""
-    robot, q, step = robot_of(*SERIES), np.array([0.4, 0.2]), 1e-5
+    robot, q, step = robot_of("m", *SERIES), np.array([0.4, 0.2]), 1e-5
 
     def energy(q: np.ndarray) -> float:
         return float(pin.computePotentialEnergy(robot.model, robot.data, gtpin.home(robot).moved_to(q).configuration))
@@ -102,14 +95,14 @@ def test_the_drive_of_a_master_holds_its_followers_too() -> None:
 )
 def test_a_mimic_that_follows_nothing_is_refused(inside: str, said: str) -> None:
     with pytest.raises(RobotError, match=said):
-        robot_of(hinge("z", "base", "1", inside), hinge("a", "1", "2"))
+        robot_of("m", hinge("z", "base", "1", inside), hinge("a", "1", "2"))
 
 
 def test_a_mimic_of_a_fixed_joint_is_as_if_it_was_not_there() -> None:
-    fixed = '<link name="2"/><joint name="f" type="fixed"><parent link="1"/><child link="2"/><mimic joint="nobody"/></joint>'
-    assert robot_of(hinge("a", "base", "1"), fixed).sites == ("a",)
+    fixed = joint("f", "1", "2", kind="fixed", inside='<mimic joint="nobody"/>')
+    assert robot_of("m", hinge("a", "base", "1"), fixed).sites == ("a",)
 
 
 def test_a_follower_can_not_be_commanded() -> None:
     with pytest.raises(RobotError, match="follows a by <mimic>; name a"):
-        with_actuators(robot_of(*SERIES).description, ["z"])
+        with_actuators(robot_of("m", *SERIES).description, ["z"])

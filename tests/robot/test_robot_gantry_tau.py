@@ -1,5 +1,7 @@
 """The shipped Gantry-Tau is the machine of Table II, model 3, of Dressler, Brogardh and Robertsson, ICRA 2010."""
 
+import tomllib
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,31 +15,9 @@ from gtpin.robot.library import urdf_path
 
 RODS = ("1", "2a", "2b", "3a", "3b", "3c")
 CARTS = (1, 2, 2, 3, 3, 3)
-LENGTH = [2.04422, 2.04291, 2.04294, 2.04351, 2.04352, 2.04352]
-PLATFORM = [
-    [-0.04871, -0.05363, -0.10361],
-    [-0.05079, -0.11527, -0.08175],
-    [-0.05864, 0.00230, 0.13871],
-    [-0.18926, -0.09046, 0.04200],
-    [-0.04625, -0.00142, -0.14303],
-    [-0.05438, 0.11726, 0.07666],
-]
-CART = [
-    [-3.18514, -4.96829, 0.77830],
-    [-3.13100, -3.52723, 0.79856],
-    [-3.12578, -3.33374, 0.64030],
-    [-3.32073, -4.73900, -0.59428],
-    [-3.19764, -4.94939, -0.65117],
-    [-3.19209, -4.75506, -0.80852],
-]
-PER_LINK = [
-    [0.99773, -0.06636, -0.00544],
-    [0.99761, -0.06584, -0.00544],
-    [0.99744, -0.06589, -0.00562],
-    [0.99766, -0.06600, -0.00515],
-    [0.99764, -0.06607, -0.00507],
-    [0.99774, -0.06597, -0.00507],
-]
+PRINTED = Path(__file__).parents[2] / "examples" / "dressler2010" / "paper_tables.toml"
+TABLE = tomllib.loads(PRINTED.read_text(encoding="utf-8"))["table2"]["model3"]
+LENGTH, PLATFORM, CART, PER_LINK = (TABLE[key] for key in ("length", "platform_joint", "offset", "direction"))
 HOME_T = [-1.30463238, -4.25858892, 0.02731677]
 HOME_ROTVEC = [-1.75779449, 0.09855017, -0.04572403]
 

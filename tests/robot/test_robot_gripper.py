@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 import pytest
+from urdfs import joint, loop, own, urdf
 
 import gtpin
 from gtpin.robot.commanded import remove_resting_loops
@@ -66,24 +67,18 @@ def test_a_model_of_an_arm_with_a_gripper_is_written_and_read_again(file: Path, 
 
 def left(driven: set[str], more: str = "") -> list[str]:
     """The loops that stay of a four-bar on the root, and of one on its coupler; ``more`` joints by ``<mimic>``."""
+    follows = f'<mimic joint="{more}"/>' if more else ""
     joints = (
-        ("a", "root", "A"),
+        ("a", "base", "A"),
         ("b", "A", "B"),
-        ("c", "root", "C"),
+        ("c", "base", "C"),
         ("d", "B", "D"),
         ("e", "B", "E"),
         ("f", "E", "F"),
     )
-    follows = f'<mimic joint="{more}"/>' if more else ""
-    text = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{above}"/><child link="{link}"/>'
-        + (follows if name == "c" else "")
-        + "</joint>"
-        for name, above, link in joints
-    )
-    loops = (("one", "B", "C"), ("two", "D", "F"))
-    text += "".join(f'<loop_joint name="{n}"><link1 link="{a}"/><link2 link="{b}"/></loop_joint>' for n, a, b in loops)
-    root: Element = fromstring(f'<robot>{text}<gtpin><plane loop="two"/></gtpin></robot>')
+    parts = [joint(*names, inside=follows if names[0] == "c" else "") for names in joints]
+    parts += [loop("B", "0 0 0", "C", "0 0 0", "one"), loop("D", "0 0 0", "F", "0 0 0", "two")]
+    root: Element = fromstring(urdf("four", *parts, own([], more='<plane loop="two"/>')))
     remove_resting_loops(root, driven, "here")
     kept = [loop.get("name", "") for loop in root.findall("loop_joint")]
     assert (root.find("gtpin/plane") is not None) == ("two" in kept)

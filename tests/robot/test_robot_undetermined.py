@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import joint, loop, own, urdf
 
 import gtpin
 from gtpin.bench.simulator import simulate
@@ -16,16 +17,14 @@ FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 
 def four_bar(end: str) -> str:
     """A four-bar (0.2, 0.3, 0.2 m on a base of 0.3 m) with a link d too many, whose anchor is at ``end`` on it."""
-    links = (("a", "base", "crank", "0 0"), ("b", "crank", "coupler", "0 0.2"), ("c", "base", "rocker", "0.3 0"))
-    joints = "".join(
-        f'<link name="{child}"/><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xy} 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for name, parent, child, xy in (*links, ("d", "rocker", "end", "0 0.2"))
-    )
-    return (
-        f'<robot name="under"><link name="base"/>{joints}<loop_joint name="l" type="spherical"><link1 link="coupler" '
-        f'xyz="0.3 0 0"/><link2 link="end" xyz="{end}"/></loop_joint><gtpin><actuator joint="a"/><platform link="coupler"/>'
-        "</gtpin></robot>"
+    return urdf(
+        "under",
+        joint("a", "base", "crank"),
+        joint("b", "crank", "coupler", "0 0.2 0"),
+        joint("c", "base", "rocker", "0.3 0 0"),
+        joint("d", "rocker", "end", "0 0.2 0"),
+        loop("coupler", "0.3 0 0", "end", end),
+        own(["a"], "coupler"),
     )
 
 

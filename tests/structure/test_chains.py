@@ -16,8 +16,6 @@ ASKING = frozenset(
         "calibration/checks/recognise.py",
         "calibration/free_target.py",
         "calibration/paper_models.py",
-        "comparison/closure_fit.py",
-        "comparison/compare.py",
         "diagnosis/hypotheses/hypothesis_set.py",
         "diagnosis/hypotheses/smooth_terms.py",
         "diagnosis/inference/joint_fit.py",
@@ -30,7 +28,6 @@ ASKING = frozenset(
         "export/carts.py",  # files have other elements for carts and rods than for joints
         "export/loss.py",
         "export/springs.py",
-        "model/effect_record.py",  # the file of a model lists the references of rods or of joints
         "report/diagnosis_json.py",
         "report/effect_curves.py",  # words and axes of rods, carts and joints
         "report/phrases.py",

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.accuracy.reached import reached_poses
 from gtpin.errors import ModelError
 from gtpin.kinematics.closures import pose_jacobian
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import of_rods, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
