@@ -230,9 +230,10 @@ def round_table(file: Path) -> None:
     """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
     head, *lines = file.read_text(encoding="utf-8").splitlines()
     decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
-    rows = [",".join(map(_cell, line.split(","), decimals)) for line in lines]
+
+    def cell(text: str, decimals: int) -> str:
+        whole = text.lstrip("-").isdigit()
+        return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not whole else text
+
+    rows = [",".join(map(cell, line.split(","), decimals)) for line in lines]
     file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-
-
-def _cell(text: str, decimals: int) -> str:
-    return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not text.lstrip("-").isdigit() else text

@@ -79,7 +79,9 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
         return Scored(judged, None, None)
     squares = []
     if truth.poses is not None and answer.positions:
-        squares.append((_shaped(answer.positions, truth.poses.T, file, "positions") - truth.poses.T) / _sigma(truth))
+        assert truth.sigma is not None
+        off = _shaped(answer.positions, truth.poses.T, file, "positions") - truth.poses.T
+        squares.append(off / np.array(truth.sigma[:3]))
     for one in truth.readings:
         if one.name in answer.readings:
             true = np.array(one.values)
@@ -93,10 +95,6 @@ def _sites(robot: str | None) -> dict[str, tuple[str, ...] | None]:
     """The sites of each effect of the catalogue at a robot; None for no robot."""
     found = None if robot is None else load_robot(robot)
     return {name: None if found is None else tuple(one.sites(found)) for name, one in effects_by_id().items()}
-
-
-def _sigma(truth: Any) -> Floats:
-    return np.array(truth.sigma[:3])
 
 
 def _shaped(values: Sequence[Sequence[float]], true: Floats, file: Path, key: str) -> Floats:

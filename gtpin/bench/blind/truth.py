@@ -158,16 +158,14 @@ def opened(file: Path, digest: str) -> Truth:
         raise SealError(f"no truth ({error.errors()[0]['msg']})", file=file, hint="make the case anew") from None
 
 
-def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> str:
-    """Write the digests of all truths by case name, and return the digest of the manifest itself.
+def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> None:
+    """Write the digests of all truths by case name.
 
     ``plant``: digest of the sources of the simulated machine; None where somebody else made the cases.
     """
     manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
-    content = (json.dumps(manifest, indent=1) + "\n").encode()
     with placed_file(file) as unfinished:
-        unfinished.write_bytes(content)
-    return digest_of(content)
+        unfinished.write_bytes((json.dumps(manifest, indent=1) + "\n").encode())
 
 
 def read_manifest(file: Path) -> dict[str, str]:

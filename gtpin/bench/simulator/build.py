@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -19,12 +18,13 @@ from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, EffectTruth
-from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, plan
+from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, ids, plan
 from gtpin.data import Commands, Dataset
 from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
+from gtpin.references import is_path
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -215,10 +215,4 @@ def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column],
 
 def reference(robot: str) -> str:
     """A robot's name, or the absolute path of its file, as a dataset names it."""
-    is_file = robot.endswith(".urdf") or "/" in robot or os.sep in robot
-    return str(Path(robot).absolute()) if is_file else robot
-
-
-def ids(numbers: Rows) -> Ids:
-    """(N,) ids of poses, from their numbers."""
-    return np.array([str(number) for number in numbers], dtype=object)
+    return str(Path(robot).absolute()) if is_path(robot) else robot

@@ -121,7 +121,7 @@ class VirtualVisits:
         """The covariates that the dataset records, by name."""
         columns: dict[str, Column] = {"time": self.time}
         if conditions.sessions > 1:
-            columns["session"] = session_ids(self.session)
+            columns["session"] = ids(self.session)
         columns |= {"temp_frame": self.day.frame_at(self.time), "temp_link": self.day.link_at(self.time)}
         columns["payload"] = self.payload
         for name, values in (("approach", self.approach), ("speed", self.speed)):
@@ -132,9 +132,9 @@ class VirtualVisits:
         return {name: values for name, values in columns.items() if not left_out or not name.startswith(left_out)}
 
 
-def session_ids(session: Ints) -> Ids:
-    """(N,) names of sessions, from their numbers."""
-    return np.array([str(s) for s in session], dtype=object)
+def ids(numbers: Ints) -> Ids:
+    """(N,) ids of poses or sessions, from their numbers."""
+    return np.array([str(number) for number in numbers], dtype=object)
 
 
 def plan(
@@ -175,7 +175,8 @@ def visited(
         time=time,
         session=session,
         payload=_blocks(total, np.array(conditions.payloads), conditions.payload_blocks, rng),
-        force=_pushes(total, conditions.push, rng),
+        # No force at about half of the visits, drawn at random.
+        force=np.round(conditions.push * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5),
         speed=way * rng.uniform(*SPEED, (total, 1)),
         acceleration=way * 0.4 * rng.standard_normal((total, 1)),
         day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
@@ -195,8 +196,3 @@ def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -
     """(total,) levels in blocks of time; each level has about as many blocks as the others."""
     rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
     return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]
-
-
-def _pushes(total: int, sigma: float, rng: np.random.Generator) -> Floats:
-    """(total, 3) forces on the tool, N; none at about half of the visits, drawn at random."""
-    return np.asarray(np.round(sigma * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5))

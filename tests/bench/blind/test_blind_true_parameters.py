@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gtpin import load_robot
-from gtpin.bench.blind.difficulty import Difficulty
-from gtpin.bench.blind.true_parameters import true_parameters
+from gtpin.bench.blind.difficulty import Difficulty, true_parameters
 from gtpin.bench.simulator.case import make_case
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.robot.geometry import Geometry

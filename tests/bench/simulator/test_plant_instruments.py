@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.instruments import build
-from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
-from gtpin.bench.simulator.instruments.choice import KINDS
+from gtpin.bench.simulator.instruments.build import KINDS, build_measured, simulate_measured
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
