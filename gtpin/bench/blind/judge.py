@@ -210,7 +210,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
     """
     if not truth.effects or any(effect.displacement is None for effect in truth.effects):
         return False
-    if dataset.readings.tracked:
+    if not dataset.readings.names:
         return truth.sigma is not None or bool(truth.noise)
     tables = dataset.readings.tables
     return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from gtpin.data.files import placed_file, read_bytes
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import MARKER
+from gtpin.typing import Floats
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
 """Kind of case: see ``docs/blind.md``."""
@@ -56,7 +56,7 @@ class TruePoses(BaseModel):
     orientation: tuple[tuple[Finite, Finite, Finite, Finite], ...] | None = None
 
     @property
-    def T(self) -> npt.NDArray[np.float64]:
+    def T(self) -> Floats:
         """(H, 3) positions, m."""
         return np.array(self.position).reshape(-1, 3)
 

@@ -8,12 +8,11 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.tree import TreeFrame, TreeJoint
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 TOLERANCE = 5e-4
 """Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""
@@ -98,7 +97,7 @@ class Arm:
         return np.array([self.joints[j].upper for j in self.counted])
 
     @cached_property
-    def slides(self) -> npt.NDArray[np.bool_]:
+    def slides(self) -> Mask:
         """(n,) whether a commanded joint is prismatic."""
         return np.array([self.joints[j].slides for j in self.counted])
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.loops import Loops
@@ -15,7 +14,7 @@ from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Devia
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed
 from gtpin.errors import UnreachableError
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 CENTRE_SPREAD = 0.01
 """Standard deviation of each body's centre of mass, per axis, m."""
@@ -327,7 +326,7 @@ class ArmMachine:
         found = np.linalg.norm(self._by_command(q), axis=(1, 2))
         return np.where(np.isfinite(found), found, np.inf)
 
-    def _in_front(self, q: Floats) -> npt.NDArray[np.bool_]:
+    def _in_front(self, q: Floats) -> Mask:
         """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""
         robot = self.robot
         bodies = self.bodies(q)[0]

@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.energy import Past, Response, Rows, effects_of
+from gtpin.bench.simulator.energy import Past, Response, effects_of
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
@@ -27,7 +27,7 @@ from gtpin.errors import GtpinError
 from gtpin.references import is_path
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
 LATER = 600.0
 """Time from the day's last visit to the first later one, where the commands have no column ``time``, s."""
@@ -58,7 +58,7 @@ class Built:
     # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
     active: Sequence[tuple[Cause, float]]
     truths: Sequence[EffectTruth]
-    rows: Rows  # Indices of the measured visits, in the order of the dataset's rows
+    rows: Ints  # Indices of the measured visits, in the order of the dataset's rows
     background: float  # Joint energy E of the weak effects
     repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
     jitter: Deviation  # Random deviations by the repeatability, at every visit

@@ -61,7 +61,7 @@ class TrueRobot:
         poses = chain.predict(q)
         if not self.read:
             return poses
-        joint, angle, there = Universal.of(self.geometry.robot, 0), np.full(len(q), np.nan), poses.reached
+        joint, angle, there = Universal.of(self.geometry.robot), np.full(len(q), np.nan), poses.reached
         angle[there] = joint.coordinate(poses[there], chain.ends(q[there]))
         return poses.with_joints({joint.name: angle})
 

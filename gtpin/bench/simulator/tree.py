@@ -12,7 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from gtpin.bench.simulator.poses import VirtualPoses, cross_matrix, exp
 from gtpin.errors import RobotError
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -179,7 +179,7 @@ class Bending:
     # (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end
     ends: Floats | None = None
 
-    def take(self, rows: npt.NDArray[np.int_]) -> Bending:
+    def take(self, rows: Ints) -> Bending:
         """The deviations at some of the poses."""
         axis, tip = (None if field is None else field[rows] for field in (self.axis, self.tip))
         return Bending(axis, tip, self.ends)

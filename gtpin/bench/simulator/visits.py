@@ -6,14 +6,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 STEP = 20.0
 """Time between two temperatures of a day, s."""
@@ -70,8 +69,6 @@ def _lagged(source: Floats, constant: float) -> Floats:
     return np.asarray(lfilter([share], [1.0, share - 1.0], source))
 
 
-Bools = npt.NDArray[np.bool_]
-
 REPEATED = 0.1
 """Share of the poses that are visited twice."""
 BACK_OFF = (0.010, 0.040)
@@ -85,7 +82,7 @@ class VirtualVisits:
     """N visits in the order of time."""
 
     pose: Ints  # (N,) number of the pose; two visits of one pose share it
-    held: Bools  # (N,) mask of visits that are not measured: the held-out commands
+    held: Mask  # (N,) mask of visits that are not measured: the held-out commands
     # `q`, `before`: (N, n) commands, and starts of the actuators' last moves, m or rad
     q: Floats
     before: Floats
@@ -112,7 +109,7 @@ class VirtualVisits:
         """(N,) time over the end of the day: 0 to 1, and more for later visits."""
         return np.asarray(self.time / self.day.end)
 
-    def take(self, rows: Ints | Bools) -> VirtualVisits:
+    def take(self, rows: Ints | Mask) -> VirtualVisits:
         """Some of the visits."""
         changed: dict[str, Any] = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "day"}
         return replace(self, **changed)

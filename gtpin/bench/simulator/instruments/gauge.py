@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.data.table import Column
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 Place = tuple[float, float, float]
 
@@ -155,7 +154,7 @@ class Gauge(ABC):
                 turns[name] = np.tile(np.median(getattr(self, name), axis=0), (count, 1))
         return type(self)(**{**vars(self), **turns})
 
-    def kept(self, rows: npt.NDArray[np.bool_]) -> Gauge:
+    def kept(self, rows: Mask) -> Gauge:
         """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
         changed = {name: getattr(self, name)[rows] for name in ("stop", *self.by_row)}
         return type(self)(**{**vars(self), **changed})

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.energy import Response
@@ -27,7 +26,7 @@ from gtpin.bench.simulator.instruments.gauge import (
 from gtpin.bench.simulator.machine import Deviation, Moved
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
 """Standard deviations of planes' errors, m and rad: the prior sigmas that a dataset has by default."""
@@ -124,7 +123,6 @@ class VirtualSocket(Targeted):
         return {**super().table(), "distances": [[*self.sockets[:2], self.distance, DISTANCE_SIGMA]]}
 
 
-Bools = npt.NDArray[np.bool_]
 AWay = TypeVar("AWay", bound="Way")
 
 ROUNDS = 40
@@ -239,7 +237,7 @@ def begun(
     return found
 
 
-def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Bools]:
+def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Mask]:
     """The stops of ``way`` with commands solved so that the touched ones of some instruments are touched, and (N,) which of
     them are; other stops are unchanged.
 
