@@ -306,10 +306,9 @@ class ArmMachine:
             return last if found is None else found
         home = self._gain(self.robot.loops.home_q[None])[0]
         if not np.isfinite(home):
-            raise UnreachableError(
-                f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances",
-                hint="give a home inside the workspace, smaller tolerances, or loops that space leaves free to close",
-            )
+            what = f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances"
+            hint = "give a home inside the workspace, smaller tolerances, or loops that space leaves free to close"
+            raise UnreachableError(what, hint=hint)
 
         def conditioned() -> Floats:
             q = drawn()

@@ -35,9 +35,8 @@ class VirtualRodEnds:
 
     def take(self, rows: Ints | Mask) -> VirtualRodEnds:
         """The ends at some of the poses."""
-        return VirtualRodEnds(
-            self.P if self.P.ndim == 2 else self.P[rows], self.C[rows], self.L if len(self.L) == 1 else self.L[rows]
-        )
+        P, L = self.P if self.P.ndim == 2 else self.P[rows], self.L if len(self.L) == 1 else self.L[rows]
+        return VirtualRodEnds(P, self.C[rows], L)
 
     def rods(self, poses: VirtualPoses) -> tuple[Floats, Floats]:
         """Vectors from each rod's carrier joint, and from the TCP, to its platform joint: both (N, k, 3), base frame, m."""
@@ -226,9 +225,8 @@ class Rods:
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
 
         def way(s: Floats, _: Ints) -> VirtualRodEnds:
-            return VirtualRodEnds(
-                *(a + s[0] * (b - a) for a, b in zip(vars(before).values(), vars(after).values(), strict=True))
-            )
+            pairs = zip(vars(before).values(), vars(after).values(), strict=True)
+            return VirtualRodEnds(*(a + s[0] * (b - a) for a, b in pairs))
 
         return led(way, _assembled(nominal, before), self.size)
 
@@ -294,6 +292,5 @@ def _assembled(nominal: Rods, ends: VirtualRodEnds) -> VirtualPoses:
         else:
             break
         pose = trial
-    raise UnreachableError(
-        f"the rods of {robot.name} don't close near its home", hint="give its URDF the pose at <home>"
-    )
+    what = f"the rods of {robot.name} don't close near its home"
+    raise UnreachableError(what, hint="give its URDF the pose at <home>")

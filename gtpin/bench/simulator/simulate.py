@@ -106,13 +106,12 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     at_home = gain(machine, robot.home_q[None])[0]
     if not np.isfinite(at_home):
         equations, passive = 3 * len(robot.constraints), robot.n_passive
-        raise UnreachableError(
-            f"the loops of {robot.name} don't close at home with joints that are off by their tolerances",
-            hint=f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone: give the "
-            "loops spherical or universal joints"
-            if equations > passive
-            else "give a home inside the workspace, or smaller tolerances",
-        )
+        what = f"the loops of {robot.name} don't close at home with joints that are off by their tolerances"
+        hint = "give a home inside the workspace, or smaller tolerances"
+        if equations > passive:
+            exact = f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone"
+            hint = f"{exact}: give the loops spherical or universal joints"
+        raise UnreachableError(what, hint=hint)
 
     def conditioned() -> Floats:
         q = rounded(rng.uniform(lower, upper, (count, robot.n_actuators)))

@@ -122,10 +122,8 @@ class Gauge(ABC):
         found = []
         for step in NUDGE * np.eye(6):
             turn = exp(step[3:])
-            there, back = (
-                VirtualPoses(poses.T + step[:3], turn @ poses.R),
-                VirtualPoses(poses.T - step[:3], turn.T @ poses.R),
-            )
+            there = VirtualPoses(poses.T + step[:3], turn @ poses.R)
+            back = VirtualPoses(poses.T - step[:3], turn.T @ poses.R)
             found.append(self.change(there, back, self.truth, self.truth) / (2.0 * NUDGE))
         return np.stack(found, axis=2)
 
@@ -187,12 +185,11 @@ class Targeted(Gauge):
 
 def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Generator) -> list[Hidden]:
     """True positions of the targets, TCP frame: three unknowns each."""
-    stems = {f"{instrument}.target{f'[{name}]' if name else ''}": point for name, point in targets.items()}
-    return [
-        one
-        for stem, point in stems.items()
-        for one in hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
-    ]
+    found = []
+    for name, point in targets.items():
+        stem = f"{instrument}.target{f'[{name}]' if name else ''}"
+        found += hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
+    return found
 
 
 INNER = (5.0, 95.0)
