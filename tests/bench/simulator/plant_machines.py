@@ -18,7 +18,8 @@ INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 
 
 def _link(name: str, mass: float, centre: str, rpy: str = "0 0 0") -> str:
-    return f'<link name="{name}"><inertial><origin xyz="{centre}" rpy="{rpy}"/><mass value="{mass}"/>{INERTIA}</inertial></link>'
+    at = f'<origin xyz="{centre}" rpy="{rpy}"/>'
+    return f'<link name="{name}"><inertial>{at}<mass value="{mass}"/>{INERTIA}</inertial></link>'
 
 
 def _fixed(name: str, parent: str, child: str, xyz: str, rpy: str = "0 0 0") -> str:
