@@ -20,12 +20,13 @@ from scipy.special import erf
 import gtpin
 from gtpin.bench.blind.judged import Judged, Named, Statement
 from gtpin.bench.blind.truth import TrueEffect
-from gtpin.bench.simulator.build import as_dataset, assemble, ids
+from gtpin.bench.simulator.build import as_dataset, assemble
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.energy import Past, amplitude_for
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.situation import RodSituation
+from gtpin.bench.simulator.visits import ids
 from gtpin.data import Dataset
 
 Floats = npt.NDArray[np.float64]
@@ -131,12 +132,6 @@ Drawn = tuple[Cause, float | None, float | None]
 """A cause, its size and its place."""
 
 
-def _along(now: RodSituation, cart: int, travel: Floats) -> Deviation:
-    deviation = now.unbent()
-    deviation.travel[:, cart] = travel
-    return deviation
-
-
 def _step(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
     """30 um, with a flank that is an error function, half a cosine or a ramp, in turn."""
     width = 1e-3 * float(form.split()[1])
@@ -151,7 +146,7 @@ def _step(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.rando
             return np.asarray(0.5 + 0.5 * np.sin(np.clip(1.8546 * x, -np.pi / 2.0, np.pi / 2.0)))  # sin(0.9273) = 0.8
         return np.clip(0.5 + 0.8 * x, 0.0, 1.0)
 
-    return (lambda now: _along(now, cart, height * flank((now.q[:, cart] - place) / width))), height, place
+    return (lambda now: now.driven(cart, height * flank((now.q[:, cart] - place) / width))), height, place
 
 
 def _backlash(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
@@ -160,7 +155,7 @@ def _backlash(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.r
 
     def cause(now: RodSituation) -> Deviation:
         move = now.q[:, cart] - now.visits.before[:, cart]
-        return _along(now, cart, half * now.visits.approach[:, cart] * -np.expm1(-np.abs(move) / w))
+        return now.driven(cart, half * now.visits.approach[:, cart] * -np.expm1(-np.abs(move) / w))
 
     return cause, half, None
 
@@ -178,9 +173,9 @@ def _periodic(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.r
         x = (now.q[:, cart] - middle) / half
         if what == "period":  # d(phase)/dq = 2 pi / p (1 + change x / 2): by ``change`` from end to end
             turns = half / period * (x + side * change * x**2 / 4.0)
-            return _along(now, cart, 1.5e-5 * np.cos(2.0 * np.pi * turns + phase))
+            return now.driven(cart, 1.5e-5 * np.cos(2.0 * np.pi * turns + phase))
         drift = side * x / 2.0 if machine % 4 < 2 else 0.0 - x**2
-        return _along(now, cart, 1.5e-5 * (1.0 + change * drift) * np.cos(2.0 * np.pi * half / period * x + phase))
+        return now.driven(cart, 1.5e-5 * (1.0 + change * drift) * np.cos(2.0 * np.pi * half / period * x + phase))
 
     return cause, 1.5e-5, None
 
@@ -196,12 +191,7 @@ def _link(form: str, rod: int, ideal: RodSituation, machine: int, rng: np.random
     """4e-8 m/N."""
     usual = float(np.median(np.abs(ideal.forces[:, rod])))
 
-    def cause(now: RodSituation) -> Deviation:
-        deviation = now.unbent()
-        deviation.length[:, rod] = 4e-8 * _sprung(form, now.forces[:, rod], usual)
-        return deviation
-
-    return cause, None, None
+    return (lambda now: now.off(length=(rod, 4e-8 * _sprung(form, now.forces[:, rod], usual)))), None, None
 
 
 def _cart(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.random.Generator) -> Drawn:
@@ -214,9 +204,7 @@ def _cart(form: str, cart: int, ideal: RodSituation, machine: int, rng: np.rando
     usual = np.median(np.abs(ideal.pull(cart) @ axes(ideal).T), axis=0)
 
     def cause(now: RodSituation) -> Deviation:
-        deviation = now.unbent()
-        deviation.shift[:, cart] = (give * _sprung(form, now.pull(cart) @ axes(now).T, usual)) @ axes(now)
-        return deviation
+        return now.off(shift=(cart, (give * _sprung(form, now.pull(cart) @ axes(now).T, usual)) @ axes(now)))
 
     return cause, None, None
 

@@ -142,16 +142,9 @@ def _markdown(table: Table) -> str:
 def _power(told: list[dict[str, Any]]) -> Table:
     rows = []
     for row in told:
-        found = row["found"]
-        rows.append(
-            (
-                str(row["poses"]),
-                f"{row['start']:g} to {row['end']:g}",
-                str(found["of"]),
-                f"{found['value']:.2f} ({found['low']:.2f} .. {found['high']:.2f})",
-                f"{row['limit']:.2f}",
-            )
-        )
+        found, span = row["found"], f"{row['start']:g} to {row['end']:g}"
+        share = f"{found['value']:.2f} ({found['low']:.2f} .. {found['high']:.2f})"
+        rows.append((str(row["poses"]), span, str(found["of"]), share, f"{row['limit']:.2f}"))
     return Table(("poses", "E", "cases", "detected (95 %)", "matched filter"), rows)
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from gtpin.bench.simulator.instruments.choice import KINDS
+from gtpin.bench.simulator.instruments.build import KINDS
 from gtpin.bench.simulator.recipe import digest
 from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError

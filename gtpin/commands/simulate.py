@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from gtpin.bench.simulator.case import scenario_recipe, simulate_scenario
-from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
-from gtpin.bench.simulator.instruments.choice import KINDS
+from gtpin.bench.simulator.instruments.build import KINDS, build_measured, simulate_measured
 from gtpin.bench.simulator.simulate import Simulation
 from gtpin.bench.simulator.simulate import simulate as run_simulation
 from gtpin.bench.simulator.truth import Case, InstrumentCase, case_folders, dataset_folder, truth_names

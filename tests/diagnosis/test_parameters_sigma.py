@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtpin.bench.blind.difficulty import Best, Difficulty
-from gtpin.bench.blind.true_parameters import true_parameters
+from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis

@@ -81,12 +81,19 @@ def test_counts_in_words_are_the_codes() -> None:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site."""
+    """The site, built without a warning."""
     pytest.importorskip("mkdocs")
+    pytest.importorskip("mkdocstrings")
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", ROOT / "docs/site/mkdocs.yml", "-d", folder]
-    subprocess.run(command, check=True, capture_output=True)
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", ROOT / "docs/site/mkdocs.yml", "-d", folder]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
     return folder
+
+
+def test_the_pages_build_without_a_warning_and_are_all_in_the_navigation(built: Path) -> None:
+    told = (built / "python.html").read_text(encoding="utf-8")
+    assert "Probability of naming a cause where there is none" in told
 
 
 def test_the_site_sets_its_equations_with_files_of_its_own(built: Path) -> None:

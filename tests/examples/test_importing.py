@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import sys
 import tomllib
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+from scripts import load
 
 import gtpin
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = Path(os.environ.get("GTPIN_REAL_DATA", ""))
 SETS = [
     folder
@@ -24,20 +21,6 @@ SETS = [
 ]
 """Where a set of github.com/platonics-delft/kinematics_calibration may be."""
 JOINTS = [f"q{number}" for number in range(1, 8)]
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(Path(name).name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[Path(name).name] = module
-    sys.path.insert(0, str((EXAMPLES / name).parent))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.pop(0)
-    return module
 
 
 def test_a_printer_s_nozzle_is_where_its_firmware_s_triangles_put_it(tmp_path: Path) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import os
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+from scripts import load
 
 import gtpin
 from gtpin.data import by_region
@@ -33,16 +31,6 @@ BARRETT = (
     (0.0, np.pi / 2, 0.0),
     (0.0, 0.0, 0.06),
 )
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, REAL / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def table(joints: int = 6, rows: int = 30) -> pd.DataFrame:
@@ -68,7 +56,7 @@ def test_a_reading_is_the_target_position_and_the_difference(joints: int, tmp_pa
     file = tmp_path / "log.csv"
     given = table(joints)
     given.to_csv(file, index=False)
-    load("tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
+    load("real/tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
     dataset = gtpin.Dataset.read(tmp_path / "dataset")
     by_pose = given.set_index(given["step_order"].astype(str)).loc[list(dataset.pose)]
     for i, axis in enumerate("xyz"):
@@ -84,7 +72,7 @@ def test_a_log_without_a_column_is_refused_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "log.csv"
     table().drop(columns="y_dif").to_csv(file, index=False)
     with pytest.raises(SystemExit) as refused:
-        load("tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
+        load("real/tsinghua").main([str(file), "-o", str(tmp_path / "dataset")])
     assert "y_dif" in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
     assert not (tmp_path / "dataset").exists()
@@ -105,15 +93,15 @@ def test_the_wam_of_the_urdf_is_that_of_barrett_s_table() -> None:
 @pytest.mark.skipif(not UR5.is_file(), reason="GTPIN_REAL_DATA names no folder with the measured data")
 def test_geometry_of_a_real_ur5_predicts_left_out_regions_better_than_was_published() -> None:
     """Jacobi (2025) has a mean error of 0.1549 mm after calibration and a neural network."""
-    dataset = load("tsinghua").dataset_of(pd.read_csv(UR5))
-    off = load("ladder").off
+    dataset = load("real/tsinghua").dataset_of(pd.read_csv(UR5))
+    off = load("real/ladder").off
     errors = [off(gtpin.calibrate(dataset.take(~held)).model, dataset.take(held)) for held in by_region(dataset, 3)]
     assert np.concatenate(errors).mean() < 0.1549
 
 
 def test_curves_of_two_series_agree_where_both_have_poses_of_one_machine() -> None:
     """Two machines with the same line in one joint, measured by other poses; a third one with another phase."""
-    same_curves = load("same_curves")
+    same_curves = load("real/same_curves")
     robot = gtpin.load_robot("ur5")
     rng = np.random.default_rng(3)
     series = [gtpin.Dataset("ur5", [str(i) for i in range(400)], q, np.zeros((400, 3))) for q in poses_of(rng)]

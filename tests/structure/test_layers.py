@@ -35,7 +35,6 @@ LAYERS = (
 """Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
 makes machines and judges answers; no layer but the commands knows it."""
 ASKING = {
-    "bench/blind/judge.py": 1,
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
     "calibration/result.py": 1,
@@ -112,6 +111,16 @@ def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:
     outside = {place(other) for other in others if not other.startswith("gtpin.bench.simulator")}
     assert "robot" in outside  # the search went outside
     assert all(HEIGHT[name] < HEIGHT["kinematics"] for name in outside), outside
+
+
+def test_nothing_that_the_worker_of_a_blind_check_builds_on_knows_the_simulator_or_the_truth() -> None:
+    reached, waiting = set(), ["gtpin.bench.blind.worker"]
+    while waiting:
+        module = waiting.pop()
+        reached.add(module)
+        waiting += {*imported()[module]} - reached
+    assert "gtpin.diagnosis.diagnose" in reached
+    assert {name for name in reached if name.startswith("gtpin.bench.")} == {"gtpin.bench.blind.worker"}
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:

@@ -109,17 +109,12 @@ class Answer(BaseModel):
     @property
     def statement(self) -> Statement:
         """The part of the answer that is scored as the causes and the verdict of a diagnosis."""
-        causes = tuple(
-            Named(
-                name=cause.name,
-                probability=cause.probability,
-                members=dict.fromkeys((cause.name, *(member.name for member in cause.class_)), 0.0),
-            )
-            for cause in self.causes
-        )
-        if self.unknown:
-            return Statement(verdict="unknown", causes=causes)
-        return Statement(verdict="explained" if causes else "none", causes=causes)
+        causes = []
+        for cause in self.causes:
+            members = dict.fromkeys((cause.name, *(member.name for member in cause.class_)), 0.0)
+            causes.append(Named(name=cause.name, probability=cause.probability, members=members))
+        verdict = "unknown" if self.unknown else "explained" if causes else "none"
+        return Statement.model_validate({"verdict": verdict, "causes": causes})
 
 
 def _check_once(names: Sequence[str], file: Path, key: str) -> None:
@@ -127,7 +122,6 @@ def _check_once(names: Sequence[str], file: Path, key: str) -> None:
     seen: set[str] = set()
     for number, name in enumerate(names):
         if name in seen:
-            raise GtpinError(
-                f"{name[:100]} is named twice", file=file, column=f"{key}.{number}", hint="keep one of them"
-            )
+            what = f"{name[:100]} is named twice"
+            raise GtpinError(what, file=file, column=f"{key}.{number}", hint="keep one of them")
         seen.add(name)

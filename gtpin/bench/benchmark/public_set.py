@@ -184,24 +184,18 @@ def _take_robot_in(robot: Path, place: Path) -> None:
 
 def _published(truth: Truth) -> Truth:
     """A truth as it is written: without displacements and orientations, with rounded numbers."""
-    poses = truth.poses
+    poses, effects, readings = truth.poses, [], []
+    for effect in truth.effects:
+        energy = rounded_energy(effect.energy or 0.0)
+        effects.append(effect.model_copy(update={"displacement": None, "amplitude": None, "energy": energy}))
+    for one in truth.readings:
+        sigma = tuple(tuple(map(to_digits, row)) for row in one.sigma)
+        readings.append(TrueReadings(name=one.name, values=rounded_rows(one.values), sigma=sigma))
     return Truth(
         kind=truth.kind,
-        effects=tuple(
-            effect.model_copy(
-                update={"displacement": None, "amplitude": None, "energy": rounded_energy(effect.energy or 0.0)}
-            )
-            for effect in truth.effects
-        ),
+        effects=tuple(effects),
         poses=poses and TruePoses.model_validate({"pose": poses.pose, "position": rounded_rows(poses.position)}),
-        readings=tuple(
-            TrueReadings(
-                name=one.name,
-                values=rounded_rows(one.values),
-                sigma=tuple(tuple(map(to_digits, row)) for row in one.sigma),
-            )
-            for one in truth.readings
-        ),
+        readings=tuple(readings),
         sigma=truth.sigma,
     )
 
@@ -230,9 +224,10 @@ def round_table(file: Path) -> None:
     """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
     head, *lines = file.read_text(encoding="utf-8").splitlines()
     decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
-    rows = [",".join(map(_cell, line.split(","), decimals)) for line in lines]
+
+    def cell(text: str, decimals: int) -> str:
+        whole = text.lstrip("-").isdigit()
+        return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not whole else text
+
+    rows = [",".join(map(cell, line.split(","), decimals)) for line in lines]
     file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-
-
-def _cell(text: str, decimals: int) -> str:
-    return repr(rounded(float(text), decimals)) if NUMBER.fullmatch(text) and not text.lstrip("-").isdigit() else text

@@ -79,7 +79,9 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
         return Scored(judged, None, None)
     squares = []
     if truth.poses is not None and answer.positions:
-        squares.append((_shaped(answer.positions, truth.poses.T, file, "positions") - truth.poses.T) / _sigma(truth))
+        assert truth.sigma is not None
+        off = _shaped(answer.positions, truth.poses.T, file, "positions") - truth.poses.T
+        squares.append(off / np.array(truth.sigma[:3]))
     for one in truth.readings:
         if one.name in answer.readings:
             true = np.array(one.values)
@@ -93,10 +95,6 @@ def _sites(robot: str | None) -> dict[str, tuple[str, ...] | None]:
     """The sites of each effect of the catalogue at a robot; None for no robot."""
     found = None if robot is None else load_robot(robot)
     return {name: None if found is None else tuple(one.sites(found)) for name, one in effects_by_id().items()}
-
-
-def _sigma(truth: Any) -> Floats:
-    return np.array(truth.sigma[:3])
 
 
 def _shaped(values: Sequence[Sequence[float]], true: Floats, file: Path, key: str) -> Floats:
@@ -122,8 +120,8 @@ def figures(cases: Iterable[Scored]) -> dict[str, Rate]:
         "one effect, E > 63: members of the classes": mean(len(c.said.members) for c in seen if c.said and c.detected),
         "one effect, D > 63: strict": rate(c.strict for c in clear),
         "several effects: F1 of those with E > 63": mean(c.visible_f1 for c in several),
-        "no effect: silent": rate(c.said is not None and not c.detected for c in none),
-        "unlisted effect: unknown": rate(c.said is not None and c.said.verdict == "unknown" for c in unlisted),
+        "no effect: silent": rate(c.verdict == "none" for c in none),
+        "unlisted effect: unknown": rate(c.verdict == "unknown" for c in unlisted),
         "unlisted effect: a false cause with confidence": rate(bool(c.false_confident) for c in unlisted),
         "all cases: a false cause with confidence": rate(bool(c.false_confident) for c in every),
         "all cases: a false cause named": rate(bool(c.false_names) for c in every),
@@ -154,7 +152,7 @@ def _of_case(case: Scored) -> dict[str, Any]:
     return {
         "kind": found.kind,
         "truth": sorted(found.names),
-        "verdict": found.said.verdict if found.said else None,
+        "verdict": found.verdict or None,
         "named": list(found.said.names) if found.said else [],
         "strict": found.strict,
         "in_class": found.in_class,

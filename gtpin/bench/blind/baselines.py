@@ -56,11 +56,8 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     for cause, size in zip(causes, sizes, strict=True):
         own = slice(place, place := place + len(size))
         uncertain = covariance[own, own] * np.outer(size, size)
-        active.append(
-            ActiveEffect(
-                cause.effect, cause.site, cause.nonlinear, step[own] * size, uncertain, at.references, cause.further
-            )
-        )
+        found = (cause.nonlinear, step[own] * size, uncertain, at.references, cause.further)
+        active.append(ActiveEffect(cause.effect, cause.site, *found))
     return Model(moved, model.frame, tuple(active))
 
 
@@ -73,8 +70,9 @@ def fit_known_causes_to_readings(
     Prior sigmas are those of :func:`fit_known_causes`, and the instruments' own.
 
     ``noise``: by the instruments' names, (M, c) true sigma of the numbers in the rows of their tables, m or rad, so that no
-    estimate of the noise makes this fit worse. A known distance of sockets has the noise of the calibration. ``Raises
-    ConvergenceError if the fit does not converge.``: .
+    estimate of the noise makes this fit worse. A known distance of sockets has the noise of the calibration.
+
+    Raises ConvergenceError if the fit does not converge.
     """
     split = single(dataset, baseline.model.robot)
     observed = Observed.of(split, baseline)
@@ -132,11 +130,7 @@ def gaussian_process_positions(dataset: Dataset, baseline: Model, commands: Comm
 def _covariates(own: Commands, other: Commands) -> Floats:
     """(N, c) numeric covariates that both have."""
     both = [n for n in own.covariates if n in other.covariates and own.covariates[n].dtype == np.float64]
-    return (
-        np.stack([np.asarray(own.covariates[n], dtype=float) for n in both], axis=1)
-        if both
-        else np.zeros((len(own), 0))
-    )
+    return np.column_stack([np.zeros((len(own), 0)), *(own.covariates[n] for n in both)])
 
 
 def _near(q: Floats, covariates: Floats, other_q: Floats, other: Floats) -> tuple[Floats, Floats]:

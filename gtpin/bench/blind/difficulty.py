@@ -33,9 +33,8 @@ from gtpin.typing import Floats, Indices
 class Seen:
     """The measurement of c numbers at each of N poses."""
 
-    by_motion: (
-        Floats  # (N, c, 6) or (c, 6) their derivative by the platform's motion, base frame, in units of the noise
-    )
+    # (N, c, 6) or (c, 6) their derivative by the platform's motion, base frame, in units of the noise
+    by_motion: Floats
     # (N, c, k) the same by the instruments' unknowns in prior sigmas; None where there are none
     unknowns: Floats | None = None
 
@@ -265,7 +264,11 @@ class Difficulty:
         grams = whole @ whole.transpose(0, 2, 1) - half @ half.transpose(0, 2, 1)
         values, vectors = np.linalg.eigh(grams)
         squares = np.einsum("sij,si->sj", vectors, moments.reshape(len(bases), width)) ** 2
-        return _likeliest(np.maximum(values, 0.0), squares)
+        s2, values = (SCALES**2)[:, None, None], np.maximum(values, 0.0)
+        taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
+        evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)
+        best = np.argmax(evidence, axis=0)
+        return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best], evidence.max(axis=0)
 
 
 def _situation(dataset: Dataset, model: Model) -> Situation:
@@ -273,11 +276,64 @@ def _situation(dataset: Dataset, model: Model) -> Situation:
     return Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
 
 
-def _likeliest(values: Floats, squares: Floats) -> tuple[Floats, Floats, Floats]:
-    """(S,) energy explained at the scale of largest evidence, the scale, and the log evidence, from (S, m) eigenvalues and
-    squared moments."""
-    s2 = (SCALES**2)[:, None, None]
-    taken = (s2 * squares / (1.0 + s2 * values)).sum(axis=2)
-    evidence = 0.5 * taken - 0.5 * np.log1p(s2 * values).sum(axis=2)
-    best = np.argmax(evidence, axis=0)
-    return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best], evidence.max(axis=0)
+Values = Sequence[float]
+"""Values of the nonlinear parameter of an effect at one site: none, one, or several periods of a gear."""
+
+TRIED, ROUNDS, SWEEPS = 13, 4, 3
+"""Values that are tried between the neighbours of the best one of a scan, repetitions with a smaller step, and times that each
+of several values is refined given the others."""
+
+
+def true_parameters(difficulty: Difficulty, best: Best, displacement: Floats) -> dict[str, float]:
+    """Parameters, by name, of an effect in its textbook form that is nearest to a true displacement (rows, 6).
+
+    They are what a fit as in a diagnosis, with the geometry free, gives of noise-free data: the coefficients, in units of their
+    typical sizes, are (X' M X + I / s^2)^-1 X' M d with M = (I + B B')^-1. So what calibration absorbs of an effect, such as a
+    straight line in the form of a track, is no error of a parameter. The scale s and the nonlinear parameters are those of
+    largest evidence.
+
+    Several values of the nonlinear parameter are refined from those of ``best``; a single one is scanned again, because
+    ``best`` has the value that explains most energy, not that of largest evidence.
+    """
+    d = difficulty.true(displacement)
+    values, scale = _values(difficulty, best, difficulty.orthogonal(d))
+    basis = best.effect.basis_of(difficulty.situation, best.site, values)
+    X = difficulty.whitened(basis.displacement(difficulty.situation) * basis.sigma)
+    MX = difficulty.orthogonal(X)
+    c = np.linalg.solve(MX.T @ X + np.eye(X.shape[1]) / scale**2, MX.T @ d) * basis.sigma
+    found = best.effect.parameters_of(difficulty.situation.robot, best.site, c, values)
+    return {name: value for name, (value, _) in found.items()}
+
+
+def _values(difficulty: Difficulty, best: Best, past: Floats) -> tuple[Values, float]:
+    """The values of the nonlinear parameter and the scale of largest evidence."""
+    if not best.values:
+        return (), best.scale
+    tried = np.sort(best.effect.nonlinear_values(difficulty.situation, best.site))
+    values, scale = list(best.values), best.scale
+    if len(values) == 1:
+        values = list(_best_trial(difficulty, best, [(value,) for value in tried], past)[0])
+    for _ in range(SWEEPS if len(values) > 1 else 1):
+        for i in range(len(values)):
+            place = int(np.searchsorted(tried, values[i]))
+            low, high = tried[[max(place - 1, 0), min(place + 1, len(tried) - 1)]]
+            for _ in range(ROUNDS):
+                near = np.linspace(low, high, TRIED)
+                together, scale = _best_trial(
+                    difficulty, best, [(*values[:i], v, *values[i + 1 :]) for v in near], past
+                )
+                values[i] = together[i]
+                low, high = values[i] - (near[1] - near[0]), values[i] + (near[1] - near[0])
+    return values, scale
+
+
+def _best_trial(difficulty: Difficulty, best: Best, trials: Sequence[Values], past: Floats) -> tuple[Values, float]:
+    """The values of largest evidence, of some trials, and the scale."""
+    found: list[tuple[float, float]] = []
+    for start in range(0, len(trials), BATCH):
+        some = trials[start : start + BATCH]
+        bases = [best.effect.basis_of(difficulty.situation, best.site, values) for values in some]
+        _, scales, evidence = difficulty.by_basis(bases, past)
+        found += zip(evidence.tolist(), scales.tolist(), strict=True)
+    top = max(range(len(trials)), key=lambda i: found[i][0])
+    return tuple(map(float, trials[top])), found[top][1]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.blind.truth import Kind, Truth
 from gtpin.bench.simulator.build import build, known_robot
@@ -15,17 +14,13 @@ from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
 from gtpin.bench.simulator.energy import Past
-from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.choice import TOUCHED
-from gtpin.bench.simulator.instruments.gauge import Gauge
+from gtpin.bench.simulator.instruments.build import TOUCHED, build_measured
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth
 from gtpin.data.files import write_table
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
-from gtpin.typing import Floats
-
-Rows = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Ints
 
 ONE_IN = 6
 """One in this many of an instrument's touches is left out, at random."""
@@ -61,36 +56,25 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
     """
     if case.recipe is None or case.true.joints or not any(gauge.touches for gauge in case.gauges):
         return case, ()
-    kept = [_kept(gauge, case.recipe.seed) for gauge in case.gauges]
-    found = tuple(
-        _left_out(case, gauge, read, ~rows)
-        for gauge, read, rows in zip(case.gauges, case.dataset.read, kept, strict=True)
-        if gauge.touches
-    )
-    gauges = tuple(gauge.kept(rows) for gauge, rows in zip(case.gauges, kept, strict=True))
-    tables = tuple(
-        InstrumentTruth(read.described, read.stop[rows], {name: values[rows] for name, values in read.columns.items()})
-        for read, rows in zip(case.dataset.read, kept, strict=True)
-    )
-    effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(kept)]) for effect in case.effects)
-    fewer = replace(case, gauges=gauges, dataset=replace(case.dataset, read=tables), effects=effects)
-    return replace(fewer, effects=_measured_again(fewer)), found
-
-
-def _kept(gauge: Gauge, seed: int) -> Rows:
-    kept = np.ones(len(gauge.stop), dtype=bool)
-    if gauge.touches:
-        rng = np.random.default_rng(np.random.SeedSequence([seed, 9, *gauge.name.encode()]))
-        kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
-    return kept
-
-
-def _left_out(case: InstrumentCase, gauge: Gauge, read: InstrumentTruth, rows: Rows) -> LeftOutTouches:
-    own, data = gauge.kept(rows), case.dataset
-    columns = {name: values[rows] for name, values in read.columns.items()}
-    columns |= {name: values[own.stop] for name, values in data.covariates.items()}
-    values = own.readings(case.steady[own.stop], own.truth)
-    return LeftOutTouches(gauge.name, data.pose[own.stop], data.q[own.stop], columns, values, own.sigma)
+    data = case.dataset
+    found, gauges, tables, every = [], [], [], []
+    for gauge, read in zip(case.gauges, data.read, strict=True):
+        kept = np.ones(len(gauge.stop), dtype=bool)
+        if gauge.touches:
+            rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
+            kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
+            out = gauge.kept(~kept)
+            columns = {name: values[~kept] for name, values in read.columns.items()}
+            columns |= {name: values[out.stop] for name, values in data.covariates.items()}
+            values = out.readings(case.steady[out.stop], out.truth)
+            found.append(LeftOutTouches(gauge.name, data.pose[out.stop], data.q[out.stop], columns, values, out.sigma))
+        gauges.append(gauge.kept(kept))
+        columns = {name: values[kept] for name, values in read.columns.items()}
+        tables.append(InstrumentTruth(read.described, read.stop[kept], columns))
+        every.append(kept)
+    effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
+    fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)
+    return replace(fewer, effects=_measured_again(fewer)), tuple(found)
 
 
 def _measured_again(case: InstrumentCase) -> tuple[EffectTruth, ...]:
@@ -120,7 +104,7 @@ def jitter(case: InstrumentCase) -> Floats:
     return found
 
 
-def stops(case: InstrumentCase) -> npt.NDArray[np.int_]:
+def stops(case: InstrumentCase) -> Ints:
     """Indices of the stops at which an instrument measures."""
     return np.unique(np.concatenate([gauge.stop for gauge in case.gauges]))
 
@@ -188,9 +172,8 @@ def drafts(cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ..
             effects = (str(own.choice(listed)), str(own.choice(unlisted)))
         poses = POWER_POSES[count[kind] % len(POWER_POSES)] if kind == "power" else None
         count[kind] += 1
-        yield Draft(
-            f"case{number:05d}", kind, int(own.integers(2**31)), tuple(map(str, effects)), poses, robot, instruments
-        )
+        named = tuple(map(str, effects))
+        yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), named, poses, robot, instruments)
 
 
 def made(draft: Draft) -> Case:
@@ -253,10 +236,9 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
             {"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in readings.items()
         ]
     if case.recipe is not None:
-        moves = jitter(case)
-        scattered = [
-            (gauge.name, gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop]))
-            for gauge in case.gauges
-        ]
-        truth["noise"] = [{"name": name, "sigma": sigma.tolist()} for name, sigma in scattered]
+        moves, noise = jitter(case), []
+        for gauge in case.gauges:
+            sigma = gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop])
+            noise.append({"name": gauge.name, "sigma": sigma.tolist()})
+        truth["noise"] = noise
     return Truth.model_validate(truth)

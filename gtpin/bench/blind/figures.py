@@ -82,32 +82,23 @@ def class_size(cases: Iterable[Judged]) -> Rate:
 # ------------------------------------------------------------------------------------ explained fraction of the gap
 
 
-@dataclass(frozen=True)
-class ExplainedFraction:
-    """The explained fraction that a diagnosis predicts, its interval, and the one realised at held-out commands."""
-
-    predicted: float
-    interval: tuple[float, float] | None
-    realised: float
+def overstated(cases: Iterable[Judged]) -> list[float]:
+    """Predicted less realised explained fraction of all cases that have both, without the cases of kind `power`."""
+    return [c.overstated for c in cases if c.overstated is not None and c.kind != "power"]
 
 
-def explained_fractions(cases: Iterable[Judged]) -> list[ExplainedFraction]:
-    """The explained fractions of all cases with a prediction, without the cases of kind `power`."""
-    return [
-        ExplainedFraction(c.said.explained_fraction, c.said.interval, c.shrunk.share)
-        for c in cases
-        if c.said and c.shrunk and c.said.explained_fraction is not None and c.kind != "power"
-    ]
-
-
-def absolute_error(fractions: Iterable[ExplainedFraction]) -> Rate:
+def absolute_error(cases: Iterable[Judged]) -> Rate:
     """Mean absolute difference of predicted and realised fraction."""
-    return mean(abs(f.predicted - f.realised) for f in fractions)
+    return mean(map(abs, overstated(cases)))
 
 
-def coverage(fractions: Iterable[ExplainedFraction]) -> Rate:
+def coverage(cases: Iterable[Judged]) -> Rate:
     """How often the realised fraction lies in the predicted interval."""
-    return rate(f.interval[0] <= f.realised <= f.interval[1] for f in fractions if f.interval)
+    return rate(
+        c.said.interval[0] <= c.shrunk.share <= c.said.interval[1]
+        for c in cases
+        if c.said and c.shrunk and c.said.interval and c.overstated is not None and c.kind != "power"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------ reliability
@@ -197,6 +188,13 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     right = "cause and site right, nothing else named, D > 63"
     confident = rate(not c.error and not c.false_confident for c in weak)
     covered = (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
+    ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
+    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    farthest = Rate(max(off, default=None), None, None, len(off))
+    # A member of the class that does not fit the true effect.
+    wrong = rate(
+        any(c.left.get(name, 0.0) > VISIBLE for name in (c.said.members - c.names if c.said else ())) for c in seen
+    )
     # Where the instruments can't show all effects, F1 of the visible ones has the target.
     whole = Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95)
     sets = [whole]
@@ -207,32 +205,30 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("detected, E > 63", rate(c.detected for c in seen), least=0.97),
         Figure("class holds the truth, E > 63", rate(c.in_class for c in seen), least=0.97),
         Figure("members of the class, E > 63", class_size(seen), most=2.5),
-        Figure("class with a member that leaves more than 63, E > 63", rate(map(_has_wrong_member, seen)), most=0.0),
+        Figure("class with a member that leaves more than 63, E > 63", wrong, most=0.0),
         Figure(right, rate(c.strict for c in clear), least=0.90),
         Figure("site that leads where right, D > 63", rate(c.where for c in clear), least=0.90),
         Figure("no false name with confidence, D <= 63", confident, least=0.95),
-        Figure("no effect: silent", rate(c.silent for c in none), least=0.99),
+        Figure("no effect: silent", rate(c.verdict == "none" for c in none), least=0.99),
         *sets,
         Figure("two effects, E > 63 of each: F1 of the set", mean(c.f1 for c in plain), least=0.95),
         Figure("two effects, E > 63 of each: F1 of the classes", mean(c.class_f1 for c in plain)),
         Figure("three effects: F1 of the set", mean(c.f1 for c in three)),
         *_outside("outside the catalogue", of_kind(cases, "unlisted")),
         *_outside("taken out of the catalogue", taken_out(cases)),
-        Figure("known and unlisted together: unknown", rate(c.unknown for c in both)),
+        Figure("known and unlisted together: unknown", rate(c.verdict == "unknown" for c in both)),
         Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
-        _calibrated(cases),
+        Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05),
         Figure(
             "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
         ),
-        *_explained_fraction(cases, seen),
+        Figure("shrinkage said less realised, absolute", absolute_error(cases), most=0.05),
+        Figure("shrinkage said less realised", mean(overstated(cases))),
+        Figure("95 % interval of shrinkage covers", coverage(cases), least=0.90),
+        Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
+        Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
         Figure("95 % intervals of parameters cover", rate(covered)),
     ]
-
-
-def _has_wrong_member(case: Judged) -> bool:
-    """Whether the class has a member that does not fit the true effect: it leaves more than `VISIBLE` of its energy."""
-    members = case.said.members - case.names if case.said else ()
-    return any(case.left.get(name, 0.0) > VISIBLE for name in members)
 
 
 def _outside(word: str, cases: Sequence[Judged]) -> list[Figure]:
@@ -240,28 +236,9 @@ def _outside(word: str, cases: Sequence[Judged]) -> list[Figure]:
     plain, where = [c for c in cases if c.leaves > LEFT], "where others leave more than 250"
     confident = [rate(bool(c.false_confident) for c in some) for some in (plain, cases)]
     return [
-        Figure(f"{word}: unknown, {where}", rate(c.unknown for c in plain), least=0.90),
-        Figure(f"{word}: unknown, all", rate(c.unknown for c in cases)),
+        Figure(f"{word}: unknown, {where}", rate(c.verdict == "unknown" for c in plain), least=0.90),
+        Figure(f"{word}: unknown, all", rate(c.verdict == "unknown" for c in cases)),
         Figure(f"{word}: a cause named with confidence, {where}", confident[0], most=0.15),
         Figure(f"{word}: a cause named with confidence, all", confident[1], most=0.15),
         Figure(f"{word}: any cause named, all", rate(bool(c.false_names) for c in cases)),
-    ]
-
-
-def _calibrated(cases: Sequence[Judged]) -> Figure:
-    """The largest calibration error of the probabilities, over the tenths."""
-    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
-    farthest = Rate(max(off, default=None), None, None, len(off))
-    return Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05)
-
-
-def _explained_fraction(cases: Sequence[Judged], seen: Sequence[Judged]) -> list[Figure]:
-    fractions = explained_fractions(cases)
-    ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
-    return [
-        Figure("shrinkage said less realised, absolute", absolute_error(fractions), most=0.05),
-        Figure("shrinkage said less realised", mean(f.predicted - f.realised for f in fractions)),
-        Figure("95 % interval of shrinkage covers", coverage(fractions), least=0.90),
-        Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
-        Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import gtpin
-from gtpin.bench.blind.truth import DIGEST, TruePoses, Truth, digest_of, digest_of_files, files_of
+from gtpin.bench.blind.truth import DIGEST, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.blind.worker import Outcome
 from gtpin.data.files import UNFINISHED, placed_file, write_table
 from gtpin.data.names import ORIENTATION, POSITION
@@ -167,22 +167,19 @@ class CheckFolder:
         text = truth.model_dump_json(exclude={"poses"}, exclude_none=True) + "\n"
         with placed_file(self.cases / f"{name}.truth.json") as unfinished:
             unfinished.write_text(text, encoding="utf-8")
-        if truth.poses is not None:
+        if (poses := truth.poses) is not None:
+            columns: dict[str, Column] = {"pose": np.array(poses.pose, dtype=object)}
+            columns |= dict(zip(POSITION, poses.T.T, strict=True))
+            if poses.orientation is not None:
+                columns |= dict(zip(ORIENTATION, np.array(poses.orientation).T, strict=True))
             with placed_file(self.cases / f"{name}.truth.csv") as unfinished:
-                write_table(unfinished, _columns(truth.poses))
-
-
-def _columns(poses: TruePoses) -> dict[str, Column]:
-    columns: dict[str, Column] = {"pose": np.array(poses.pose, dtype=object)}
-    columns |= dict(zip(POSITION, poses.T.T, strict=True))
-    if poses.orientation is not None:
-        columns |= dict(zip(ORIENTATION, np.array(poses.orientation).T, strict=True))
-    return columns
+                write_table(unfinished, columns)
 
 
 SCHEMA = "gtpin-blind/1"
 CLAIM = "check.json"
 """The check's settings."""
+NO_CHECK = "this is not the folder of a check"
 SCORE_FILES = ("judged.json", "score.json", "score.html")
 """Files that are written after all cases are judged."""
 
@@ -198,7 +195,7 @@ def claimed(folder: CheckFolder, settings: Settings, force: bool = False) -> Ite
     """
     root = folder.root
     if os.path.lexists(root) and not os.path.isdir(root):
-        raise GtpinError("this is not the folder of a check", file=root, hint="name a new folder")
+        raise GtpinError(NO_CHECK, file=root, hint="name a new folder")
     missing = [place for place in (root, *root.parents) if not os.path.lexists(place)]
     try:
         with contextlib.ExitStack() as held:
@@ -221,10 +218,20 @@ def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
     content = {"schema": SCHEMA, **asdict(settings)}
     there = _there(folder)
     other = next((name for name, value in content.items() if there.get(name) != value), None)
-    if there and other and _unbegun(folder):
+    in_the_way = not _unbegun(folder) if there else _has_foreign_files(folder)
+    if other and not in_the_way:
         _give_up(folder)
     elif other:
-        _make_room(folder, _others(folder.root, other) if there else _foreign_files(folder), force)
+        if not force:
+            words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
+            what = f"the folder belongs to another check: other {words.get(other, other)}"
+            hint = "name a new folder, ask for the same again, or move it aside with --force"
+            if not there:
+                what, hint = NO_CHECK, "name a new folder, or move what is in the way aside with --force"
+            raise GtpinError(what, file=folder.root, hint=hint)
+        for place in (*(folder.root / name for name in (CLAIM, "seconds.txt", *SCORE_FILES)), *folder.parts):
+            if os.path.lexists(place):
+                os.replace(place, aside(place))
     refuse_foreign(folder.root, SCORE_FILES, force)
     for part in folder.parts:
         part.mkdir(exist_ok=True)
@@ -261,35 +268,14 @@ def _give_up(folder: CheckFolder) -> None:
         (folder.root / CLAIM).unlink()
 
 
-def _others(root: Path, other: str) -> GtpinError:
-    words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
-    what = f"the folder belongs to another check: other {words.get(other, other)}"
-    return GtpinError(what, file=root, hint="name a new folder, ask for the same again, or move it aside with --force")
-
-
-def _foreign_files(folder: CheckFolder) -> GtpinError | None:
-    """The error if a folder can't be used for a check; None if it is empty except for remains of a crash."""
+def _has_foreign_files(folder: CheckFolder) -> bool:
+    """Whether a folder without a check has files that are no remains of a crash: empty parts, or an empty claim."""
     for entry in folder.root.iterdir():
-        if entry.name.startswith((UNFINISHED, MARKER)):
-            continue
-        crash = not any(entry.iterdir()) if entry in folder.parts and entry.is_dir() else _is_empty_claim(entry)
-        if not crash:
-            hint = "name a new folder, or move what is in the way aside with --force"
-            return GtpinError("this is not the folder of a check", file=folder.root, hint=hint)
-    return None
-
-
-def _is_empty_claim(entry: Path) -> bool:
-    return entry.name == CLAIM and entry.is_file() and not entry.is_symlink() and entry.stat().st_size == 0
-
-
-def _make_room(folder: CheckFolder, problem: GtpinError | None, force: bool) -> None:
-    """Rename foreign files with ``force``, else raise the error; delete an empty check."""
-    if problem is None:
-        _give_up(folder)
-        return
-    if not force:
-        raise problem
-    for place in (*(folder.root / name for name in (CLAIM, "seconds.txt", *SCORE_FILES)), *folder.parts):
-        if os.path.lexists(place):
-            os.replace(place, aside(place))
+        if entry in folder.parts and entry.is_dir():
+            remains = not any(entry.iterdir())
+        else:
+            empty = entry.name == CLAIM and entry.is_file() and not entry.is_symlink() and entry.stat().st_size == 0
+            remains = empty or entry.name.startswith((UNFINISHED, MARKER))
+        if not remains:
+            return True
+    return False

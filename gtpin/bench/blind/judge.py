@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.bench.blind.baselines import fit_known_causes, fit_known_causes_to_readings, gaussian_process_positions
-from gtpin.bench.blind.difficulty import Best, Difficulty
+from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.blind.judged import Judged, Named, Shrunk, Statement
-from gtpin.bench.blind.true_parameters import true_parameters
 from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
@@ -28,7 +27,8 @@ from gtpin.typing import Floats
 
 def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list[list[float]]]) -> float:
     """RMS error of predicted readings (H, c), by instrument, in units of the noise; of joints that turn, modulo full turns."""
-    turning = _turning(dataset)
+    encoders = [table for table in dataset.readings.tables if isinstance(table, EncoderTable)]
+    turning = {table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns}
     errors = []
     for true in truth.readings:
         error = np.array(predicted[true.name]) - np.array(true.values)
@@ -36,12 +36,6 @@ def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list
             error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
         errors.append((error / np.array(true.sigma)).ravel())
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
-
-
-def _turning(dataset: Dataset) -> frozenset[str]:
-    """Names of the encoders at joints that turn."""
-    encoders = [table for table in dataset.readings.tables if isinstance(table, EncoderTable)]
-    return frozenset(table.name for table in encoders if measured_joint(robot_of(dataset), table.joint).turns)
 
 
 Left = Mapping[str, Best]
@@ -62,47 +56,48 @@ def judge(folder: Path, sealed: Path, digest: str, outcome: Outcome | None, with
         truth = opened(sealed, digest)
     except SealError as error:
         return Judged(name=folder.name, error=str(error))
+    plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
     try:
-        return _judged(folder, truth, outcome or Outcome(error="it was not diagnosed"), without)
+        return _judged(Judged(name=folder.name, kind=truth.kind, truth=plain), folder, truth, outcome, without)
     except Exception as error:  # an error in one case must not stop the others
-        plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
         what = f"it could not be judged: {type(error).__name__}: {error}"
         return Judged(name=folder.name, kind=truth.kind, truth=plain, error=what)
 
 
-def _judged(folder: Path, truth: Truth, outcome: Outcome, without: Outcome | None) -> Judged:
-    statement, other = _statement(outcome), _statement(without)
-    plain = tuple(effect.model_copy(update={"displacement": None}) for effect in truth.effects)
-    found = Judged(
-        name=folder.name,
-        kind=truth.kind,
-        truth=plain,
-        listed=all(effect.effect in effects_by_id() for effect in plain),
-        error=outcome.error,
-        said=statement,
-        without=other,
-        without_error=without.error if without else None,
-    )
+def _judged(found: Judged, folder: Path, truth: Truth, outcome: Outcome | None, without: Outcome | None) -> Judged:
+    outcome = outcome or Outcome(error="it was not diagnosed")
+    changes: dict[str, object] = {
+        "listed": all(effect.effect in effects_by_id() for effect in truth.effects),
+        "error": outcome.error,
+        "said": _statement(outcome),
+        "without": _statement(without),
+        "without_error": without.error if without else None,
+    }
+    found = found.model_copy(update=changes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         try:
             dataset = Dataset.read(folder)
-            found = found.model_copy(update={"instruments": _instruments(dataset)})
+            # Kinds of the instruments of schema 2; None for a tracker alone.
+            kinds = tuple(sorted({table.kind for table in dataset.readings.tables if table.name})) or None
+            found = found.model_copy(update={"instruments": kinds})
             return _measured(found, truth, dataset, folder, outcome)
         except GtpinError as error:  # the diagnosis failed for the same reason, or E and D can't be computed
-            return found if found.error or statement else found.model_copy(update={"error": str(error)})
+            return found if found.error or found.said else found.model_copy(update={"error": str(error)})
 
 
 def _statement(outcome: Outcome | None) -> Statement | None:
-    return None if outcome is None or outcome.diagnosis is None else Statement.of(outcome.diagnosis)
+    return Statement.of(outcome.diagnosis) if outcome and outcome.diagnosis is not None else None
 
 
 def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outcome: Outcome) -> Judged:
     """The case with those of E, D and the explained fraction of the gap that can be computed."""
+    robot, known, covariates = robot_of(dataset), effects_by_id(), dataset.covariates
+    needs = {n for e in truth.effects if e.effect in known for n in known[e.effect].covariates(robot, e.site)}
     changes: dict[str, object] = {
         "poses": len(dataset),
         "planned": len(np.unique(dataset.visits)),
-        "testable": _testable(dataset, truth),
+        "testable": all(n in covariates and len(np.unique(covariates[n])) > 1 for n in needs),
     }
     lefts: list[Left] = []
     baseline: Calibration | None = None
@@ -110,45 +105,29 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
         baseline = calibrate(dataset)
         difficulty = difficulty_of(dataset, truth, baseline)
         lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
-        graded = [_with_leaves(effect, left) for effect, left in zip(found.truth, lefts, strict=True)]
-        changes |= {"truth": tuple(effect for effect, _ in graded)}
-        if len(graded) == 1:
-            changes |= {"rival": graded[0][1]} | _single(found, lefts[0], graded[0][0])
+        # The wrong effect that leaves the least energy of each effect, and its D.
+        pairs = list(zip(found.truth, lefts, strict=True))
+        rivals = [min((n for n in left if n != effect.name), key=lambda n: left[n].left) for effect, left in pairs]
+        leaves = [max(left[rival].left, 0.0) for left, rival in zip(lefts, rivals, strict=True)]
+        changes["truth"] = tuple(
+            effect.model_copy(update={"leaves": d}) for effect, d in zip(found.truth, leaves, strict=True)
+        )
+        if len(lefts) == 1:
+            (effect, left) = pairs[0]
+            members = (found.said.members if found.said else frozenset()) | {effect.name}
+            others = [best.left for best in left.values() if best.effect.id != effect.effect]
+            changes["rival"] = rivals[0]
+            changes["left"] = {name: left[name].left for name in sorted(members) if name in left}
+            changes["without_left"] = max(min(others), 0.0)
         if found.said is not None:
-            pairs = zip(truth.effects, lefts, strict=True)
-            rows = (_parameters(difficulty, found.said, effect, left) for effect, left in pairs)
+            effects = zip(truth.effects, lefts, strict=True)
+            rows = (_parameters(difficulty, found.said, effect, left) for effect, left in effects)
             changes["parameters"] = tuple(row for some in rows for row in some)
     if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
     elif truth.readings and outcome.model_readings:
         changes["shrunk"] = _shrunk_readings(folder, dataset, truth, outcome, lefts, baseline)
     return found.model_copy(update=changes)
-
-
-def _instruments(dataset: Dataset) -> tuple[str, ...] | None:
-    """Kinds of the instruments of a dataset of schema 2; None for a tracker alone."""
-    return tuple(sorted({table.kind for table in dataset.readings.tables if table.name})) or None
-
-
-def _testable(dataset: Dataset, truth: Truth) -> bool:
-    """Whether the covariates that the known effects need are recorded and vary."""
-    robot, known = robot_of(dataset), effects_by_id()
-    needs = {n for e in truth.effects if e.effect in known for n in known[e.effect].covariates(robot, e.site)}
-    return all(n in dataset.covariates and len(np.unique(dataset.covariates[n])) > 1 for n in needs)
-
-
-def _with_leaves(effect: TrueEffect, left: Left) -> tuple[TrueEffect, str]:
-    """The effect with its D, and the wrong effect that leaves the least energy."""
-    wrong = {name: best.left for name, best in left.items() if name != effect.name}
-    alternative = min(wrong, key=lambda name: wrong[name])
-    return effect.model_copy(update={"leaves": max(wrong[alternative], 0.0)}), alternative
-
-
-def _single(found: Judged, left: Left, effect: TrueEffect) -> dict[str, object]:
-    """Energy of a single effect that each member of the class leaves, and the smallest that another effect leaves."""
-    members = (found.said.members if found.said else frozenset()) | {effect.name}
-    others = [best.left for best in left.values() if best.effect.id != effect.effect]
-    return {"left": {n: left[n].left for n in sorted(members) if n in left}, "without_left": max(min(others), 0.0)}
 
 
 def _parameters(
@@ -171,9 +150,8 @@ def _shrunk(
     assert truth.poses is not None
     T = _true_positions(commands, truth.poses)
     found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
-    if baseline is None or truth.kind not in CAUSES_GIVEN or dataset.instrument.frame == "free":
-        return found
-    if dataset.readings.names:  # both baselines are fitted to poses
+    in_robot = dataset.instrument.frame != "free" and not dataset.readings.names  # both baselines are fitted to poses
+    if baseline is None or truth.kind not in CAUSES_GIVEN or not in_robot:
         return found
     changes = {}
     if causes := _causes(truth, lefts):
@@ -232,7 +210,7 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
     """
     if not truth.effects or any(effect.displacement is None for effect in truth.effects):
         return False
-    if dataset.readings.tracked:
+    if not dataset.readings.names:
         return truth.sigma is not None or bool(truth.noise)
     tables = dataset.readings.tables
     return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
@@ -243,10 +221,9 @@ def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Diff
     noise = {one.name: np.array(one.sigma) for one in truth.noise}
     if dataset.readings.names:
         return Difficulty.of_readings(dataset, noise, baseline)
-    sigma = np.array(truth.sigma) if truth.sigma is not None else _six(*noise.values())
+    if truth.sigma is not None:
+        sigma = np.array(truth.sigma)
+    else:
+        (rows,) = noise.values()  # (M, 3) where orientations are not measured
+        sigma = np.hstack([rows, np.full((len(rows), 6 - rows.shape[1]), np.inf)])
     return Difficulty.of(dataset, sigma, baseline.model.geometry)
-
-
-def _six(sigma: Floats) -> Floats:
-    """(M, 6) noise of a tracker's rows, from (M, 3) or (M, 6); infinite where orientations are not measured."""
-    return np.hstack([sigma, np.full((len(sigma), 6 - sigma.shape[1]), np.inf)])

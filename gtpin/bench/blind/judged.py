@@ -162,19 +162,19 @@ class Judged(BaseModel):
         return float("nan") if self.single.leaves is None else self.single.leaves
 
     @property
+    def verdict(self) -> str:
+        """As in ``diagnosis.json``; empty where the case failed."""
+        return self.said.verdict if self.said else ""
+
+    @property
+    def named(self) -> frozenset[str]:
+        """The named causes, ``effect@site``."""
+        return frozenset(self.said.names) if self.said else frozenset()
+
+    @property
     def detected(self) -> bool:
         """Whether the verdict is not `none`."""
-        return self.said is not None and self.said.verdict != "none"
-
-    @property
-    def silent(self) -> bool:
-        """Whether the verdict is `none`; not where the case failed."""
-        return self.said is not None and self.said.verdict == "none"
-
-    @property
-    def unknown(self) -> bool:
-        """Whether the verdict is `unknown`."""
-        return self.said is not None and self.said.verdict == "unknown"
+        return self.verdict not in ("", "none")
 
     @property
     def where(self) -> bool:
@@ -184,7 +184,7 @@ class Judged(BaseModel):
     @property
     def strict(self) -> bool:
         """Whether exactly the true effects are named, and the verdict is not `unknown`."""
-        return self.said is not None and self.said.verdict != "unknown" and frozenset(self.said.names) == self.names
+        return self.verdict not in ("", "unknown") and self.named == self.names
 
     @property
     def in_class(self) -> bool:
@@ -202,10 +202,16 @@ class Judged(BaseModel):
         return tuple(n for n in self.said.confident() if n not in self.names) if self.said else ()
 
     @property
+    def overstated(self) -> float | None:
+        """The explained fraction of the gap that is predicted, less the one realised; None where one is not known."""
+        if self.said is None or self.said.explained_fraction is None or self.shrunk is None:
+            return None
+        return self.said.explained_fraction - self.shrunk.share
+
+    @property
     def f1(self) -> float:
         """F1 of the set of causes: 2 right / (named + true)."""
-        named = frozenset(self.said.names) if self.said else frozenset()
-        return 2.0 * len(named & self.names) / max(len(named) + len(self.names), 1)
+        return _f1(self.named, self.names)
 
     @property
     def not_visible(self) -> frozenset[str]:
@@ -215,9 +221,7 @@ class Judged(BaseModel):
     @property
     def visible_f1(self) -> float:
         """F1 of the set of causes without the effects that are not visible, whether they are named or not."""
-        named = frozenset(self.said.names if self.said else ()) - self.not_visible
-        true = self.names - self.not_visible
-        return 2.0 * len(named & true) / max(len(named) + len(true), 1)
+        return _f1(self.named - self.not_visible, self.names - self.not_visible)
 
     @property
     def class_f1(self) -> float:
@@ -228,3 +232,7 @@ class Judged(BaseModel):
         found = len(self.names & self.said.members)
         precision, recall = right / max(len(self.said.causes), 1), found / max(len(self.names), 1)
         return 2.0 * precision * recall / (precision + recall) if right else 0.0
+
+
+def _f1(named: frozenset[str], true: frozenset[str]) -> float:
+    return 2.0 * len(named & true) / max(len(named) + len(true), 1)

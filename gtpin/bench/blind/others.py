@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Mapping
@@ -79,14 +80,12 @@ def given(folder: Path) -> list[Given]:
     truths = {entry.name.removesuffix(TRUTH) for entry in entries if entry.name.endswith(TRUTH)}
     datasets = {entry.name for entry in entries if entry.is_dir() and not entry.name.startswith(".")}
     if not truths and not datasets:
-        raise GtpinError(
-            "there are no cases here", file=folder, hint="it needs NAME/ and NAME.truth.json for each case"
-        )
+        hint = "it needs NAME/ and NAME.truth.json for each case"
+        raise GtpinError("there are no cases here", file=folder, hint=hint)
     for name in sorted(datasets ^ truths):
         file = folder / (f"{name}{TRUTH}" if name in datasets else name)
-        raise GtpinError(
-            "is missing", file=file, hint="each case is a folder NAME/ and a file NAME.truth.json next to it"
-        )
+        hint = "each case is a folder NAME/ and a file NAME.truth.json next to it"
+        raise GtpinError("is missing", file=file, hint=hint)
     return [Given(folder / name, _truth(folder, name)) for name in sorted(truths)]
 
 
@@ -103,26 +102,23 @@ def _truth(folder: Path, name: str) -> Truth:
         raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
     except (UnicodeDecodeError, RecursionError, ValueError) as error:
         raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
-    _check(file, content, _robot_of(folder / name))
-    return Truth(
-        kind=content.kind or kind_of([effect.effect for effect in content.effects]),
-        effects=content.effects,
-        poses=_poses(folder, name),
-        sigma=content.sigma,
-        readings=content.readings,
-        noise=content.noise,
-    )
+    _check(file, content, folder / name)
+    kind = content.kind or kind_of([effect.effect for effect in content.effects])
+    return Truth(**{**dict(content), "kind": kind}, poses=_poses(folder, name))
 
 
-def _check(file: Path, content: _TruthFile, robot: Robot | None) -> None:
+def _check(file: Path, content: _TruthFile, dataset: Path) -> None:
     """Raise an error for known effects at sites that the robot does not have, and for an effect that is listed twice."""
+    robot: Robot | None = None
+    with contextlib.suppress(GtpinError):  # the diagnosis reports a dataset that can't be read
+        said = _described(dataset / "dataset.toml").common
+        robot = load_robot(_path_of(dataset, said.robot) or said.robot, said.tcp, said.actuators)
     for number, effect in enumerate(content.effects):
         where = f"effects.{number}.site"
         sites = effects_by_id()[effect.effect].sites(robot) if robot and effect.effect in effects_by_id() else None
         if sites is not None and effect.site not in sites:
-            raise GtpinError(
-                f"{effect.effect} can't be at {effect.site!r}", file=file, column=where, hint=f"use {', '.join(sites)}"
-            )
+            what, hint = f"{effect.effect} can't be at {effect.site!r}", f"use {', '.join(sites)}"
+            raise GtpinError(what, file=file, column=where, hint=hint)
         if effect.name in {other.name for other in content.effects[:number]}:
             raise GtpinError(f"{effect.name} is there twice", file=file, column=where, hint="keep one of them")
 
@@ -139,15 +135,6 @@ def kind_of(effects: list[str]) -> Kind:
         (1, 1): "known_and_unlisted",
     }
     return kinds.get((known, len(effects) - known), "many")
-
-
-def _robot_of(folder: Path) -> Robot | None:
-    """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
-    try:
-        said = _described(folder / "dataset.toml").common
-        return load_robot(_path_of(folder, said.robot) or said.robot, said.tcp, said.actuators)
-    except GtpinError:
-        return None
 
 
 def _described(file: Path) -> SecondDescription:

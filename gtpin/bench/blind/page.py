@@ -37,11 +37,9 @@ def _unlisted(case: Judged) -> str | None:
     assert case.said is not None
     reasons = [f"{name} named instead" for name in case.false_names]
     if case.said.verdict != "unknown":
-        reasons.append(
-            f"not recognised as unknown; known effects leave {_energy(case, case.rival)}"
-            if case.rival
-            else "not recognised"
-        )
+        leaves = case.truth[0].leaves
+        known = case.rival if leaves is None else f"{leaves:.0f} ({case.rival})"
+        reasons.append(f"not recognised as unknown; known effects leave {known}" if case.rival else "not recognised")
     return "; ".join(reasons) or None
 
 
@@ -51,9 +49,7 @@ def _single(case: Judged) -> str:
     effect, statement = case.single, case.said
     if not case.testable:
         return "its covariate is missing or does not vary"
-    reasons = []
-    if statement.verdict == "none":
-        reasons.append("not detected")
+    reasons = ["not detected"] if statement.verdict == "none" else []
     for name in case.false_names:
         place = "named in addition" if effect.name in statement.names else "named instead"
         left = case.left.get(name)
@@ -81,19 +77,13 @@ def _several(case: Judged) -> str:
     return "; ".join(reasons) or f"verdict {case.said.verdict}"
 
 
-def _energy(case: Judged, alternative: str) -> str:
-    leaves = case.truth[0].leaves
-    return f"{leaves:.0f} ({alternative})" if leaves is not None else alternative
-
-
 def truth_words(case: Judged) -> str:
     """The true effects as text, with E and D if known."""
     parts = []
     for effect in case.truth:
-        size = [
-            f"{word} {value:.0f}" for word, value in (("E", effect.energy), ("D", effect.leaves)) if value is not None
-        ]
-        parts.append(effect.name.removesuffix("@") + (f" ({', '.join(size)})" if size else ""))
+        both = (("E", effect.energy), ("D", effect.leaves))
+        size = ", ".join(f"{word} {value:.0f}" for word, value in both if value is not None)
+        parts.append(effect.name.removesuffix("@") + (f" ({size})" if size else ""))
     return ", ".join(parts) or ("no effect" if case.kind else "not known: its seal was broken")
 
 
@@ -121,15 +111,27 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
 
     ``result``: the content of ``score.json``. ``cases``: the judged cases.
     """
+    words = {
+        "strict": "single effects named correctly, nothing else named",
+        "in_class": "class contains the truth",
+        "false_alarm": "false alarms",
+        "unknown_recognised": "unlisted recognised as unknown",
+        "set_f1": "F1 of several effects",
+        "shrinkage_error": "error of the explained fraction",
+    }
+    if "set_f1_visible" in result:
+        del words["set_f1"]
+        words["set_f1_visible"] = "F1 of several visible effects"
+    settings = [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
     return render(
         "score.html",
         title="Blind check",
         contents=[entry for entry in CONTENTS if entry[0] != "instruments" or "by_instrument" in result],
         plots=plots(result, cases),
-        provenance=_provenance(result),
+        provenance=Table(("what", "which"), versions() + settings),
         result=result,
         headline=headline(result),
-        numbers=_numbers(result),
+        numbers=[(number(result[key]), words[key]) for key in words],
         figures=figure_table(result),
         effects=effect_table(result),
         instruments=instrument_table(result),
@@ -192,31 +194,24 @@ def instrument_table(result: Mapping[str, Any]) -> Table:
         "set_f1_visible": "F1 of several, E > 63",
         "shrinkage_error": "shrinkage error",
     }
+
+    def cell(one: Mapping[str, Any]) -> str:
+        within = f" ({bounds(one)})" if one["low"] is not None else ""
+        return f"{number(one['value'])}{within} of {one['of']}" if one["of"] else number(None)
+
     rows = [
-        (name, str(row["cases"]), *(_cell(row[key]) for key in columns), f"{row['not_visible']} of {row['effects']}")
+        (name, str(row["cases"]), *(cell(row[key]) for key in columns), f"{row['not_visible']} of {row['effects']}")
         for name, row in result.get("by_instrument", {}).items()
     ]
     return Table(("instrument", "cases", *columns.values(), "not visible"), rows)
 
 
-def _cell(row: Mapping[str, Any]) -> str:
-    """A rate with its bounds and the number of its cases."""
-    within = f" ({bounds(row)})" if row["low"] is not None else ""
-    return f"{number(row['value'])}{within} of {row['of']}" if row["of"] else number(None)
-
-
 def reliability_table(result: Mapping[str, Any]) -> Table:
     """Reliability of the probabilities, by tenths."""
-    rows = [
-        (
-            f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}",
-            number(t["said"]),
-            number(t["right"]["value"]),
-            bounds(t["right"]),
-            str(t["right"]["of"]),
-        )
-        for t in result["reliability"]["causes"]
-    ]
+    rows = []
+    for t in result["reliability"]["causes"]:
+        right, tenth = t["right"], f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}"
+        rows.append((tenth, number(t["said"]), number(right["value"]), bounds(right), str(right["of"])))
     return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows)
 
 
@@ -235,11 +230,8 @@ def baseline_table(result: Mapping[str, Any]) -> Table:
 
 def failure_table(cases: Sequence[Judged]) -> Table:
     """Cases with an incorrect diagnosis: truth, diagnosis and reason."""
-    rows = [
-        (c.name, c.kind or "", truth_words(c), statement_words(c), why)
-        for c in cases
-        if (why := failure(c)) is not None
-    ]
+    reasons = ((case, failure(case)) for case in cases)
+    rows = [(c.name, c.kind or "", truth_words(c), statement_words(c), why) for c, why in reasons if why is not None]
     return Table(("case", "kind", "truth", "diagnosis", "reason"), rows)
 
 
@@ -251,23 +243,3 @@ def number(value: float | None) -> str:
 def bounds(row: Mapping[str, Any]) -> str:
     """The 95 % bounds of a rate."""
     return "" if row["low"] is None else f"{row['low']:.3f} .. {row['high']:.3f}"
-
-
-def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    words = {
-        "strict": "single effects named correctly, nothing else named",
-        "in_class": "class contains the truth",
-        "false_alarm": "false alarms",
-        "unknown_recognised": "unlisted recognised as unknown",
-        "set_f1": "F1 of several effects",
-        "shrinkage_error": "error of the explained fraction",
-    }
-    if "set_f1_visible" in result:
-        words = {k: w for k, w in words.items() if k != "set_f1"} | {"set_f1_visible": "F1 of several visible effects"}
-    return [(number(result[key]), words[key]) for key in words]
-
-
-def _provenance(result: Mapping[str, Any]) -> Table:
-    rows = versions()
-    rows += [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
-    return Table(("what", "which"), rows)

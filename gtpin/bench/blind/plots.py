@@ -142,10 +142,15 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     one = [c for c in of_kind(cases, "one") if c.energy == c.energy and c.leaves == c.leaves]
     if not one:
         return None
-    groups = {"right, alone": GOOD, "class holds it": WARN, "wrong or unknown": BAD, "not detected": DATA}
+    rest = [c for c in one if not c.strict]
+    groups = {
+        "right, alone": (GOOD, [c for c in one if c.strict]),
+        "class holds it": (WARN, [c for c in rest if c.detected and c.in_class]),
+        "wrong or unknown": (BAD, [c for c in rest if c.detected and not c.in_class]),
+        "not detected": (DATA, [c for c in rest if not c.detected]),
+    }
     traces = []
-    for number, (name, color) in enumerate(groups.items()):
-        some = [c for c in one if _group(c) == number]
+    for name, (color, some) in groups.items():
         look = {"mode": "markers", "name": name, "marker": {"color": color, "size": 6}}
         texts = [f"{c.name} {c.single.name}" for c in some]
         traces.append({"x": [c.energy for c in some], "y": [max(c.leaves, 1.0) for c in some], "text": texts, **look})
@@ -153,9 +158,3 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     axes: Trace = {"xaxis": _axis("E", type="log"), "yaxis": _axis("D", type="log"), "shapes": [line]}
     title, caption = "Energy, and what the best wrong effect leaves", "Single effects; dotted: D = 63."
     return _plot("difficulty", title, caption, traces, axes)
-
-
-def _group(case: Judged) -> int:
-    if case.strict:
-        return 0
-    return 3 if not case.detected else 1 if case.in_class else 2

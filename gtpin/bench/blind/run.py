@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,17 +19,15 @@ from gtpin.bench.blind.others import given, source_digest, take_in
 from gtpin.bench.blind.spread import check_cluster, spread, workers
 from gtpin.bench.blind.truth import SealError, Truth, digest_of, files_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
-from gtpin.bench.simulator.instruments.choice import checked
+from gtpin.bench.simulator.instruments.build import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest
 from gtpin.errors import GtpinError, warn
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2
 """One in this many of the cases with one effect is diagnosed again with the effect removed from the catalogue."""
-
 SHOWN = 10
 """Number of changed files that a warning names; score.json has all."""
-
 SUSPECTS = 16
 """If a process died, this many of the unfinished cases are diagnosed one by one, to find the case that ended it."""
 
@@ -67,7 +67,7 @@ def check(
 ) -> Checked:
     """Make cases, diagnose them, open the seals, and judge; resumes the same check if it was stopped.
 
-    ``instruments`` measure the machines in place of a tracker: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`.
+    ``instruments`` measure the machines in place of a tracker: see :data:`~gtpin.bench.simulator.instruments.build.KINDS`.
 
     Raises `GtpinError` if an instrument is not known, cases of the robot can't be made by it, or the folder belongs to
     another check and ``force`` is not set.
@@ -82,9 +82,8 @@ def check(
             waiting = {draft.name: draft for draft in wanted if not folder.is_sealed(draft.name)}
             watch.begin("making cases", len(wanted), len(wanted) - len(waiting))
             with workers():  # other processes than those that diagnose
-                lost = spread(
-                    _make, list(waiting), lambda name: (folder.root, waiting[name]), lambda *_: watch.one_more()
-                )
+                each = {name: (folder.root, draft) for name, draft in waiting.items()}
+                lost = spread(_make, list(waiting), each.__getitem__, lambda *_: watch.one_more())
             if lost:
                 raise GtpinError(f"a process died while {lost[0]} was made", hint="run the same command again")
             write_manifest(folder.manifest, folder.digests(draft.name for draft in wanted), plant_digest())
@@ -133,7 +132,10 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
     watch.published(manifest)
     _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
     changed += compared(claim, "diagnosis", {name: folder.outcome_digest(name) for name in digests})
-    truths = _opened(folder, digests)
+    truths = {}
+    for name, digest in digests.items():
+        with contextlib.suppress(SealError):  # the judge reports it
+            truths[name] = opened(folder.sealed(name), digest)
     taken_out = _taken_out(truths)
     _diagnose(folder, taken_out, watch, address, "with effects taken out")
     without = {name: folder.outcome_digest(name, without=True) for name in taken_out}
@@ -146,13 +148,8 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
         watch.one_more()
 
     def arguments(name: str) -> tuple[Path, Path, str, Outcome | None, Outcome | None]:
-        return (
-            folder.case(name),
-            folder.sealed(name),
-            digests[name],
-            folder.outcome(name),
-            folder.outcome(name, without=True),
-        )
+        outcomes = folder.outcome(name), folder.outcome(name, without=True)
+        return folder.case(name), folder.sealed(name), digests[name], *outcomes
 
     with workers():
         lost = spread(judge, list(digests), arguments, done)
@@ -161,8 +158,7 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
     for name, truth in truths.items():
         folder.publish(name, truth)
     if diagnosis_digest() != settings.diagnosis:
-        text = "the sources of the diagnosis have changed while the check ran: its score belongs to neither"
-        warn(text)
+        warn("the sources of the diagnosis have changed while the check ran: its score belongs to neither")
     about = asdict(settings) | {"manifest": manifest}
     if changed:
         about["changed"] = changed
@@ -196,25 +192,14 @@ def _diagnose(
                     done(name, (Outcome(error="the process that diagnosed it died"), float("nan")))
 
 
-def _opened(folder: CheckFolder, digests: Mapping[str, str]) -> dict[str, Truth]:
-    """Truths with a valid seal."""
-    truths = {}
-    for name, digest in digests.items():
-        try:
-            truths[name] = opened(folder.sealed(name), digest)
-        except SealError:
-            continue  # the judge reports it
-    return truths
-
-
 def _taken_out(truths: Mapping[str, Truth]) -> dict[str, tuple[str, ...]]:
     """Cases that are diagnosed again, and the effect that is removed: every second case of each effect."""
-    count: dict[str, int] = {}
+    count: Counter[str] = Counter()
     found: dict[str, tuple[str, ...]] = {}
     for name, truth in truths.items():
         if truth.kind == "one":
             effect = truth.effects[0].effect
-            count[effect] = count.get(effect, -1) + 1
             if count[effect] % TAKEN_OUT == 0:
                 found[name] = (effect,)
+            count[effect] += 1
     return found

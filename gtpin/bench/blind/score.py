@@ -15,7 +15,6 @@ from gtpin.bench.blind.figures import (
     absolute_error,
     class_size,
     coverage,
-    explained_fractions,
     figures,
     mean,
     not_visible,
@@ -40,7 +39,6 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
     """The content of ``score.json``, with the settings ``about`` of the check; a fraction is None without cases for it."""
     one, none, unlisted = of_kind(cases, "one"), of_kind(cases, "none"), of_kind(cases, "unlisted")
     several = [c for c in of_kind(cases, "two", "three", "many") if c.listed]
-    fractions = explained_fractions(cases)
     found = {
         "schema": SCHEMA,
         "cases": len(cases),
@@ -49,11 +47,11 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "class_size": class_size(one).value,
         "site": rate(_site(c) for c in one).value,
         "false_alarm": rate(c.detected for c in none).value,
-        "unknown_recognised": rate(c.unknown for c in unlisted).value,
+        "unknown_recognised": rate(c.verdict == "unknown" for c in unlisted).value,
         "unknown_misnamed": rate(bool(c.false_names) for c in unlisted).value,
         "set_f1": mean(c.f1 for c in several).value,
-        "shrinkage_error": absolute_error(fractions).value,
-        "interval_coverage": coverage(fractions).value,
+        "shrinkage_error": absolute_error(cases).value,
+        "interval_coverage": coverage(cases).value,
         "failed": rate(c.error is not None for c in cases).value,
         "by_effect": by_effect(cases),
         "kinds": dict(sorted(Counter(c.kind or "broken seal" for c in cases).items())),
@@ -94,7 +92,7 @@ def by_effect(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
             "site": rate(_site(c) for c in some).value,
             "where": rate(c.where for c in some).value,
             "taken_out": len(out),
-            "taken_out_unknown": rate(c.unknown for c in out).value,
+            "taken_out_unknown": rate(c.verdict == "unknown" for c in out).value,
             "taken_out_misnamed": rate(bool(c.false_confident) for c in out).value,
         }
     return found
@@ -118,10 +116,10 @@ def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
             "detected": rate(case.detected for case in seen),
             "in_class": rate(case.in_class for case in seen),
             "strict": rate(case.strict for case in one if case.leaves > VISIBLE),
-            "silent": rate(case.silent for case in of_kind(some, "none")),
+            "silent": rate(case.verdict == "none" for case in of_kind(some, "none")),
             "false_with_confidence": rate(bool(case.false_confident) for case in some if case.kind),
             "set_f1_visible": visible_f1(some),
-            "shrinkage_error": absolute_error(explained_fractions(some)),
+            "shrinkage_error": absolute_error(some),
         }
         found[name] = {
             "cases": len(some),
@@ -136,7 +134,7 @@ def confusion(one: Sequence[Judged]) -> dict[str, dict[str, int]]:
     found: dict[str, Counter[str]] = {}
     for case in one:
         named = case.said.names if case.said else ("failed",)
-        called = named[0].split("@")[0] if named else case.said.verdict if case.said else ""
+        called = named[0].split("@")[0] if named else case.verdict
         found.setdefault(case.single.effect, Counter())[called] += 1
     return {effect: dict(sorted(found[effect].items())) for effect in sorted(found)}
 
@@ -176,12 +174,13 @@ def matched_filter(energy: float) -> float:
 
 def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
     """Scores of the diagnosis and of its baselines, by the baseline's name and the figure's name."""
-    silent = [_saying(c, Statement(verdict="none")) for c in cases]
+    silent = [_naming(c, "") for c in cases]
+    largest = [_naming(c, c.said.top if c.said else "") for c in cases]
     return {
         "diagnosis": _row(cases, cases, lambda shrunk: shrunk.after),
         "geometry only": _row(silent, cases, lambda shrunk: shrunk.before),
         "Gaussian process": _row(silent, cases, lambda shrunk: shrunk.smoothed),
-        "largest score": _row([_largest_evidence(c) for c in cases], cases, None),
+        "largest score": _row(largest, cases, None),
         "knows the cause": _row([], cases, lambda shrunk: shrunk.knowing),
     }
 
@@ -205,13 +204,7 @@ def _row(
     return {name: found.to_json() for name, found in figures.items()}
 
 
-def _saying(case: Judged, statement: Statement) -> Judged:
-    return case.model_copy(update={"said": statement})
-
-
-def _largest_evidence(case: Judged) -> Judged:
-    """The case with a diagnosis that always names the candidate with the largest evidence."""
-    if case.said is None or not case.said.top:
-        return _saying(case, Statement(verdict="none"))
-    named = Named(name=case.said.top, probability=1.0, members={case.said.top: 1.0})
-    return _saying(case, Statement(verdict="explained", causes=(named,)))
+def _naming(case: Judged, name: str) -> Judged:
+    """The case with a diagnosis that names one cause, or nothing where the name is empty."""
+    causes = (Named(name=name, probability=1.0, members={name: 1.0}),) if name else ()
+    return case.model_copy(update={"said": Statement(verdict="explained" if name else "none", causes=causes)})

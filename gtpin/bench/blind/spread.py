@@ -70,9 +70,8 @@ def _client(address: str) -> Iterator[None]:
         raise GtpinError(what, hint="start one with: dask scheduler") from None
     with client:
         if not client.scheduler_info()["workers"]:
-            raise GtpinError(
-                f"the scheduler at {address} has no workers", hint=f"start some with: dask worker {address}"
-            )
+            hint = f"start some with: dask worker {address}"
+            raise GtpinError(f"the scheduler at {address} has no workers", hint=hint)
         yield
 
 
@@ -84,8 +83,9 @@ def spread(
 ) -> list[str]:
     """Do ``work(*arguments(name))`` for every name in the workers; call ``done(name, result)`` in this process after each.
 
-    Returns ``lost``: names of the work that was not done because a process died; one of them ended the process. ``Raises
-    GtpinError if the work can't be started in the workers.``: .
+    Returns ``lost``: names of the work that was not done because a process died; one of them ended the process.
+
+    Raises GtpinError if the work can't be started in the workers.
     """
     waiting = dict.fromkeys(names)
     tasks = (delayed(_named)(work, name, arguments(name), os.getpid()) for name in names)

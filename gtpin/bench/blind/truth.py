@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from gtpin.data.files import placed_file, read_bytes
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import MARKER
+from gtpin.typing import Floats
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
 """Kind of case: see ``docs/blind.md``."""
@@ -56,7 +56,7 @@ class TruePoses(BaseModel):
     orientation: tuple[tuple[Finite, Finite, Finite, Finite], ...] | None = None
 
     @property
-    def T(self) -> npt.NDArray[np.float64]:
+    def T(self) -> Floats:
         """(H, 3) positions, m."""
         return np.array(self.position).reshape(-1, 3)
 
@@ -158,16 +158,14 @@ def opened(file: Path, digest: str) -> Truth:
         raise SealError(f"no truth ({error.errors()[0]['msg']})", file=file, hint="make the case anew") from None
 
 
-def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> str:
-    """Write the digests of all truths by case name, and return the digest of the manifest itself.
+def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) -> None:
+    """Write the digests of all truths by case name.
 
     ``plant``: digest of the sources of the simulated machine; None where somebody else made the cases.
     """
     manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
-    content = (json.dumps(manifest, indent=1) + "\n").encode()
     with placed_file(file) as unfinished:
-        unfinished.write_bytes(content)
-    return digest_of(content)
+        unfinished.write_bytes((json.dumps(manifest, indent=1) + "\n").encode())
 
 
 def read_manifest(file: Path) -> dict[str, str]:

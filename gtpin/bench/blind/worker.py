@@ -10,12 +10,11 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, Field
 
 from gtpin.data import Commands, Dataset
@@ -99,18 +98,16 @@ def readings_at(model: Model, folder: Path, commands: Commands) -> dict[str, lis
         file = folder / f"commands-{one.name}.csv"
         if file.exists():
             own = Commands.read(file, model.robot.n_actuators, ids=one.known)
-            ids = {
-                name: column for name, column in read_table(file, ids=one.known).columns.items() if name in one.known
-            }
+            columns = read_table(file, ids=one.known).columns
+            ids = {name: column for name, column in columns.items() if name in one.known}
             read = predicted_readings(model, model.predict(own.q, own.covariates), one.name, ids)
-        else:
-            read = predicted_readings(model, poses, one.name, _ids_in_turn(one.known, len(commands)))
+        else:  # ids in alphabetical order, repeated over the rows
+            turn = np.arange(len(commands))
+            ids = {
+                name: np.array(sorted(known), dtype=object)[turn % len(known)]
+                for name, known in one.known.items()
+                if known
+            }
+            read = predicted_readings(model, poses, one.name, ids)
         found[one.name] = np.column_stack([values for name, values in read.items() if name not in ORIENTATION]).tolist()
     return found
-
-
-def _ids_in_turn(known: Mapping[str, Sequence[str]], count: int) -> dict[str, npt.NDArray[np.object_]]:
-    """(count,) ids of stations, planes or targets, by column: the ids in alphabetical order, repeated over the rows."""
-    return {
-        column: np.array(sorted(ids), dtype=object)[np.arange(count) % len(ids)] for column, ids in known.items() if ids
-    }

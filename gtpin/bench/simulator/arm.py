@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.tree import TreeFrame, TreeJoint
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 TOLERANCE = 5e-4
 """Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""
@@ -33,15 +34,17 @@ class Arm:
     tolerance: Floats  # (6,) standard deviation of the placement of each joint and of the tool, m and rad
 
     @staticmethod
-    def of(robot: Robot) -> Arm:
+    def of(robot: Robot, off: Mapping[str, Floats] = MappingProxyType({})) -> Arm:
         """The arm of a robot without rods. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
+
+        ``off``: displacements of its joints and points, as for :meth:`~gtpin.bench.simulator.loops.Loops.of`.
 
         Raises RobotError if a joint mimics another one in a robot with loops.
         """
         told = robot.tolerance
         position, rotation = (told.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))
         gravity = np.array(robot.description.gravity)
-        return Arm(robot.name, Loops.of(robot, {}), gravity, np.array([position] * 3 + [rotation] * 3))
+        return Arm(robot.name, Loops.of(robot, off), gravity, np.array([position] * 3 + [rotation] * 3))
 
     @property
     def joints(self) -> tuple[TreeJoint, ...]:
@@ -94,7 +97,7 @@ class Arm:
         return np.array([self.joints[j].upper for j in self.counted])
 
     @cached_property
-    def slides(self) -> npt.NDArray[np.bool_]:
+    def slides(self) -> Mask:
         """(n,) whether a commanded joint is prismatic."""
         return np.array([self.joints[j].slides for j in self.counted])
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.loops import Loops
@@ -15,7 +14,7 @@ from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Devia
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed
 from gtpin.errors import UnreachableError
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 CENTRE_SPREAD = 0.01
 """Standard deviation of each body's centre of mass, per axis, m."""
@@ -28,7 +27,7 @@ PER_METRE = 5.0
 """Repeatability of a revolute joint, rad, over that of a cart, m. Small arms state 30 um (ISO 9283), which is 3 sigma."""
 NUDGE = 1e-6
 """Step of the central differences from which derivatives are computed, m and rad."""
-FRAME_FREE = np.array([1.0] * 3 + [1.0] * 3)
+FRAME_FREE = np.ones(6)
 TARGET_FREE = np.array([0.3] * 3 + [1.0] * 3)
 """Prior sigmas of the pose of an unknown frame and of an unknown target, m and rad: so large that they have no influence."""
 NEAR, FAR = 0.25, 0.92
@@ -144,8 +143,7 @@ class ArmMachine:
         """The joints with their true placements."""
         found = list(self.robot.joints)
         for twist, j in zip(self.twists, self.robot.placed, strict=True):
-            R, p = moved(found[j].R, found[j].p, twist)
-            found[j] = replace(found[j], R=R, p=p)
+            found[j] = found[j].moved(twist)
         return tuple(found)
 
     @cached_property
@@ -181,7 +179,14 @@ class ArmMachine:
             bending = Bending(axis, self._on_all(deviation.tip), self._ends)
             driven = q + deviation.travel
         if not self.loops.pairs:
-            return placed(self.joints, self._followed(driven), bending), bending
+            # Joints without a command mimic another one, or are at zero.
+            x = np.zeros((len(q), len(self.joints)))
+            x[:, list(self.robot.counted)] = driven
+            for j, joint in enumerate(self.joints):
+                if joint.follows is not None:
+                    leader, factor, offset = joint.follows
+                    x[:, j] = factor * x[:, leader] + offset
+            return placed(self.joints, x, bending), bending
         x = self.loops.led(q) if near is None else near.x
         if deviation is None:
             return placed(self.joints, x if near is None else self.loops.closed(x, q)), bending
@@ -196,16 +201,6 @@ class ArmMachine:
         count = range(len(self.joints))
         return np.array([self.robot.next_frame(j).p for j in count]) if self.loops.pairs else None
 
-    def _followed(self, q: Floats) -> Floats:
-        """(N, J) coordinates of an open chain at commands q. Joints without a command mimic another one, or are at zero."""
-        x = np.zeros((len(q), len(self.joints)))
-        x[:, list(self.robot.counted)] = q
-        for j, joint in enumerate(self.joints):
-            if joint.follows is not None:
-                leader, factor, offset = joint.follows
-                x[:, j] = factor * x[:, leader] + offset
-        return x
-
     def _on_all(self, counted: Floats) -> Floats | None:
         """(N, J, 6) changes at all joints, from those (N, n, 6) at the commanded ones; None without any."""
         if not counted.any():
@@ -214,11 +209,8 @@ class ArmMachine:
         whole[:, list(self.robot.counted)] = counted
         return whole
 
-    def predict(self, q: Floats) -> VirtualPoses:
-        return self.forward(q)
-
-    def forward(self, q: Floats, near: Placed | None = None, read: tuple[str, ...] = ()) -> VirtualPoses:
-        """As :meth:`predict`, with the coordinates of the joints ``read``; ``near`` as in :meth:`bodies`."""
+    def predict(self, q: Floats, near: Placed | None = None, read: tuple[str, ...] = ()) -> VirtualPoses:
+        """Poses of the measured target, with the coordinates of the joints ``read``; ``near`` as in :meth:`bodies`."""
         bodies = self.bodies(q, near=near)[0]
         return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
 
@@ -242,7 +234,7 @@ class ArmMachine:
 
     def _by_command(self, q: Floats, read: tuple[str, ...] = ()) -> Floats:
         steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
-        pairs = [(self.forward(q + step, near, read), self.forward(q - step, near, read)) for step in steps]
+        pairs = [(self.predict(q + step, near, read), self.predict(q - step, near, read)) for step in steps]
         return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
     def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
@@ -254,7 +246,7 @@ class ArmMachine:
             for i, axis in np.ndindex(shape):
                 step = np.zeros(shape)
                 step[i, axis] = NUDGE
-                one, other = (changed(s * step).forward(q, near, read) for s in (1.0, -1.0))
+                one, other = (changed(s * step).predict(q, near, read) for s in (1.0, -1.0))
                 columns.append(one.change(other) / (2.0 * NUDGE) * self.robot.tolerance[axis])
             return np.stack(columns, axis=2)
 
@@ -314,10 +306,9 @@ class ArmMachine:
             return last if found is None else found
         home = self._gain(self.robot.loops.home_q[None])[0]
         if not np.isfinite(home):
-            raise UnreachableError(
-                f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances",
-                hint="give a home inside the workspace, smaller tolerances, or loops that space leaves free to close",
-            )
+            what = f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances"
+            hint = "give a home inside the workspace, smaller tolerances, or loops that space leaves free to close"
+            raise UnreachableError(what, hint=hint)
 
         def conditioned() -> Floats:
             q = drawn()
@@ -334,7 +325,7 @@ class ArmMachine:
         found = np.linalg.norm(self._by_command(q), axis=(1, 2))
         return np.where(np.isfinite(found), found, np.inf)
 
-    def _in_front(self, q: Floats) -> npt.NDArray[np.bool_]:
+    def _in_front(self, q: Floats) -> Mask:
         """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""
         robot = self.robot
         bodies = self.bodies(q)[0]

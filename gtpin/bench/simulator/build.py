@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,21 +12,22 @@ import numpy as np
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.energy import Past, Response, Rows, effects_of
+from gtpin.bench.simulator.energy import Past, Response, effects_of
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, EffectTruth
-from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, plan
+from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, ids, plan
 from gtpin.data import Commands, Dataset
 from gtpin.data import Conditions as Reference
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
+from gtpin.references import is_path
 from gtpin.robot.library import load_robot
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
 LATER = 600.0
 """Time from the day's last visit to the first later one, where the commands have no column ``time``, s."""
@@ -58,7 +58,7 @@ class Built:
     # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
     active: Sequence[tuple[Cause, float]]
     truths: Sequence[EffectTruth]
-    rows: Rows  # Indices of the measured visits, in the order of the dataset's rows
+    rows: Ints  # Indices of the measured visits, in the order of the dataset's rows
     background: float  # Joint energy E of the weak effects
     repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
     jitter: Deviation  # Random deviations by the repeatability, at every visit
@@ -215,10 +215,4 @@ def as_dataset(recipe: Recipe, pose: Ids, q: Floats, columns: dict[str, Column],
 
 def reference(robot: str) -> str:
     """A robot's name, or the absolute path of its file, as a dataset names it."""
-    is_file = robot.endswith(".urdf") or "/" in robot or os.sep in robot
-    return str(Path(robot).absolute()) if is_file else robot
-
-
-def ids(numbers: Rows) -> Ids:
-    """(N,) ids of poses, from their numbers."""
-    return np.array([str(number) for number in numbers], dtype=object)
+    return str(Path(robot).absolute()) if is_path(robot) else robot

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ParamSpec
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -37,7 +38,7 @@ def energies(robot: Robot | Arm) -> tuple[float, float]:
     return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
 
 
-def make_case(
+def drawn_recipe(
     seed: int,
     *,
     effects: Sequence[tuple[str, str | None]] | None = None,
@@ -51,8 +52,8 @@ def make_case(
     without: tuple[str, ...] = (),
     background: bool = True,
     robot: str = "gantry_tau",
-) -> Case:
-    """Make a case: a virtual machine with effects, its measurements and its truth. What is not given is drawn at random.
+) -> Recipe:
+    """The recipe of a virtual machine with effects, its measurements and its truth. What is not given is drawn at random.
 
     Parameters
     ----------
@@ -86,40 +87,6 @@ def make_case(
     GtpinError
         If an effect or site is not known, or there is nothing to measure.
     """
-    return build(
-        drawn_recipe(
-            seed,
-            effects=effects,
-            n_effects=n_effects,
-            unknown=unknown,
-            energy=energy,
-            poses=poses,
-            held_out=held_out,
-            noise=noise,
-            conditions=conditions,
-            without=without,
-            background=background,
-            robot=robot,
-        )
-    )
-
-
-def drawn_recipe(
-    seed: int,
-    *,
-    effects: Sequence[tuple[str, str | None]] | None = None,
-    n_effects: int = 1,
-    unknown: bool = False,
-    energy: float | tuple[float, float] | None = None,
-    poses: int | None = None,
-    held_out: int = 120,
-    noise: SimulatedNoise | None = None,
-    conditions: SimulatedConditions | None = None,
-    without: tuple[str, ...] = (),
-    background: bool = True,
-    robot: str = "gantry_tau",
-) -> Recipe:
-    """Draw the recipe of a case; see :func:`make_case`."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     found = known_robot(robot)
     kinds = unlisted(found) if unknown else listed(found)
@@ -156,18 +123,13 @@ LACKING: tuple[tuple[str, ...], ...] = ((), ("temp",), ("payload",), ("session",
 """Beginnings of the names of columns that a rough case lacks: one of these sets, drawn at random."""
 
 
-def draw_case(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Case:
+def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Recipe:
     """Draw a case: the machine's effects, their energies, and how it is measured.
 
     ``seed``: seed of the random numbers. The same seed gives the same bytes. ``rough``: whether heavy tails, gross errors,
     noise that grows with the distance or is not declared, missing columns, and 70 to 200 poses are drawn as well.
     ``poses``: number of poses; None: it is drawn. ``robot``: as for :func:`~gtpin.bench.simulator.case.make_case`.
     """
-    return build(bulk_recipe(seed, rough=rough, poses=poses, robot=robot))
-
-
-def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, robot: str = "gantry_tau") -> Recipe:
-    """The recipe of a case; see :func:`draw_case`."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     what = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     number = {"one": 1, "two": 2, "none": 0, "unknown": 1}[what]
@@ -188,9 +150,6 @@ def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
         gross=float(rng.choice([0.0, 0.01, 0.03])),
         orientations=bool(rng.random() < 0.85),
     )
-
-
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class ScenarioEffect(BaseModel):
@@ -248,20 +207,13 @@ def read_scenario(file: Path | str) -> Scenario:
     return scenario
 
 
-def simulate_scenario(
-    file: Path | str, *, seed: int | None = None, poses: int | None = None, robot: str | None = None
-) -> Case:
-    """Make the case of a scenario file. ``seed``, ``poses`` and ``robot`` take precedence over those in the file.
-
-    Raises `GtpinError` if the file can't be read, or an effect or site in it is not known.
-    """
-    return build(scenario_recipe(file, seed=seed, poses=poses, robot=robot))
-
-
 def scenario_recipe(
     file: Path | str, *, seed: int | None = None, poses: int | None = None, robot: str | None = None
 ) -> Recipe:
-    """The recipe of a scenario file; see :func:`simulate_scenario`."""
+    """The recipe of a scenario file. ``seed``, ``poses`` and ``robot`` take precedence over those in the file.
+
+    Raises `GtpinError` if the file can't be read, or an effect or site in it is not known.
+    """
     scenario = read_scenario(file)
     seed = scenario.seed if seed is None else seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, 4]))
@@ -301,14 +253,31 @@ def _explained(file: Path, error: ValidationError) -> GtpinError:
     first: Any = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        sections: dict[str, type[BaseModel]] = {
-            "effect": ScenarioEffect,
-            "noise": SimulatedNoise,
-            "covariates": SimulatedConditions,
-        }
+        sections: dict[str, type[BaseModel]] = {"effect": ScenarioEffect, "noise": SimulatedNoise}
+        sections["covariates"] = SimulatedConditions
         known = sections.get(str(first["loc"][0]), Scenario).model_fields
         return GtpinError("unknown key", file=file, column=where, hint=f"known here: {', '.join(known)}")
     if first["type"] == "missing":
         return GtpinError("the key is missing", file=file, column=where, hint="an [[effect]] needs an id")
     value = str(first["input"])[:60]
     return GtpinError(f"{value!r} can't be: {first['msg']}", file=file, column=where, hint="correct the value")
+
+
+Given = ParamSpec("Given")
+
+
+def built(recipe: Callable[Given, Recipe], name: str) -> Callable[Given, Case]:
+    """The function that makes the case of a recipe, with the same arguments and errors."""
+
+    def make(*args: Given.args, **kwargs: Given.kwargs) -> Case:
+        return build(recipe(*args, **kwargs))
+
+    make.__name__ = make.__qualname__ = name
+    make.__doc__ = (recipe.__doc__ or "").replace("The recipe of", "Make the case of", 1)
+    make.__signature__ = signature(recipe).replace(return_annotation=Case)  # type: ignore[attr-defined]
+    return make
+
+
+make_case = built(drawn_recipe, "make_case")
+draw_case = built(bulk_recipe, "draw_case")
+simulate_scenario = built(scenario_recipe, "simulate_scenario")

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
@@ -24,7 +23,7 @@ from gtpin.bench.simulator.situation import RodSituation
 from gtpin.bench.simulator.truth import EffectTruth
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.errors import ConvergenceError
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
 Active = Sequence[tuple[Cause, float]]
 """Causes with their amplitudes, in multiples of their typical sizes."""
@@ -90,8 +89,6 @@ class Response:
         return self.seen(active).change(self.there)
 
 
-Rows = npt.NDArray[np.int_]
-
 FREE = 3.0
 """Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""
 BESIDE = (2.0, 12.0)
@@ -114,7 +111,7 @@ class Past:
 
     # For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by
     # poses and joints; or the sigmas (6,), m and rad, of poses that are measured themselves
-    H: tuple[tuple[Rows, Floats], ...] | Floats
+    H: tuple[tuple[Ints, Floats], ...] | Floats
     # (K, p) whitened derivative of all K numbers by the geometry, in units of the tolerances, and by the instruments'
     # unknowns, in units of their prior sigmas
     B: Floats
@@ -162,7 +159,7 @@ class Past:
 
 
 def effects_of(
-    recipe: Recipe, response: Response, rows: Rows, past: Past, rng: np.random.Generator
+    recipe: Recipe, response: Response, rows: Ints, past: Past, rng: np.random.Generator
 ) -> tuple[list[tuple[Cause, float]], list[EffectTruth], list[tuple[Cause, float]], float]:
     """The effects of a recipe at some of the visits.
 
@@ -187,7 +184,7 @@ def effects_of(
     return strong, truths, *weak_others(response, rows, past, taken, rng)
 
 
-def amplitude_for(response: Response, cause: Cause, rows: Rows, past: Past, energy: float, largest: float) -> float:
+def amplitude_for(response: Response, cause: Cause, rows: Ints, past: Past, energy: float, largest: float) -> float:
     """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
     for _ in range(STEPS):
@@ -203,7 +200,7 @@ def amplitude_for(response: Response, cause: Cause, rows: Rows, past: Past, ener
 
 
 def weak_others(
-    response: Response, rows: Rows, past: Past, taken: Collection[tuple[str, str]], rng: np.random.Generator
+    response: Response, rows: Ints, past: Past, taken: Collection[tuple[str, str]], rng: np.random.Generator
 ) -> tuple[list[tuple[Cause, float]], float]:
     """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
     robot = response.machine.robot

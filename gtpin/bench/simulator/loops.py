@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed, read_urdf, turn
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, placed, read_urdf, turn
 from gtpin.errors import RobotError
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -61,7 +60,10 @@ class Loops:
         if robot.description.loops and any(joint.follows for joint in urdf.joints):
             raise RobotError("a <mimic> joint in a robot with loops", hint="the simulator can't close these")
         names = [joint.name for joint in urdf.joints]
-        joints = tuple(_off(joint, off.get(f"placement[{joint.name}]")) for joint in urdf.joints)
+        twists = [off.get(f"placement[{name}]") for name in names]
+        joints = tuple(
+            joint if twist is None else joint.moved(twist) for joint, twist in zip(urdf.joints, twists, strict=True)
+        )
         driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
         points, ends, axes = [], [], []
         for loop in robot.description.loops:
@@ -100,16 +102,6 @@ class Loops:
     def closing(self) -> tuple[int, ...]:
         """Indices of the joints of the loops."""
         return tuple(sorted(_closing(self.joints, self.pairs)))
-
-    def predict(self, q: Floats) -> VirtualPoses:
-        """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the loops don't close.
-
-        The poses have the coordinates of the passive joints.
-        """
-        return self._poses(self.led(q))
-
-    def _poses(self, x: Floats) -> VirtualPoses:
-        return placed(self.joints, x).at(self.tcp).with_joints({self.joints[j].name: x[:, j] for j in self.passive})
 
     def led(self, q: Floats) -> Floats:
         """(N, J) coordinates at commands q (N, n), on home's assembly mode; NaN where straight lines do not lead there.
@@ -163,12 +155,6 @@ class Loops:
                 found[rows] = after
         found[~(change <= CHANGED)] = np.nan
         return found, change
-
-    def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        x = self.led(q)
-        pairs = [[self._poses(self.closed(x, q + s)) for s in (step, -step)] for step in NUDGE * np.eye(q.shape[1])]
-        return np.stack([there.minus(back) / (2.0 * NUDGE) for there, back in pairs], axis=2)
 
     @cached_property
     def _home(self) -> Floats | None:
@@ -256,10 +242,3 @@ def _on_the_way(joints: tuple[TreeJoint, ...], joint: int) -> list[int]:
 
 def _closing(joints: tuple[TreeJoint, ...], pairs: Sequence[tuple[TreeFrame, TreeFrame]]) -> set[int]:
     return {j for pair in pairs for end in pair for j in _on_the_way(joints, end.joint)}
-
-
-def _off(joint: TreeJoint, twist: Floats | None) -> TreeJoint:
-    if twist is None:
-        return joint
-    R, p = moved(joint.R, joint.p, twist)
-    return replace(joint, R=R, p=p)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 SMALL = 1e-4
 """Angle, rad, below which sines are replaced by their series: the next term is below 1e-18."""
@@ -71,7 +71,7 @@ class VirtualPoses:
         return VirtualPoses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
 
     @property
-    def reached(self) -> npt.NDArray[np.bool_]:
+    def reached(self) -> Mask:
         """(N,) which poses can be reached."""
         return np.isfinite(self.T[:, 0])
 

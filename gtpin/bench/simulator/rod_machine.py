@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, gain, rounded
@@ -16,7 +15,7 @@ from gtpin.bench.simulator.universal import Universal
 from gtpin.errors import RobotError, UnreachableError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints, Mask
 
 ACROSS = 0.3
 """Repeatability across a track, as a share of that along it."""
@@ -96,17 +95,17 @@ class RodMachine:
         return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
 
     @cached_property
-    def driver(self) -> npt.NDArray[np.int_]:
+    def driver(self) -> Ints:
         """(k,) the cart of each rod; -1 where nothing moves it."""
         return self.kinematics.driver
 
     @cached_property
-    def is_leg(self) -> npt.NDArray[np.bool_]:
+    def is_leg(self) -> Mask:
         """(n,) whether the drive changes a leg's length."""
         return np.array([any(rod.extension == c for rod in self.robot.rods) for c in range(self.n_carts)])
 
     @cached_property
-    def slides(self) -> npt.NDArray[np.bool_]:
+    def slides(self) -> Mask:
         """(n,) whether the drive moves a cart along a track."""
         return np.asarray(~self.is_leg & ~self.robot.revolute)
 
@@ -158,7 +157,7 @@ class RodMachine:
     @cached_property
     def universal(self) -> Universal:
         """The universal joint of the first rod, at which an encoder can be."""
-        return Universal.of(self.robot, 0)
+        return Universal.of(self.robot)
 
     # ---------------------------------------------------------------------------------------------------- poses
 

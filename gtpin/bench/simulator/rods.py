@@ -7,16 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Kind
-from gtpin.typing import Floats
-
-Rows = npt.NDArray[np.int_]
-Bools = npt.NDArray[np.bool_]
+from gtpin.typing import Floats, Ints, Mask
 
 STEPS = 12
 SHORTER = 0.25
@@ -37,11 +33,10 @@ class VirtualRodEnds:
     C: Floats
     L: Floats
 
-    def take(self, rows: Rows | Bools) -> VirtualRodEnds:
+    def take(self, rows: Ints | Mask) -> VirtualRodEnds:
         """The ends at some of the poses."""
-        return VirtualRodEnds(
-            self.P if self.P.ndim == 2 else self.P[rows], self.C[rows], self.L if len(self.L) == 1 else self.L[rows]
-        )
+        P, L = self.P if self.P.ndim == 2 else self.P[rows], self.L if len(self.L) == 1 else self.L[rows]
+        return VirtualRodEnds(P, self.C[rows], L)
 
     def rods(self, poses: VirtualPoses) -> tuple[Floats, Floats]:
         """Vectors from each rod's carrier joint, and from the TCP, to its platform joint: both (N, k, 3), base frame, m."""
@@ -76,7 +71,7 @@ def each_solved(matrices: Floats, right: Floats) -> Floats:
     return np.asarray(solution)
 
 
-def closed(start: VirtualPoses, ends: VirtualRodEnds, size: float) -> tuple[VirtualPoses, Bools]:
+def closed(start: VirtualPoses, ends: VirtualRodEnds, size: float) -> tuple[VirtualPoses, Mask]:
     """Poses (N) at which the rods close, from nearby poses, and (N,) whether they close to the rounding error of ``size``,
     m."""
     T, R = start.T.copy(), start.R.copy()
@@ -99,7 +94,7 @@ def closed(start: VirtualPoses, ends: VirtualRodEnds, size: float) -> tuple[Virt
     return VirtualPoses(T, R), done
 
 
-def led(way: Callable[[Floats, Rows], VirtualRodEnds], start: VirtualPoses, size: float) -> VirtualPoses:
+def led(way: Callable[[Floats, Ints], VirtualRodEnds], start: VirtualPoses, size: float) -> VirtualPoses:
     """Closed poses (N) at the end of a path of the rods' ends, from the closed poses ``start``, in the same assembly mode.
 
     ``way`` gives the ends at fractions (m,) of the path, for m of the poses. A stride along the path is halved until Newton's
@@ -143,13 +138,13 @@ class Rods:
     geometry: Geometry
 
     @cached_property
-    def driver(self) -> npt.NDArray[np.int_]:
+    def driver(self) -> Ints:
         """(k,) the actuator that moves a rod's joint on its carrier, or changes its length; -1 where none does."""
         found = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.geometry.robot.rods]
         return np.array([-1 if actuator is None else actuator for actuator in found])
 
     @cached_property
-    def is_leg(self) -> npt.NDArray[np.bool_]:
+    def is_leg(self) -> Mask:
         """(k,) whether the actuator changes the rod's length."""
         return np.array([rod.extension is not None for rod in self.geometry.robot.rods])
 
@@ -214,7 +209,7 @@ class Rods:
         for first in range(0, len(q), CHUNK):
             part = q[first : first + CHUNK]
 
-            def way(s: Floats, rows: npt.NDArray[np.int_], part: Floats = part) -> VirtualRodEnds:
+            def way(s: Floats, rows: Ints, part: Floats = part) -> VirtualRodEnds:
                 return self.ends(q_home + s[:, None] * (part[rows] - q_home))
 
             start = VirtualPoses(np.tile(home.T, (len(part), 1)), np.tile(home.R, (len(part), 1, 1)))
@@ -229,10 +224,9 @@ class Rods:
         nominal = Rods(Geometry(robot, (), np.zeros(0)))
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
 
-        def way(s: Floats, _: npt.NDArray[np.int_]) -> VirtualRodEnds:
-            return VirtualRodEnds(
-                *(a + s[0] * (b - a) for a, b in zip(vars(before).values(), vars(after).values(), strict=True))
-            )
+        def way(s: Floats, _: Ints) -> VirtualRodEnds:
+            pairs = zip(vars(before).values(), vars(after).values(), strict=True)
+            return VirtualRodEnds(*(a + s[0] * (b - a) for a, b in pairs))
 
         return led(way, _assembled(nominal, before), self.size)
 
@@ -298,6 +292,5 @@ def _assembled(nominal: Rods, ends: VirtualRodEnds) -> VirtualPoses:
         else:
             break
         pose = trial
-    raise UnreachableError(
-        f"the rods of {robot.name} don't close near its home", hint="give its URDF the pose at <home>"
-    )
+    what = f"the rods of {robot.name} don't close near its home"
+    raise UnreachableError(what, hint="give its URDF the pose at <home>")

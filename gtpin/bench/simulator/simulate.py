@@ -10,12 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.machine import CONDITIONED, collected, gain, rounded
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.rods import Rods
 from gtpin.bench.simulator.universal import Universal
-from gtpin.bench.simulator.visits import REPEATED
+from gtpin.bench.simulator.visits import REPEATED, ids
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.errors import GtpinError, ModelError, UnreachableError
 from gtpin.robot.geometry import Geometry
@@ -34,15 +33,21 @@ class TrueRobot:
     read: bool = False
 
     @cached_property
-    def chain(self) -> Rods | ArmMachine | Loops:
+    def chain(self) -> Rods | ArmMachine:
         """Its kinematics. Raises ModelError if the robot has rods, but not six."""
-        robot, off = self.geometry.robot, _off_nominal(self.geometry)
+        robot = self.geometry.robot
         if robot.rods:
             if len(robot.rods) != 6:
                 raise ModelError(f"{robot.name} has {len(robot.rods)} rods", hint="six hold a platform")
             return Rods(self.geometry)
+        axes = ("x", "y", "z", "rx", "ry", "rz")
+        off: dict[str, Floats] = {}  # (6,) m and rad, by ``placement[JOINT]``, ``anchor[END]`` and ``platform``
+        for parameter, value in zip(self.geometry.parameters, self.geometry.deviation, strict=True):
+            place, _, axis = parameter.name.rpartition(".")
+            if axis in axes:
+                off.setdefault(place, np.zeros(6))[axes.index(axis)] = value
         if robot.description.loops:
-            return Loops.of(robot, off)
+            return ArmMachine.of(Arm.of(robot, off))
         arm = Arm.of(robot)
         places = (*(f"placement[{name}]" for name in arm.sites), "platform")
         twists = np.array([off.get(place, np.zeros(6)) for place in places])
@@ -50,27 +55,19 @@ class TrueRobot:
 
     def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame; NaN out of reach."""
-        poses, chain = self.chain.predict(q), self.chain
-        if not self.read or not isinstance(chain, Rods):
+        chain = self.chain
+        if isinstance(chain, ArmMachine):
+            return chain.predict(q, read=tuple(chain.joints[j].name for j in chain.loops.passive))
+        poses = chain.predict(q)
+        if not self.read:
             return poses
-        joint, angle, there = Universal.of(self.geometry.robot, 0), np.full(len(q), np.nan), poses.reached
+        joint, angle, there = Universal.of(self.geometry.robot), np.full(len(q), np.nan), poses.reached
         angle[there] = joint.coordinate(poses[there], chain.ends(q[there]))
         return poses.with_joints({joint.name: angle})
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector, base frame."""
-        return self.chain.command_jacobian(q, poses)
-
-
-def _off_nominal(geometry: Geometry) -> dict[str, Floats]:
-    """(6,) m and rad, deviation of each joint's placement, of the tool and of the points of loops: ``placement[JOINT]``."""
-    axes = ("x", "y", "z", "rx", "ry", "rz")
-    found: dict[str, Floats] = {}
-    for parameter, value in zip(geometry.parameters, geometry.deviation, strict=True):
-        place, _, axis = parameter.name.rpartition(".")
-        if axis in axes:
-            found.setdefault(place, np.zeros(6))[axes.index(axis)] = value
-    return found
+        return self.chain.command_jacobian(q, poses)[:, :6]
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
 
     Raises UnreachableError if hardly any commands can be reached.
     """
-    if isinstance(machine.chain, ArmMachine):
+    if isinstance(machine.chain, ArmMachine) and not machine.chain.loops.pairs:
         return machine.chain.reachable(count, rng)
     robot = machine.geometry.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
@@ -109,13 +106,12 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     at_home = gain(machine, robot.home_q[None])[0]
     if not np.isfinite(at_home):
         equations, passive = 3 * len(robot.constraints), robot.n_passive
-        raise UnreachableError(
-            f"the loops of {robot.name} don't close at home with joints that are off by their tolerances",
-            hint=f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone: give the "
-            "loops spherical or universal joints"
-            if equations > passive
-            else "give a home inside the workspace, or smaller tolerances",
-        )
+        what = f"the loops of {robot.name} don't close at home with joints that are off by their tolerances"
+        hint = "give a home inside the workspace, or smaller tolerances"
+        if equations > passive:
+            exact = f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone"
+            hint = f"{exact}: give the loops spherical or universal joints"
+        raise UnreachableError(what, hint=hint)
 
     def conditioned() -> Floats:
         q = rounded(rng.uniform(lower, upper, (count, robot.n_actuators)))
@@ -184,12 +180,11 @@ def simulate(
     position, quaternion = measure(machine, q[visited], instrument, rng)
     dataset = Dataset(
         robot=reference,
-        pose=np.array([str(i) for i in visited], dtype=object),
+        pose=ids(visited),
         q=q[visited],
         position=position,
         orientation=quaternion,
         instrument=instrument,
     )
     q_held = draw_commands(machine, held_out, rng)
-    commands = Commands(np.array([str(i) for i in range(held_out)], dtype=object), q_held)
-    return Simulation(dataset, machine, commands, machine.predict(q_held))
+    return Simulation(dataset, machine, Commands(ids(np.arange(held_out)), q_held), machine.predict(q_held))

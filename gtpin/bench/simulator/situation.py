@@ -110,18 +110,14 @@ class RodSituation(Postures):
         wrench[:, 3:] = np.cross(self.poses.R @ machine.plate_center, machine.plate_mass * gravity)
         # The platform carries half of a rod's weight, and less of an extended leg's. A rod's force is that at its middle.
         for i, mass in enumerate(machine.rod_masses):
-            weight = np.multiply.outer(mass * self._hanging(i), gravity)
+            hanging: Floats | float = 0.5
+            if machine.robot.rods[i].extension is not None:
+                (centre, sliding), length = machine.leg_masses[i], self.ends.L[:, i]
+                hanging = 1.0 - (centre + sliding * (length - machine.kinematics.L0[i])) / length
+            weight = np.multiply.outer(mass * hanging, gravity)
             wrench[:, :3] += weight
             wrench[:, 3:] += np.cross(self._rods[1][:, i], weight)
         return self.held(wrench)
-
-    def _hanging(self, rod: int) -> Floats:
-        """() or (N,) share of a rod's weight that the platform carries."""
-        if self.machine.robot.rods[rod].extension is None:
-            return np.array(0.5)
-        centre, sliding = self.machine.leg_masses[rod]
-        length = self.ends.L[:, rod]
-        return np.asarray(1.0 - (centre + sliding * (length - self.machine.kinematics.L0[rod])) / length)
 
     def pull(self, cart: int, forces: Floats | None = None) -> Floats:
         """(N, 3) force of the rods on a cart, base frame, N; ``forces`` (N, k): rod forces to use instead of :attr:`forces`."""

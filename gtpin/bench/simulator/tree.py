@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -12,7 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from gtpin.bench.simulator.poses import VirtualPoses, cross_matrix, exp
 from gtpin.errors import RobotError
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -38,6 +38,11 @@ class TreeJoint:
     # `mass`, `centre`: Mass of the body, kg, and (3,) its centre of mass, own frame, m
     mass: float
     centre: Floats
+
+    def moved(self, twist: Floats) -> TreeJoint:
+        """The joint, displaced by the exponential of a twist (6,), own frame, m and rad."""
+        R, p = moved(self.R, self.p, twist)
+        return replace(self, R=R, p=p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +75,7 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
     elements = root.findall("joint")
     inertials = {str(link.get("name")): link.find("inertial") for link in root.findall("link")}
     children = {_link(joint, "child") for joint in elements}
-    bodies: list[dict[str, object]] = []
+    bodies: list[tuple[Element, str, TreeFrame]] = []
     masses: list[tuple[float, Floats]] = []
     frames = {name: TreeFrame(-1, np.eye(3), np.zeros(3)) for name in inertials if name not in children}
     waiting = list(elements)
@@ -84,26 +89,25 @@ def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
         frame = TreeFrame(on.joint, on.R @ local_R, on.p + on.R @ local_p)
         child = _link(ready, "child")
         if kind in MOVING:
-            bodies.append(
-                {"element": ready, "name": name, "link": child, "parent": frame.joint, "R": frame.R, "p": frame.p}
-            )
+            bodies.append((ready, child, frame))
             masses.append((0.0, np.zeros(3)))
             frame = TreeFrame(len(bodies) - 1, np.eye(3), np.zeros(3))
         elif kind != "fixed" and kind not in still:
             raise RobotError(f"joint {name} is {kind}", hint="the simulator moves joints that turn or slide")
         frames[child] = frame
         if frame.joint >= 0:
-            mass, centre = _inertia(inertials.get(child))
-            before, moment = masses[frame.joint]
-            masses[frame.joint] = before + mass, moment + mass * (frame.p + frame.R @ centre)
-    names = [str(body["name"]) for body in bodies]
-    joints = [_joint(body, names, mass, moment) for body, (mass, moment) in zip(bodies, masses, strict=True)]
+            inertial, (before, moment) = inertials.get(child), masses[frame.joint]
+            element = None if inertial is None else inertial.find("mass")
+            if inertial is not None and element is not None:
+                mass = float(element.get("value", 0.0))
+                centre = frame.p + frame.R @ _origin(inertial)[1]
+                masses[frame.joint] = before + mass, moment + mass * centre
+    names = [str(element.get("name")) for element, _, _ in bodies]
+    joints = [_joint(*body, names, *mass) for body, mass in zip(bodies, masses, strict=True)]
     return Urdf(tuple(joints), frames)
 
 
-def _joint(body: dict[str, object], names: list[str], mass: float, moment: Floats) -> TreeJoint:
-    element = body.pop("element")
-    assert isinstance(element, Element)
+def _joint(element: Element, link: str, frame: TreeFrame, names: list[str], mass: float, moment: Floats) -> TreeJoint:
     axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0))
     limit, mimic = element.find("limit"), element.find("mimic")
     lower, upper = -np.inf, np.inf
@@ -116,7 +120,11 @@ def _joint(body: dict[str, object], names: list[str], mass: float, moment: Float
         leader = names.index(str(mimic.get("joint")))
         follows = leader, float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
     return TreeJoint(
-        **body,  # type: ignore[arg-type]
+        name=str(element.get("name")),
+        link=link,
+        parent=frame.joint,
+        R=frame.R,
+        p=frame.p,
         axis=axis / np.linalg.norm(axis),
         slides=element.get("type") == "prismatic",
         lower=lower,
@@ -149,14 +157,6 @@ def turn(rpy: npt.ArrayLike) -> Floats:
     return np.asarray(exp([0.0, 0.0, yaw]) @ exp([0.0, pitch, 0.0]) @ exp([roll, 0.0, 0.0]))
 
 
-def _inertia(inertial: Element | None) -> tuple[float, Floats]:
-    """Mass, kg, and centre of mass (3,), m, of a link, from its ``<inertial>``."""
-    mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None:
-        return 0.0, np.zeros(3)
-    return float(mass.get("value", 0.0)), _origin(inertial)[1]
-
-
 def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:
     """A placement times the exponential of a twist (6,): translation, m, then rotation vector, rad, own frame."""
     v, w = twist[:3], twist[3:]
@@ -179,7 +179,7 @@ class Bending:
     # (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end
     ends: Floats | None = None
 
-    def take(self, rows: npt.NDArray[np.int_]) -> Bending:
+    def take(self, rows: Ints) -> Bending:
         """The deviations at some of the poses."""
         axis, tip = (None if field is None else field[rows] for field in (self.axis, self.tip))
         return Bending(axis, tip, self.ends)
@@ -216,9 +216,8 @@ class Placed:
             return VirtualPoses(np.tile(frame.p, (count, 1)), np.tile(frame.R, (count, 1, 1)))
         R, p = self.R[:, frame.joint], self.p[:, frame.joint]
         local_p, local_R = bending.on(frame.p, frame.R, frame.joint)
-        return VirtualPoses(
-            p + np.einsum("nij,...j->ni" if local_p.ndim == 1 else "nij,nj->ni", R, local_p), R @ local_R
-        )
+        way = np.einsum("nij,...j->ni" if local_p.ndim == 1 else "nij,nj->ni", R, local_p)
+        return VirtualPoses(p + way, R @ local_R)
 
 
 def placed(joints: tuple[TreeJoint, ...], x: Floats, bending: Bending = STRAIGHT) -> Placed:

@@ -25,7 +25,6 @@ class Universal:
     """Two axes that intersect: at angles x the rod has the direction R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame."""
 
     name: str  # Name of the joint of the first axis, whose angle an encoder reads
-    rod: int  # Index of the rod
     # `R1`, `R2`: (3, 3) rotations of the first joint's frame to the TCP frame, and of the second's to the first's
     R1: Floats
     R2: Floats
@@ -36,14 +35,15 @@ class Universal:
     t: Floats
 
     @staticmethod
-    def of(robot: Robot, rod: int) -> Universal:
-        """The joint of a rod. Names are from ``robot``, numbers from the URDF's text.
+    def of(robot: Robot) -> Universal:
+        """The joint of the first rod. Names are from ``robot``, numbers from the URDF's text.
 
         Raises RobotError if the rod is not connected to the platform by two revolute joints.
         """
         urdf = read_urdf(robot.description.xml, still=("floating",))
-        loop, which = robot.description.loops[robot.rods[rod].loop], robot.rods[rod].rod_end
-        end = (loop.anchor1, loop.anchor2)[which]
+        rod = robot.rods[0]
+        loop = robot.description.loops[rod.loop]
+        end = (loop.anchor1, loop.anchor2)[rod.rod_end]
         on = urdf.links[end.link]
         way = [on.joint]
         while urdf.joints[way[-1]].parent >= 0:
@@ -52,14 +52,13 @@ class Universal:
         free = [j for j in reversed(way) if urdf.joints[j].name not in driven]
         tcp = urdf.links[robot.tcp_frame]
         if len(free) != 2 or any(urdf.joints[j].slides for j in free) or urdf.joints[free[0]].parent != tcp.joint:
-            raise RobotError(f"rod {robot.rods[rod].name} hangs on no universal joint", hint="read another instrument")
+            raise RobotError(f"rod {rod.name} hangs on no universal joint", hint="read another instrument")
         first, second = (urdf.joints[j] for j in free)
         tip = on.p + on.R @ np.array(end.xyz)
         for j in way[: way.index(free[1])]:
             tip = urdf.joints[j].p + urdf.joints[j].R @ tip
-        return Universal(
-            first.name, rod, tcp.R.T @ first.R, second.R, first.axis, second.axis, tip / np.linalg.norm(tip)
-        )
+        t = tip / np.linalg.norm(tip)
+        return Universal(first.name, tcp.R.T @ first.R, second.R, first.axis, second.axis, t)
 
     def coordinate(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
         """(N,) angle about the first axis, rad, at poses with the rods' ends; NaN where the rod is parallel to the axis."""
@@ -84,7 +83,7 @@ class Universal:
 
     def _direction(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
         """(N, 3) unit vector along the rod, away from the platform, TCP frame."""
-        away = -np.einsum("nji,nj->ni", poses.R, ends.rods(poses)[0][:, self.rod])
+        away = -np.einsum("nji,nj->ni", poses.R, ends.rods(poses)[0][:, 0])
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
     def _points(self, x: Floats) -> Floats:

@@ -6,14 +6,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 STEP = 20.0
 """Time between two temperatures of a day, s."""
@@ -70,8 +69,6 @@ def _lagged(source: Floats, constant: float) -> Floats:
     return np.asarray(lfilter([share], [1.0, share - 1.0], source))
 
 
-Bools = npt.NDArray[np.bool_]
-
 REPEATED = 0.1
 """Share of the poses that are visited twice."""
 BACK_OFF = (0.010, 0.040)
@@ -85,7 +82,7 @@ class VirtualVisits:
     """N visits in the order of time."""
 
     pose: Ints  # (N,) number of the pose; two visits of one pose share it
-    held: Bools  # (N,) mask of visits that are not measured: the held-out commands
+    held: Mask  # (N,) mask of visits that are not measured: the held-out commands
     # `q`, `before`: (N, n) commands, and starts of the actuators' last moves, m or rad
     q: Floats
     before: Floats
@@ -112,7 +109,7 @@ class VirtualVisits:
         """(N,) time over the end of the day: 0 to 1, and more for later visits."""
         return np.asarray(self.time / self.day.end)
 
-    def take(self, rows: Ints | Bools) -> VirtualVisits:
+    def take(self, rows: Ints | Mask) -> VirtualVisits:
         """Some of the visits."""
         changed: dict[str, Any] = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "day"}
         return replace(self, **changed)
@@ -121,7 +118,7 @@ class VirtualVisits:
         """The covariates that the dataset records, by name."""
         columns: dict[str, Column] = {"time": self.time}
         if conditions.sessions > 1:
-            columns["session"] = session_ids(self.session)
+            columns["session"] = ids(self.session)
         columns |= {"temp_frame": self.day.frame_at(self.time), "temp_link": self.day.link_at(self.time)}
         columns["payload"] = self.payload
         for name, values in (("approach", self.approach), ("speed", self.speed)):
@@ -132,9 +129,9 @@ class VirtualVisits:
         return {name: values for name, values in columns.items() if not left_out or not name.startswith(left_out)}
 
 
-def session_ids(session: Ints) -> Ids:
-    """(N,) names of sessions, from their numbers."""
-    return np.array([str(s) for s in session], dtype=object)
+def ids(numbers: Ints) -> Ids:
+    """(N,) ids of poses or sessions, from their numbers."""
+    return np.array([str(number) for number in numbers], dtype=object)
 
 
 def plan(
@@ -175,7 +172,8 @@ def visited(
         time=time,
         session=session,
         payload=_blocks(total, np.array(conditions.payloads), conditions.payload_blocks, rng),
-        force=_pushes(total, conditions.push, rng),
+        # No force at about half of the visits, drawn at random.
+        force=np.round(conditions.push * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5),
         speed=way * rng.uniform(*SPEED, (total, 1)),
         acceleration=way * 0.4 * rng.standard_normal((total, 1)),
         day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
@@ -195,8 +193,3 @@ def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -
     """(total,) levels in blocks of time; each level has about as many blocks as the others."""
     rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
     return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]
-
-
-def _pushes(total: int, sigma: float, rng: np.random.Generator) -> Floats:
-    """(total, 3) forces on the tool, N; none at about half of the visits, drawn at random."""
-    return np.asarray(np.round(sigma * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5))

@@ -40,25 +40,11 @@ def diagnosis(
     interval: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
     """The content of a ``diagnosis.json``, as the contract has it."""
-    effect, _, place = top.partition("@")
+    rows = ((top, 5.0, 0.5, True), ("backlash@cart3", 1.0, 0.1, True), ("servo_lag@cart1", 9.0, 0.0, False))
+    keys = ("effect", "site", "log_evidence", "probability", "testable", "reason")
     candidates = [
-        {"effect": effect, "site": place, "log_evidence": 5.0, "probability": 0.5, "testable": True, "reason": ""},
-        {
-            "effect": "backlash",
-            "site": "cart3",
-            "log_evidence": 1.0,
-            "probability": 0.1,
-            "testable": True,
-            "reason": "",
-        },
-        {
-            "effect": "servo_lag",
-            "site": "cart1",
-            "log_evidence": 9.0,
-            "probability": 0.0,
-            "testable": False,
-            "reason": "x",
-        },
+        dict(zip(keys, (*name.split("@"), evidence, probability, testable, "" if testable else "x"), strict=True))
+        for name, evidence, probability, testable in rows
     ]
     return {
         "schema": "gtpin-diagnosis/1",

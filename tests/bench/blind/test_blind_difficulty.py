@@ -1,15 +1,18 @@
-"""E and D against the definition, and the baselines on a machine whose effect is known."""
+"""E, D and true parameters against their definitions, and the baselines on a machine whose effect is known."""
 
 import numpy as np
 import pytest
 
+from gtpin import Geometry, load_robot
 from gtpin.bench.blind.baselines import fit_known_causes, gaussian_process_positions
-from gtpin.bench.blind.difficulty import SCALES, Difficulty
+from gtpin.bench.blind.difficulty import SCALES, Difficulty, true_parameters
 from gtpin.bench.simulator.case import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
+from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
 
@@ -35,6 +38,13 @@ def difficulty(linearity: tuple[Case, Calibration]) -> Difficulty:
     return Difficulty.of(case.dataset, SIGMA, baseline.model.geometry)
 
 
+def whitened(at: Situation, basis: Basis) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives by the geometry in tolerances, and by an effect in typical sizes, in units of the noise."""
+    B = at.kinematics.geometry_jacobian(at.q, at.poses) * at.kinematics.geometry.tolerance / SIGMA[:, None]
+    X = basis.displacement(at) * basis.sigma / SIGMA[:, None]
+    return B.reshape(6 * len(at), -1), X.reshape(6 * len(at), -1)
+
+
 def test_energy_is_the_plants(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
     (effect,) = linearity[0].effects
     assert difficulty.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
@@ -46,11 +56,10 @@ def test_what_an_effect_leaves_is_by_the_definition(
     linearity: tuple[Case, Calibration], difficulty: Difficulty, name: str
 ) -> None:
     (true,) = linearity[0].effects
-    at, geometry = difficulty.situation, linearity[1].model.geometry
+    at = difficulty.situation
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
-    B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(6 * len(at), -1)
-    X = (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(6 * len(at), -1)
+    B, X = whitened(at, basis)
     d = (true.displacement / SIGMA).ravel()
     best = max(
         ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
@@ -86,3 +95,68 @@ def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_sm
     smooth = off(gaussian_process_positions(case.dataset, baseline.model, case.commands))
     assert known < 0.7 * geometry
     assert known < smooth < geometry
+
+
+# A fit of effect and geometry together to noise-free data.
+
+
+@pytest.fixture(scope="module")
+def plain() -> Difficulty:
+    dataset = make_case(3, effects=[], poses=80, held_out=2, background=False).dataset
+    return Difficulty.of(dataset, SIGMA, Geometry.nominal(load_robot("gantry_tau")))
+
+
+def of(plain: Difficulty, name: str, displacement: np.ndarray) -> dict[str, float]:
+    return true_parameters(plain, plain.left(displacement)[name], displacement)
+
+
+def bent(plain: Difficulty) -> np.ndarray:
+    """Track 2 is bent upwards by 50 um at its ends, to the second order."""
+    at = plain.situation
+    basis = effects_by_id()["straightness"].basis(at, "cart2")
+    return basis.displacement(at)[:, :, 1] * 5e-5
+
+
+def test_parameters_are_those_of_the_textbook_form(plain: Difficulty) -> None:
+    at = plain.situation
+    scale = effects_by_id()["encoder_scale"].basis(at, "cart1").displacement(at)[:, :, 0] * 1e-3
+    assert of(plain, "encoder_scale@cart1", scale)["scale"] == pytest.approx(1e-3, rel=0.01)
+
+
+@pytest.mark.parametrize("near", [0.06, 0.08, 0.13])
+def test_a_period_between_those_of_a_scan_is_found(plain: Difficulty, near: float) -> None:
+    at, effect = plain.situation, effects_by_id()["rack_periodic"]
+    tried = np.array(effect.nonlinear_values(at, "cart3"))
+    place = int(np.argmin(np.abs(tried - near)))
+    period = float(tried[place : place + 2].mean())
+    displacement = effect.basis(at, "cart3", period).displacement(at)[:, :, :2] @ [3e-5, 4e-5]
+    found = of(plain, "rack_periodic@cart3", displacement)
+    assert found["period"] == pytest.approx(period, rel=2e-4)
+    assert found["amplitude"] == pytest.approx(5e-5, rel=0.01)
+    assert found["phase"] == pytest.approx(np.arctan2(4.0, 3.0), abs=0.02)
+
+
+def test_coefficients_are_those_of_least_squares_with_the_geometry_and_all_priors(plain: Difficulty) -> None:
+    at, displacement = plain.situation, bent(plain)
+    best = plain.left(displacement)["linearity@cart2"]
+    effect = effects_by_id()["linearity"]
+    basis = effect.basis(at, "cart2")
+    B, X = whitened(at, basis)
+    p, m = B.shape[1], X.shape[1]
+    rows = np.vstack([np.hstack([B, X]), np.eye(p + m) / np.repeat([1.0, best.scale], [p, m])[:, None]])
+    right = np.concatenate([(displacement / SIGMA).ravel(), np.zeros(p + m)])
+    c = np.linalg.lstsq(rows, right, rcond=None)[0][p:] * basis.sigma
+    wanted = {n: v for n, (v, _) in effect.parameters_of(at.robot, "cart2", c, ()).items()}
+    assert true_parameters(plain, best, displacement) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_what_calibration_absorbs_changes_no_parameter(plain: Difficulty) -> None:
+    at, displacement = plain.situation, bent(plain)
+    geometry = at.kinematics.geometry
+    turn = geometry.names.index("track_direction[cart2].a")
+    rate = at.kinematics.geometry_jacobian(at.q, at.poses)[:, :, turn]
+    turned = displacement + rate * 0.3 * geometry.tolerance[turn]
+    assert np.abs(turned - displacement).max() > 5e-5  # as large as what is not straight
+    best = plain.left(displacement)["straightness@cart2"]
+    before, after = (true_parameters(plain, best, d) for d in (displacement, turned))
+    assert after == pytest.approx(before, rel=0.02, abs=5e-7)

@@ -1,7 +1,6 @@
 """The page in docs and the log of all full runs, from a check's results."""
 
 import datetime
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -9,6 +8,7 @@ from types import ModuleType
 
 import pytest
 from handmade import cause, diagnosis, judged
+from scripts import load
 
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.score import score
@@ -18,12 +18,7 @@ SCRIPT = Path(__file__).parents[3] / "examples" / "blind" / "page.py"
 
 @pytest.fixture
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("blind_page", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load("blind/page")
 
 
 def run_of(folder: Path, count: int, manifest: str) -> Path:

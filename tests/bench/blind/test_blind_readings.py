@@ -30,9 +30,7 @@ from gtpin.data import Commands, Dataset
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings, single
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore::gtpin.errors.GtpinWarning"
-)  # what calibrations of few readings warn of
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of calibrations of few readings
 
 FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
 ON_FIVE_BAR = {"robot": str(FIVE_BAR)}
@@ -219,9 +217,8 @@ def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path
 @pytest.mark.slow
 def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> None:
     _, truth = a_case(tmp_path / "x", ["range"], "backlash", 5)
-    nameless = truth.model_copy(
-        update={"effects": tuple(effect.model_copy(update={"effect": "unheard"}) for effect in truth.effects)}
-    )
+    unheard = tuple(effect.model_copy(update={"effect": "unheard"}) for effect in truth.effects)
+    nameless = truth.model_copy(update={"effects": unheard})
     found = opened_by(tmp_path / "x", nameless, diagnosed_by_geometry(tmp_path / "x"))
     assert found.error is None
     assert found.shrunk is not None
@@ -336,12 +333,7 @@ def test_cases_of_instruments_that_are_scored_again_have_the_same_d_and_shrinkag
         folder.mkdir(exist_ok=True)
         for name, content in files.items():
             (folder / name).write_bytes(content)
-        dataset = Dataset.read(folder)
-        read = readings_at(
-            calibrate(dataset).model, folder, Commands.read(folder / "commands.csv", dataset.n_actuators)
-        )
-        said = diagnosis("none")
-        return Outcome(diagnosis=said, baseline_readings=read, model_readings=read), 0.1
+        return diagnosed_by_geometry(folder), 0.1
 
     monkeypatch.setattr(gtpin.bench.blind.run, "diagnose_alone", baseline_twice)
     (first,) = check(tmp_path / "out", 1, 0, Quiet(), instruments=["range", "socket"]).cases

@@ -44,10 +44,8 @@ def test_a_folder_of_cases_is_scored_by_hand(cases: Path, tmp_path: Path) -> Non
     assert told["failed"] == 1 / 7
     assert told["by_effect"]["linearity"]["cases"] == 1
     assert told["by_effect"]["servo_lag"]["in_class"] == 1.0
-    assert (
-        told["check"]["manifest"]
-        == hashlib.sha256((tmp_path / "out" / "cases" / "manifest.json").read_bytes()).hexdigest()
-    )
+    manifest = (tmp_path / "out" / "cases" / "manifest.json").read_bytes()
+    assert told["check"]["manifest"] == hashlib.sha256(manifest).hexdigest()
 
 
 @pytest.mark.usefixtures("here")
@@ -72,10 +70,9 @@ def test_truths_are_sealed_and_out_of_sight_while_cases_are_diagnosed(
     for name, digest in digests.items():
         sealed = (output / "sealed" / f"{name}.json").read_bytes()
         assert hashlib.sha256(sealed).hexdigest() == digest
-        published = json.loads((output / "cases" / f"{name}.truth.json").read_text())["effects"]
-        assert [(e["effect"], e["site"]) for e in published] == [
-            (e["effect"], e["site"]) for e in json.loads(sealed)["effects"]
-        ]
+        published = json.loads((output / "cases" / f"{name}.truth.json").read_text())
+        first, second = ([(e["effect"], e["site"]) for e in t["effects"]] for t in (published, json.loads(sealed)))
+        assert first == second
 
 
 @pytest.mark.usefixtures("here")

@@ -56,10 +56,8 @@ def test_a_failed_case_is_never_right() -> None:
 
 def test_effects_count_only_where_their_energy_allows() -> None:
     weak = judged("weak", "one", [("linearity@cart1", 40.0, 10.0)], diagnosis("none"))
-    twin = judged(
-        "twin", "one", [("linearity@cart1", 900.0, 3.0)], diagnosis("explained", cause("straightness@cart1", 0.96))
-    )
-    cases = [RIGHT, weak, twin]
+    said = diagnosis("explained", cause("straightness@cart1", 0.96))
+    cases = [RIGHT, weak, judged("twin", "one", [("linearity@cart1", 900.0, 3.0)], said)]
     assert figure(cases, "detected, E > 63") == (1.0, 2)
     assert figure(cases, "cause and site right, nothing else named, D > 63") == (1.0, 1)
     assert figure(cases, "no false name with confidence, D <= 63") == (0.5, 2)
@@ -102,10 +100,8 @@ def test_unlisted_effects_are_recognised_or_misnamed() -> None:
 
 
 def test_an_effect_taken_out_is_judged_as_one_that_nobody_knows() -> None:
-    unknown, blamed = (
-        Statement.of(diagnosis("unknown")),
-        Statement.of(diagnosis("explained", cause("straightness@cart1"))),
-    )
+    unknown = Statement.of(diagnosis("unknown"))
+    blamed = Statement.of(diagnosis("explained", cause("straightness@cart1")))
     good = RIGHT.model_copy(update={"without": unknown, "without_left": 300.0})
     bad = RIGHT.model_copy(update={"without": blamed, "without_left": 260.0})
     weak = RIGHT.model_copy(update={"without": blamed, "without_left": 10.0})
@@ -146,17 +142,10 @@ def test_probabilities_are_held_against_how_often_they_were_right() -> None:
 
 def test_shrinkage_is_held_against_the_true_poses() -> None:
     shrunk = Shrunk(before=1e-4, after=5e-5, knowing=4e-5, smoothed=8e-5)  # three quarters of the power
-    inside = one(
-        "i",
-        diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.70, interval=(0.6, 0.8)),
-        shrunk=shrunk,
-    )
-    outside = one(
-        "o",
-        diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.90, interval=(0.8, 0.95)),
-        shrunk=shrunk,
-    )
-    cases = [inside, outside, RIGHT]
+    cases = [RIGHT]
+    for share, interval in ((0.70, (0.6, 0.8)), (0.90, (0.8, 0.95))):
+        said = diagnosis("explained", cause("linearity@cart1"), explained_fraction=share, interval=interval)
+        cases.append(one("x", said, shrunk=shrunk))
     assert figure(cases, "shrinkage said less realised, absolute")[0] == pytest.approx(0.10)
     assert figure(cases, "shrinkage said less realised")[0] == pytest.approx(0.05)
     assert figure(cases, "95 % interval of shrinkage covers") == (0.5, 2)
@@ -226,17 +215,8 @@ def test_what_is_right_is_no_failure_and_what_is_not_has_a_reason() -> None:
 
 def test_nothing_to_count_gives_no_fraction() -> None:
     told = score([])
-    fractions = (
-        "strict",
-        "in_class",
-        "class_size",
-        "site",
-        "false_alarm",
-        "unknown_recognised",
-        "unknown_misnamed",
-        "set_f1",
-    )
-    assert all(told[name] is None for name in (*fractions, "shrinkage_error", "interval_coverage", "failed"))
+    fractions = "strict in_class class_size site false_alarm unknown_recognised unknown_misnamed set_f1 shrinkage_error"
+    assert all(told[name] is None for name in (*fractions.split(), "interval_coverage", "failed"))
     assert told["cases"] == 0
 
 
@@ -262,12 +242,8 @@ def test_an_effect_that_is_not_visible_counts_neither_as_missing_nor_as_false() 
 
 
 def test_where_all_effects_are_visible_the_set_is_scored_as_ever() -> None:
-    for named in (
-        [],
-        ["linearity@cart1"],
-        ["linearity@cart1", "backlash@cart2"],
-        ["backlash@cart3", "linearity@cart1"],
-    ):
+    both = ["linearity@cart1", "backlash@cart2"]
+    for named in ([], both[:1], both, ["backlash@cart3", "linearity@cart1"]):
         case = two("x", BOTH_SEEN, *named)
         assert case.visible_f1 == case.f1
 
@@ -301,25 +277,15 @@ def test_a_check_by_a_tracker_alone_has_no_figures_of_instruments() -> None:
 def test_each_instrument_has_its_own_rates_with_wilsons_bounds() -> None:
     wire = [case.model_copy(update={"instruments": WIRE, "name": f"w{case.name}"}) for case in SINGLES]
     weak = judged("weak", "one", [("linearity@cart1", 40.0, 10.0)], diagnosis("none"), instruments=BED)
-    near = judged(
-        "near",
-        "one",
-        [("linearity@cart1", 90.0, 10.0)],
-        diagnosis("explained", cause("straightness@cart1")),
-        instruments=BED,
-        shrunk=Shrunk(before=2.0, after=1.0),
-    )
+    shrunk, wrong = Shrunk(before=2.0, after=1.0), diagnosis("explained", cause("straightness@cart1"))
+    near = judged("near", "one", [("linearity@cart1", 90.0, 10.0)], wrong, instruments=BED, shrunk=shrunk)
     gap = diagnosis("explained", cause("linearity@cart1"), explained_fraction=0.5)
-    both = one("both", gap, instruments=("plane", "range"), shrunk=Shrunk(before=2.0, after=1.0))
+    both = one("both", gap, instruments=("plane", "range"), shrunk=shrunk)
     silent = judged("silent", "none", [], diagnosis("none"), instruments=BED)
     plain = judged("plain", "none", [], diagnosis("unknown"))
     rows = score([*wire, weak, near, silent, both, plain])["by_instrument"]
-    assert {name: row["cases"] for name, row in rows.items()} == {
-        "plane": 3,
-        "plane + range": 1,
-        "range": 7,
-        "tracker": 1,
-    }
+    counts = {name: row["cases"] for name, row in rows.items()}
+    assert counts == {"plane": 3, "plane + range": 1, "range": 7, "tracker": 1}
     for key, hits in (("detected", 5), ("in_class", 5), ("strict", 2)):
         assert rows["range"][key] == rate(i < hits for i in range(7)).to_json()
     assert rows["plane"]["detected"] == rate([True]).to_json()

@@ -1,7 +1,5 @@
 """The process that diagnoses: what it knows, and what becomes of one that dies."""
 
-import ast
-import importlib.util
 import os
 import subprocess
 import sys
@@ -9,46 +7,18 @@ import time
 from pathlib import Path
 
 import pytest
-from handmade import Quiet
+from handmade import Quiet, canned
 from probes import dying, known_modules, plant_imported
 
 import gtpin.bench.blind.run
 from gtpin.bench.blind.folder import CheckFolder
+from gtpin.bench.blind.run import check_given
+from gtpin.bench.blind.score import score
 from gtpin.bench.blind.spread import spread, workers
 from gtpin.bench.blind.worker import diagnose_alone
+from gtpin.errors import GtpinError
 
 PACKAGE = Path(__file__).parents[3] / "gtpin"
-
-
-def _imports(module: str) -> set[str]:
-    found = importlib.util.find_spec(module)
-    assert found is not None
-    assert found.origin is not None
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(Path(found.origin).read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return {name for name in names if name.startswith("gtpin") and _is_module(name)}
-
-
-def _is_module(name: str) -> bool:
-    path = PACKAGE.parent / Path(*name.split("."))
-    return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
-
-
-@pytest.mark.slow
-def test_nothing_that_the_worker_builds_on_knows_the_plant_or_the_truth() -> None:
-    reached, waiting = set(), ["gtpin.bench.blind.worker"]
-    while waiting:
-        module = waiting.pop()
-        if module not in reached:
-            reached.add(module)
-            waiting += _imports(module) - reached
-    assert "gtpin.diagnosis.diagnose" in reached
-    assert not [name for name in reached if name.startswith("gtpin.bench.simulator")]
-    assert {name for name in reached if name.startswith("gtpin.bench.blind")} == {"gtpin.bench.blind.worker"}
 
 
 @pytest.mark.slow
@@ -118,6 +88,8 @@ def test_a_process_that_dies_costs_its_own_case_alone(tmp_path: Path, monkeypatc
 
 KILLED = """
 import os, sys, time
+from gtpin.bench.blind.run import check_given
+from gtpin.bench.blind.score import score
 from gtpin.bench.blind.spread import spread, workers
 from probes import waiting
 
@@ -152,3 +124,54 @@ def _runs(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+# The same work on a dask cluster: a scheduler and two workers on this machine.
+OF_DASK = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.mark.slow
+@OF_DASK
+@pytest.mark.usefixtures("here")
+def test_a_cluster_gives_the_same_score(cases: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    local = check_given(tmp_path / "local", cases, Quiet())
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        assert address.startswith("tcp://")
+        far = check_given(tmp_path / "far", cases, Quiet(), address)
+    assert score(far.cases) == score(local.cases)
+
+
+@pytest.mark.slow
+@OF_DASK
+def test_a_scheduler_that_does_not_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("gtpin.bench.blind.spread.CONNECT", 1)
+    for address in ("tcp://127.0.0.1:9", "nonsense"):
+        with pytest.raises(GtpinError, match="no dask scheduler at"), workers(address):
+            spread(canned, [], lambda _: (), lambda *_: None)
+
+
+@OF_DASK
+def test_a_cluster_without_workers_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+
+    class Lonely:
+        """Answers for a scheduler that has no workers."""
+
+        def __init__(self, address: str, timeout: float) -> None:
+            self.closed = False
+
+        def __enter__(self) -> "Lonely":
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self.closed = True
+
+        def scheduler_info(self) -> dict[str, dict[str, object]]:
+            return {"workers": {}}
+
+    monkeypatch.setattr(distributed, "Client", Lonely)
+    with pytest.raises(GtpinError, match="has no workers"), workers("tcp://127.0.0.1:8786"):
+        pass

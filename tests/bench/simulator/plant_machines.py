@@ -17,15 +17,25 @@ FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 
 
-def _link(name: str, mass: float, centre: str) -> str:
-    return f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>{INERTIA}</inertial></link>'
+def _link(name: str, mass: float, centre: str, rpy: str = "0 0 0") -> str:
+    at = f'<origin xyz="{centre}" rpy="{rpy}"/>'
+    return f'<link name="{name}"><inertial>{at}<mass value="{mass}"/>{INERTIA}</inertial></link>'
 
 
-def _hinge(name: str, parent: str, child: str, xyz: str, rpy: str, axis: str) -> str:
+def _fixed(name: str, parent: str, child: str, xyz: str, rpy: str = "0 0 0") -> str:
     return (
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
-        "</joint>"
+        f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+    )
+
+
+def _hinge(
+    name: str, parent: str, child: str, xyz: str, rpy: str, axis: str, kind: str = "revolute", limit: float = 0.6
+) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+        f'<limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/></joint>'
     )
 
 
@@ -47,9 +57,9 @@ def spatial() -> str:
         + _hinge("coupler_joint", "cross", "coupler", "0 0 0", "0 0 0", "0 1 0")
         + _hinge("rocker_joint", "base", "rocker", "0.6 0 0", "0.3 0 1.9", "0 0 1")
         + '<loop_joint name="ball" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>'
-        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint><link name="tool0"/><joint name="flange" type="fixed">'
-        '<parent link="rocker"/><child link="tool0"/><origin xyz="0.5 0.1 0"/></joint>'
-        '<gtpin><actuator joint="crank_joint"/><platform link="tool0"/></gtpin></robot>'
+        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint><link name="tool0"/>'
+        + _fixed("flange", "rocker", "tool0", "0.5 0.1 0")
+        + '<gtpin><actuator joint="crank_joint"/><platform link="tool0"/></gtpin></robot>'
     )
 
 
@@ -67,9 +77,9 @@ def parallelogram() -> str:
         + _hinge("follow", "column", "rocker", "-0.1 0 0.3", "0 0 0", "0 1 0")
         + _hinge("top", "crank", "plate", "0 0 0.5", "0 0 0", "0 1 0")
         + _hinge("elbow", "plate", "wrist", "0.1 0 0.1", "0 0 0", "0 1 0")
-        + '<link name="tool0"/><joint name="flange" type="fixed"><parent link="wrist"/><child link="tool0"/>'
-        '<origin xyz="0.4 0 0"/></joint>'
-        '<loop_joint name="pin" type="spherical"><link1 link="plate" xyz="-0.2 0 0"/><link2 link="rocker" xyz="0 0 0.5"/>'
+        + '<link name="tool0"/>'
+        + _fixed("flange", "wrist", "tool0", "0.4 0 0")
+        + '<loop_joint name="pin" type="spherical"><link1 link="plate" xyz="-0.2 0 0"/><link2 link="rocker" xyz="0 0 0.5"/>'
         '</loop_joint><gtpin><actuator joint="waist"/><actuator joint="shoulder"/><actuator joint="elbow"/></gtpin></robot>'
     )
 
@@ -89,22 +99,11 @@ def seven() -> str:
     """An arm of six turning joints and a sliding one, in skew places."""
     parts, parent = ['<link name="base"/>'], "base"
     for name, kind, xyz, rpy, axis, mass, centre, limit in JOINTS:
-        parts.append(
-            f'<link name="{name}_link"><inertial><origin xyz="{centre}" rpy="0.3 0 0"/><mass value="{mass}"/>'
-            '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}_link"/>'
-            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-            f'<limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/></joint>'
-        )
-        parent = f"{name}_link"
-    parts.append(
-        '<link name="bracket"><inertial><mass value="0.5"/><origin xyz="0 0.01 0"/>'
-        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<joint name="f" type="fixed"><parent link="wrist3_link"/><child link="bracket"/>'
-        '<origin xyz="0 0.05 0" rpy="0 0 1"/></joint>'
-        '<link name="tool0"/><joint name="t" type="fixed"><parent link="bracket"/><child link="tool0"/>'
-        '<origin xyz="0 0 0.1"/></joint>'
-    )
+        link = f"{name}_link"
+        parts += [_link(link, mass, centre, "0.3 0 0"), _hinge(name, parent, link, xyz, rpy, axis, kind, limit)]
+        parent = link
+    parts += [_link("bracket", 0.5, "0 0.01 0"), _fixed("f", parent, "bracket", "0 0.05 0", "0 0 1")]
+    parts += ['<link name="tool0"/>', _fixed("t", "bracket", "tool0", "0 0 0.1")]
     named = "".join(f'<actuator joint="{joint[0]}"/>' for joint in JOINTS)
     return f'<robot name="seven">{"".join(parts)}<gtpin>{named}<platform link="tool0"/></gtpin></robot>'
 

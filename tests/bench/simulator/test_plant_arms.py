@@ -45,7 +45,7 @@ def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None
     np.testing.assert_allclose(machine.bodies(q)[0].x, [[0.4, -0.5, 0.0]])
     angle = 0.4 - 0.5
     T = np.array([1.0 + np.cos(0.4) + np.cos(angle), np.sin(0.4) + np.sin(angle), 0.0])
-    np.testing.assert_allclose(machine.forward(q).T[0], T, atol=1e-14)
+    np.testing.assert_allclose(machine.predict(q).T[0], T, atol=1e-14)
 
 
 def test_commands_keep_the_arm_in_front_of_its_base_above_the_floor_and_spread_it_out() -> None:
@@ -78,8 +78,8 @@ def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_pat
     # One constant placement on either side of the TCP's poses: X_free = A X_plain B, effects apart.
     machine, q = free.machine, free.visits.q
     assert 0.0 < np.abs(machine.target.p).max() < 0.07
-    bare = replace(machine, target=ArmMachine.of(machine.robot).target).forward(q)
-    seen = machine.forward(q)
+    bare = replace(machine, target=ArmMachine.of(machine.robot).target).predict(q)
+    seen = machine.predict(q)
     B = np.swapaxes(bare.R, 1, 2) @ seen.R
     assert np.abs(B - B[0]).max() < 1e-12
     A = free.true.R @ np.swapaxes(seen.R, 1, 2)

@@ -14,9 +14,7 @@ from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.instruments import build
 from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.cli import app
@@ -31,10 +29,6 @@ Floats = np.ndarray
 JOINT = "elbow_left"
 """The first joint that follows."""
 EXACT = 1e-8
-
-
-def none(gauge: Gauge, noise: SimulatedNoise, seed: int) -> Floats:
-    return np.zeros(gauge.sigma.shape)
 
 
 def built(
@@ -97,9 +91,8 @@ def followed(case: InstrumentCase, q: Floats, seen: Poses) -> Floats:
 
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 def test_an_encoder_at_a_rod_reads_where_the_rod_points_with_what_the_drives_do(
-    robot: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    robot: str, exact: None, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(build, "errors", none)
     case = built("backlash", "cart1" if robot == "gantry_tau" else "leg1", ("encoder",), (0.0, 0.0), robot)
     (read,) = case.dataset.read
     nominal = gtpin.load_robot(robot).measuring([read.described["joint"]])
@@ -110,9 +103,7 @@ def test_an_encoder_at_a_rod_reads_where_the_rod_points_with_what_the_drives_do(
     travel = turned(reading - model.forward(q).joints[read.described["joint"]]) / slope
     sure = np.abs(slope) > 0.2 * np.abs(slope).max()
     assert sure.sum() > 20
-    assert (np.sign(travel[sure]) == np.sign(column[sure])).all() or (
-        np.sign(travel[sure]) == -np.sign(column[sure])
-    ).all()
+    assert len(np.unique(np.sign(travel[sure]) * np.sign(column[sure]))) == 1
     case.write_dataset(tmp_path)
     dataset = gtpin.Dataset.read(tmp_path)
     energy = energy_of(model, nominal, dataset, case.hidden["encoder.zero"])
@@ -120,10 +111,7 @@ def test_an_encoder_at_a_rod_reads_where_the_rod_points_with_what_the_drives_do(
 
 
 @pytest.mark.parametrize("effect", ["backlash", "joint_compliance", "servo_lag"])
-def test_an_encoder_and_a_tracker_see_one_posture_with_what_the_drives_do(
-    effect: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "errors", none)
+def test_an_encoder_and_a_tracker_see_one_posture_with_what_the_drives_do(effect: str, exact: None) -> None:
     case = built(effect, "drive_right", ("tracker", "encoder"), repeatability=(1e-5, 1e-5))
     read = {one.described["name"]: one for one in case.dataset.read}
     encoder, tracker = read["encoder"], read["tracker"]

@@ -13,10 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.instruments import build
-from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
-from gtpin.bench.simulator.instruments.choice import KINDS
-from gtpin.bench.simulator.instruments.gauge import Gauge
+from gtpin.bench.simulator.instruments.build import KINDS, build_measured, simulate_measured
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data import Dataset
@@ -30,10 +27,6 @@ EXACT = 1e-9
 ALL = tuple(kind for kind in KINDS if kind != "encoder")
 TABLES = {"tracker": "tracker", "camera": "camera", "range": "wire", "plane": "bed", "socket": "cup", "tilt": "level"}
 TABLES |= {"ballbar": "ballbar"}
-
-
-def none(gauge: Gauge, noise: SimulatedNoise, seed: int) -> np.ndarray:
-    return np.zeros(gauge.sigma.shape)
 
 
 def recipe(effects: list[tuple[str, str | None]], robot: str = "gantry_tau", **changed: object) -> Recipe:
@@ -114,9 +107,8 @@ def misses(written: Written, kind: str, poses: Poses, up: np.ndarray) -> np.ndar
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "linear_delta", "stewart", "ur5"])
 def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geometry_fulfil(
-    robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    robot: str, tmp_path: Path, exact: None
 ) -> None:
-    monkeypatch.setattr(build, "errors", none)
     nominal = gtpin.load_robot(robot)
     written = Written(simulate_measured(nominal, robot, ALL, poses=24, seed=5, held_out=3), tmp_path)
     geometry = gtpin.Geometry.nominal(nominal)
@@ -132,9 +124,8 @@ def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geomet
 @pytest.mark.parametrize("robot", ["gantry_tau", "ur5"])
 @pytest.mark.parametrize("effect", ["backlash", "rack_periodic", "joint_clearance", "frame_shift"])
 def test_what_touches_does_so_with_all_errors_of_the_machine(
-    robot: str, effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    robot: str, effect: str, tmp_path: Path, exact: None
 ) -> None:
-    monkeypatch.setattr(build, "errors", none)
     case = build_measured(recipe([(effect, None)], robot), ["plane", "socket"])
     written = Written(case, tmp_path)
     bare = build_measured(recipe([], robot, repeatability=(0.0, 0.0)), ["plane", "socket"])

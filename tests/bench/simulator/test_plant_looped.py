@@ -7,10 +7,10 @@ import pytest
 from plant_machines import LOOPED, ROBOTS, a_plant, nominal
 
 import gtpin
+from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
-from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.errors import UnreachableError
@@ -60,7 +60,7 @@ def test_poses_of_a_drawn_machine_are_pinocchio_s_and_so_are_their_derivatives(n
     plant = a_plant(name)
     machine, q = plant.machine, plant.visits.q[:8]
     theirs = by_pinocchio(machine)
-    found = machine.forward(q)
+    found = machine.predict(q)
     assert off(found, theirs.forward(q)) < 1e-9
     own = machine.by_tolerance(q, found)
     geometry = theirs.geometry
@@ -122,13 +122,14 @@ def test_a_joint_that_is_off_is_one_that_is_commanded_or_placed_elsewhere(name: 
         travel, shifted = machine.unbent(len(q)), machine.unbent(len(q))
         travel.travel[:, c] = 1e-3
         at = machine.bodies(q, travel, near)[0].at(machine.seen)
-        assert off(at, machine.forward(q + 1e-3 * np.eye(machine.n_carts)[c])) < 1e-10
+        assert off(at, machine.predict(q + 1e-3 * np.eye(machine.n_carts)[c])) < 1e-10
         shift = np.array([1e-3, -2e-3, 5e-4])
         shifted.axis[:, c, :3] = shift
         joint = machine.joints[j]
         other = (*machine.joints[:j], replace(joint, p=joint.p + joint.R @ shift), *machine.joints[j + 1 :])
         at = machine.bodies(q, shifted, near)[0].at(machine.seen)
-        assert off(at, replace(machine.loops, joints=other, tcp=machine.tcp).predict(q)) < 1e-10
+        elsewhere = replace(machine.robot, loops=replace(machine.loops, joints=other, tcp=machine.tcp))
+        assert off(at, ArmMachine.of(elsewhere).predict(q)) < 1e-10
 
 
 def test_what_sits_beside_a_link_s_end_moves_with_it_as_one_body() -> None:
@@ -159,8 +160,8 @@ def test_deviations_that_open_the_loops_are_one_line() -> None:
     torn.axis[:, 0, :3] = 3.0
     with pytest.raises(UnreachableError, match="open the loops"):
         plant.ideal.settled_by(torn)
-    far = Loops.of(nominal("spatial")[0], {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
-    assert not far.predict(np.array([[0.1]])).reached.any()
+    far = Arm.of(nominal("spatial")[0], {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
+    assert not ArmMachine.of(far).predict(np.array([[0.1]])).reached.any()
 
 
 @pytest.mark.parametrize("name", LOOPED)

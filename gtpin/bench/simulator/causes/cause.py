@@ -71,9 +71,8 @@ class CauseKind:
         if self.where == "carts":
             return robot.sites
         if self.where in ("guides", "turning"):
-            carriers = [
-                rod.carrier for rod in robot.rods if rod.carrier is not None and not robot.revolute[rod.carrier]
-            ]
+            moving = [rod.carrier for rod in robot.rods if rod.carrier is not None]
+            carriers = [carrier for carrier in moving if not robot.revolute[carrier]]
             if self.where == "turning" and len(set(carriers)) == len(carriers):
                 return ()
             return tuple(site for i, site in enumerate(robot.sites) if i in carriers)
@@ -86,9 +85,8 @@ class CauseKind:
         if self.where == "pins":
             return robot.pin_sites
         if self.where in ("joints", "coupled"):
-            return (
-                tuple(robot.sites[c] for c in robot.acting) if self.where == "joints" or len(robot.acting) > 1 else ()
-            )
+            alone = self.where == "coupled" and len(robot.acting) < 2
+            return () if alone else tuple(robot.sites[c] for c in robot.acting)
         if self.where in ("links", "arm"):
             links = tuple(robot.link_sites[c] for c in robot.linked)
             return links if self.where == "links" else ("arm", *links) if links else ()

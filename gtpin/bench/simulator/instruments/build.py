@@ -2,38 +2,113 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.build import drawn_machine, ids, known_robot, reference
+from gtpin.bench.simulator.build import drawn_machine, known_robot, reference
 from gtpin.bench.simulator.energy import Past, Response, effects_of
-from gtpin.bench.simulator.instruments.choice import (
-    BAR,
-    TOUCHED,
-    checked,
-    drawn,
-    errors,
-    held_readings,
-    reading,
-    stream,
-)
-from gtpin.bench.simulator.instruments.circles import circles
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
-from gtpin.bench.simulator.instruments.readers import VirtualRange, VirtualTracker
-from gtpin.bench.simulator.instruments.touch import DayWay, PlainWay, Way, begun, felt
+from gtpin.bench.simulator.instruments.readers import (
+    VirtualCamera,
+    VirtualEncoder,
+    VirtualRange,
+    VirtualTilt,
+    VirtualTracker,
+)
+from gtpin.bench.simulator.instruments.touch import (
+    DayWay,
+    PlainWay,
+    VirtualPlane,
+    VirtualSocket,
+    Way,
+    begun,
+    circles,
+    felt,
+)
 from gtpin.bench.simulator.machine import Moved
+from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
 from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, InstrumentTruth, Tables
-from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, visited
+from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, ids, visited
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints
+
+KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
+"""Kinds of instruments: those of a dataset, a camera (a tracker of several targets), and a ball bar (a range)."""
+TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] = {
+    "plane": VirtualPlane.drawn,
+    "socket": VirtualSocket.drawn,
+}
+"""Kinds of touched instruments: the machine moves to them. The others read at any pose."""
+BAR = "ballbar"
+"""This kind has its own stops, along circles."""
+
+
+def checked(kinds: Sequence[str]) -> tuple[str, ...]:
+    """The kinds in the order of KINDS. Raises GtpinError if a kind is not known, or given twice."""
+    for i, kind in enumerate(kinds):
+        if kind not in KINDS:
+            raise GtpinError(f"no instrument is called {kind!r}", hint=f"use {', '.join(KINDS)}")
+        if kind in kinds[:i]:
+            raise GtpinError(f"the instrument {kind} comes twice", hint="name it once")
+    return tuple(kind for kind in KINDS if kind in kinds)
+
+
+def reading(kinds: Collection[str]) -> tuple[str, ...]:
+    """Those of some kinds that read at any pose."""
+    return tuple(kind for kind in kinds if kind not in (*TOUCHED, BAR))
+
+
+def stream(seed: int, kind: str) -> np.random.Generator:
+    """Random stream for the unknowns of an instrument: the same whatever other instruments there are."""
+    return np.random.default_rng(np.random.SeedSequence([seed, 6, KINDS.index(kind)]))
+
+
+def drawn(kind: str, layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, seed: int) -> Gauge:
+    """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
+
+    Raises GtpinError if an encoder finds no joint, or a tilt sensor is never near level.
+    """
+    rng = stream(seed, kind)
+    if kind == "tracker":
+        return VirtualTracker.drawn(poses, stops, noise, rng)
+    if kind == "camera":
+        return VirtualCamera.drawn(layout, poses, stops, noise.declared, rng)
+    if kind == "range":
+        return VirtualRange.wires(layout, stops, noise.declared, rng)
+    if kind == "tilt":
+        return VirtualTilt.drawn(layout, poses, stops, noise.declared, rng)
+    return VirtualEncoder.drawn(poses, stops, noise.declared, rng)
+
+
+def errors(gauge: Gauge, noise: SimulatedNoise, seed: int) -> Floats:
+    """(M, c) random errors of an instrument's readings: with its sigma, and with the tails and gross errors of ``noise``.
+
+    They are the same whatever other instruments there are.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 8, *gauge.name.encode()]))
+    found = gauge.sigma * noise.drawn(rng, gauge.sigma.shape)
+    return np.asarray(found + gauge.sigma * noise.drawn_gross(rng, found.shape))
+
+
+def held_readings(gauges: Sequence[Gauge], poses: VirtualPoses) -> dict[str, tuple[Floats, Floats]]:
+    """Readings of instruments at poses (H) without noise, with ids in turn, and their sigmas, by name; see ``InstrumentCase``.
+
+    Touched instruments are left out: the machine does not touch them at these poses.
+    """
+    found = {}
+    for gauge in (gauge for gauge in gauges if not gauge.touches):
+        one = gauge.in_turn(len(poses))
+        found[gauge.name] = one.readings(poses, one.truth)[:, :3], one.sigma[:, :3]
+    return found
+
 
 POOL = 1000
 """Number of commands all over the workspace. Instruments are placed by them, and the search of touches starts from them."""
@@ -203,7 +278,7 @@ def simulate_measured(
     """Draw a machine without effects, command it, and measure it by some instruments.
 
     ``robot``: the nominal robot. ``reference``, ``tcp``: name of the robot and of its TCP frame in the dataset.
-    ``instruments``: kinds of instruments: see :data:`~gtpin.bench.simulator.instruments.choice.KINDS`. ``poses``: number of
+    ``instruments``: kinds of instruments: see :data:`KINDS`. ``poses``: number of
     poses at which the reading instruments read (a tenth of them twice), and number of touches of each touched one.
     ``seed``: seed of the random numbers. The same seed gives the same bytes. ``held_out``: number of further commands,
     which are not measured and whose truth is given.

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.data.table import Column
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 Place = tuple[float, float, float]
 
@@ -123,10 +122,8 @@ class Gauge(ABC):
         found = []
         for step in NUDGE * np.eye(6):
             turn = exp(step[3:])
-            there, back = (
-                VirtualPoses(poses.T + step[:3], turn @ poses.R),
-                VirtualPoses(poses.T - step[:3], turn.T @ poses.R),
-            )
+            there = VirtualPoses(poses.T + step[:3], turn @ poses.R)
+            back = VirtualPoses(poses.T - step[:3], turn.T @ poses.R)
             found.append(self.change(there, back, self.truth, self.truth) / (2.0 * NUDGE))
         return np.stack(found, axis=2)
 
@@ -155,7 +152,7 @@ class Gauge(ABC):
                 turns[name] = np.tile(np.median(getattr(self, name), axis=0), (count, 1))
         return type(self)(**{**vars(self), **turns})
 
-    def kept(self, rows: npt.NDArray[np.bool_]) -> Gauge:
+    def kept(self, rows: Mask) -> Gauge:
         """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
         changed = {name: getattr(self, name)[rows] for name in ("stop", *self.by_row)}
         return type(self)(**{**vars(self), **changed})
@@ -188,12 +185,11 @@ class Targeted(Gauge):
 
 def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Generator) -> list[Hidden]:
     """True positions of the targets, TCP frame: three unknowns each."""
-    stems = {f"{instrument}.target{f'[{name}]' if name else ''}": point for name, point in targets.items()}
-    return [
-        one
-        for stem, point in stems.items()
-        for one in hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
-    ]
+    found = []
+    for name, point in targets.items():
+        stem = f"{instrument}.target{f'[{name}]' if name else ''}"
+        found += hidden(stem, point + TARGET_SIGMA * rng.standard_normal(3), TARGET_SIGMA)
+    return found
 
 
 INNER = (5.0, 95.0)

@@ -86,9 +86,8 @@ class VirtualTracker(Gauge):
 
     def stated(self) -> dict[str, float]:
         middle = np.median(self.sigmas, axis=0)
-        return {"position_sigma": float(middle[0])} | (
-            {"orientation_sigma": float(middle[3])} if len(middle) == 6 else {}
-        )
+        turns = {"orientation_sigma": float(middle[3])} if len(middle) == 6 else {}
+        return {"position_sigma": float(middle[0]), **turns}
 
     def table(self) -> dict[str, Any]:
         return {"frame": "free"} if self.free else {}
@@ -167,10 +166,9 @@ class VirtualRange(Targeted):
     def wires(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """Draw wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
         away = STATION_AWAY * layout.radius + STATION_CLEAR
-        stations = {
-            letter: layout.around(np.pi / 4.0 + i * np.pi / 2.0, (-1.0) ** i * 0.4 * layout.radius, away)
-            for i, letter in enumerate("ABCD")
-        }
+        stations = {}
+        for i, letter in enumerate("ABCD"):
+            stations[letter] = layout.around(np.pi / 4.0 + i * np.pi / 2.0, (-1.0) ** i * 0.4 * layout.radius, away)
         tape = float(np.exp(rng.uniform(*np.log(TAPE))))
         sigmas = (WIRE_SIGMA, STATION_SIGMA, WIRE_OFFSET_SIGMA)
         return VirtualRange._of("wire", stops, stations, tape, sigmas, declared, rng)
@@ -179,9 +177,8 @@ class VirtualRange(Targeted):
     def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """A ball bar from a pivot at the workspace's centre, which reads at all stops."""
         sigmas = (BAR_SIGMA, PIVOT_SIGMA, BAR_OFFSET_SIGMA)
-        return VirtualRange._of(
-            "ballbar", stops, {"pivot": layout.at(0.0, 0.0, 0.0)}, PIVOT_SIGMA, sigmas, declared, rng
-        )
+        pivot = {"pivot": layout.at(0.0, 0.0, 0.0)}
+        return VirtualRange._of("ballbar", stops, pivot, PIVOT_SIGMA, sigmas, declared, rng)
 
     @staticmethod
     def _of(
@@ -235,10 +232,8 @@ class VirtualEncoder(Gauge):
         Raises GtpinError if they have none.
         """
         if not poses.joints:
-            raise GtpinError(
-                "no joint of this machine can be read by an encoder",
-                hint="the simulator has encoders at joints that follow: of loops, and of rods' universal joints",
-            )
+            hint = "the simulator has encoders at joints that follow: of loops, and of rods' universal joints"
+            raise GtpinError("no joint of this machine can be read by an encoder", hint=hint)
         zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
         return VirtualEncoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
 

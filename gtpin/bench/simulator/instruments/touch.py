@@ -1,4 +1,5 @@
-"""Instruments that are touched (planes, and sockets for a ball), and commands at which the true machine touches them."""
+"""Instruments that are touched (planes, and sockets for a ball), and commands at which the machine touches them or goes round
+circles."""
 
 from __future__ import annotations
 
@@ -8,7 +9,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.energy import Response
@@ -26,7 +26,7 @@ from gtpin.bench.simulator.instruments.gauge import (
 from gtpin.bench.simulator.machine import Deviation, Moved
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
 """Standard deviations of planes' errors, m and rad: the prior sigmas that a dataset has by default."""
@@ -123,7 +123,6 @@ class VirtualSocket(Targeted):
         return {**super().table(), "distances": [[*self.sockets[:2], self.distance, DISTANCE_SIGMA]]}
 
 
-Bools = npt.NDArray[np.bool_]
 AWay = TypeVar("AWay", bound="Way")
 
 ROUNDS = 40
@@ -210,11 +209,12 @@ def begun(
     """(M, n) commands, m or rad, at which a machine without effects makes the touches of an instrument's rows.
 
     ``pool``: (P, n) commands all over the workspace; the solution starts from the nearest. ``ranges``: (n,) lower and upper
-    ends of the commands. ``Raises UnreachableError if the machine can't make some of the touches.``: .
+    ends of the commands.
+
+    Raises UnreachableError if the machine can't make some of the touches.
     """
-    asked = np.column_stack(
-        [getattr(gauge, name) for name in gauge.by_row]
-    )  # what each row touches, and with which target
+    # What each row touches, and with which target.
+    asked = np.column_stack([getattr(gauge, name) for name in gauge.by_row])
     alike, which = np.unique(asked, axis=0, return_inverse=True)
     found = np.empty((len(gauge.stop), pool.shape[1]))
     there = machine.predict(pool)
@@ -237,7 +237,7 @@ def begun(
     return found
 
 
-def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Bools]:
+def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Mask]:
     """The stops of ``way`` with commands solved so that the touched ones of some instruments are touched, and (N,) which of
     them are; other stops are unchanged.
 
@@ -262,3 +262,96 @@ def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[
             break
         way = way.at(q)
     return way, good
+
+
+LONGEST, SHARE = 0.3, 0.6
+"""Largest length of the bar: in m, and over the half extent of the workspace along the axes of its circles."""
+SHORTER = (1.0, 0.7, 0.5, 0.35)
+"""Lengths that are tried, over the largest."""
+FLAT = 0.1
+"""Half extent of a workspace along an axis, over the largest, below which no circle spans this axis."""
+PLANES = ((0, 1), (0, 2), (1, 2))
+"""Axes of the layout that span the circles."""
+FEED = 0.02
+"""Speed of the target along the circle, m/s."""
+CLOSED = 1e-9
+"""Largest distance of the target from a circle, m."""
+
+
+def circles(
+    nominal: Moved, layout: Layout, pool: Floats, ranges: tuple[Floats, Floats], count: int
+) -> tuple[Floats, Floats]:
+    """(M, n) commands along circles of the nominal machine, m or rad, and (M, n) their speeds, m/s or rad/s.
+
+    There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other.
+
+    Raises UnreachableError if the robot can't move along any such circles.
+    """
+    wide = layout.half > FLAT * layout.half.max()
+    planes = [plane for plane in PLANES if wide[list(plane)].all()]
+    if not planes:
+        raise _stuck()
+    radius = min(LONGEST, SHARE * float(layout.half[wide].min()))
+    for shorter in SHORTER:
+        try:
+            return _all_round(nominal, layout, planes, pool, ranges, shorter * radius, count)
+        except UnreachableError:
+            continue
+    raise _stuck()
+
+
+def _all_round(
+    nominal: Moved,
+    layout: Layout,
+    planes: list[tuple[int, int]],
+    pool: Floats,
+    ranges: tuple[Floats, Floats],
+    radius: float,
+    count: int,
+) -> tuple[Floats, Floats]:
+    """Circles of one radius, m; see :func:`circles`."""
+    points = max(8, -(-count // (2 * len(planes))))
+    angles = 2.0 * np.pi * np.arange(points) / points
+    first, second = (np.array([layout.axes[plane[i]] for plane in planes]) for i in (0, 1))
+    pivot = np.array(layout.at(0.0, 0.0, 0.0))
+    # All circles are solved together, each point from the one before, so that an arm keeps its assembly mode.
+    there = nominal.predict(pool)
+    start = pivot + radius * first
+    nearest = [int(np.argmin(np.linalg.norm(_target(there) - place, axis=1))) for place in start]
+    q, found, speeds = pool[nearest], [], []
+    for angle in angles:
+        q, slope = _brought(nominal, q, pivot + radius * (np.cos(angle) * first + np.sin(angle) * second))
+        tangent = np.cos(angle) * second - np.sin(angle) * first
+        found.append(q)
+        speeds.append(FEED * (np.linalg.pinv(slope, rcond=SINGULAR) @ tangent[..., None])[..., 0])
+    ways, along = np.stack(found, axis=1), np.stack(speeds, axis=1)
+    if not ((ways >= ranges[0]) & (ways <= ranges[1])).all():
+        raise _stuck()
+    both = [(way, speed) for w, s in zip(ways, along, strict=True) for way, speed in ((w, s), (w[::-1], -s[::-1]))]
+    return np.vstack([way for way, _ in both]), np.vstack([speed for _, speed in both])
+
+
+def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """(N, n) commands, near ``q``, that bring the target to ``places`` (N, 3), and (N, 3, n) the derivative of its position."""
+    for _ in range(30):
+        way = PlainWay(nominal, q)
+        miss = _target(way.poses) - places
+        by_command, arm = way.by_command(), way.poses.R @ np.array(ONE[""])
+        slope = by_command[:, :3] + np.cross(by_command[:, 3:], arm[:, :, None], axis=1)
+        if not np.isfinite(miss).all() or not np.isfinite(slope).all():
+            raise _stuck()
+        if np.abs(miss).max() < CLOSED:
+            return q, slope
+        q = q - (np.linalg.pinv(slope, rcond=SINGULAR) @ miss[..., None])[..., 0]
+    raise _stuck()
+
+
+def _target(poses: VirtualPoses) -> Floats:
+    return np.asarray(poses.T + poses.R @ np.array(ONE[""]))
+
+
+def _stuck() -> UnreachableError:
+    return UnreachableError(
+        "the robot can't go round a ball bar's circles",
+        hint="use an instrument that needs no circles, or a robot that moves its target in two directions",
+    )
