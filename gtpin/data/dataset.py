@@ -16,6 +16,7 @@ from gtpin.data.checks import CheckedRows, unnumbered
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.description import (
     SCHEMA,
+    SECOND,
     Conditions,
     Description,
     Driver,
@@ -29,7 +30,7 @@ from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.read_instruments import is_second, read_instruments
+from gtpin.data.read_instruments import read_instruments
 from gtpin.data.second_schema import tables_there
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
@@ -252,7 +253,7 @@ class Dataset(Shown):
         values, table = read_toml(path / "dataset.toml"), None
         taken = {"pose", *POSITION, *ORIENTATION}
         rows: dict[str, Any]
-        if is_second(values):
+        if values.get("schema") == SECOND:
             common, rows = read_instruments(path, {kind.kind: kind for kind in instruments})
         else:
             common = describe(values, path / "dataset.toml")

@@ -1,4 +1,4 @@
-"""Mistakes in measured positions and orientations: other units, axes and signs, other conventions of rotations."""
+"""Usual mistakes in columns: other units, axes, signs and orders, other conventions of rotations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Final, Literal, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.typing import Floats
+from gtpin.data.names import command_names
+from gtpin.typing import Floats, Mask
 
 UNITS = (
     ("millimetres", 1e-3),
@@ -286,3 +287,51 @@ def misread() -> Iterator[Misread]:
         if meant.lower() == taken.lower() and len(set(meant)) == 3:
             continue  # each number keeps its axis: one of the mistakes by axis
         yield Misread(meant, taken, False)
+
+
+@dataclass(frozen=True)
+class CommandReading:
+    """A way to read the columns q1 .. qn.
+
+    ``columns``: the columns that are read in another way. ``looks``, ``hint``: message texts: what these columns look like,
+    and what the user should do. ``q``: (N, n) commands, read in this way, m or rad.
+    """
+
+    columns: str
+    looks: str
+    hint: str
+    q: Floats
+
+
+def command_readings(q: Floats, revolute: Mask) -> Iterator[CommandReading]:
+    """Ways to read commands (N, n), m or rad, of actuators that turn, (n,) True, or slide.
+
+    One column or all with the other sign or in another unit; two columns swapped; all columns in reverse order, or shifted by
+    one.
+    """
+    names, count = command_names(q.shape[1]), q.shape[1]
+    everything = " ".join(names)
+    for some in [*([i] for i in range(count)), *([list(range(count))] if count > 1 else [])]:
+        columns, look = " ".join(names[i] for i in some), "looks" if len(some) == 1 else "look"
+        units: tuple[tuple[str, float], ...] = () if revolute[some].any() else UNITS
+        if revolute[some].all():
+            units = (("degrees", float(np.pi / 180.0)),)
+        scale = np.ones(count)
+        scale[some] = -1.0
+        yield CommandReading(columns, f"{columns} {look} reversed", f"change the sign of {columns}", q * scale)
+        for unit, factor in units:
+            scale[some] = factor
+            yield CommandReading(
+                columns, f"{columns} {look} like {unit}", f"multiply {columns} by {factor:.6g}", q * scale
+            )
+    for i, j in combinations(range(count), 2):
+        order = list(range(count))
+        order[i], order[j] = j, i
+        columns = f"{names[i]} {names[j]}"
+        yield CommandReading(columns, f"{names[i]} and {names[j]} look swapped", "swap them", q[:, order])
+    if count > 2:
+        yield CommandReading(everything, "q1 .. qn look to be in reverse order", "reverse them", q[:, ::-1])
+        for by in (1, -1):
+            order = np.roll(range(count), by).tolist()
+            assigned = ", ".join(f"{names[i]} = {names[j]}" for i, j in enumerate(order))
+            yield CommandReading(everything, f"{everything} look shifted by one", f"write ({assigned})", q[:, order])

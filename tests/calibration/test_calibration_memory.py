@@ -18,7 +18,7 @@ from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
 from gtpin.kinematics import poses
-from gtpin.noise.repeats import contrasts
+from gtpin.noise.estimate import contrasts
 
 linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of addresses are Linux's")
 

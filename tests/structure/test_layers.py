@@ -38,7 +38,6 @@ ASKING = {
     "bench/blind/judge.py": 1,
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
-    "calibration/result.py": 1,
     "data/dataset.py": 2,
     "diagnosis/against/check.py": 2,
     "diagnosis/against/measured.py": 1,

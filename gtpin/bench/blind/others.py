@@ -21,12 +21,11 @@ from gtpin.bench.blind.truth import (
     digest_of_files,
     files_of,
 )
-from gtpin.data.description import describe, read_toml, write_description
+from gtpin.data.description import SECOND, Description, describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
-from gtpin.data.instrument_tables import written
+from gtpin.data.instrument_tables import InstrumentTable, written
 from gtpin.data.names import POSITION
-from gtpin.data.read_instruments import is_second
-from gtpin.data.second_schema import SecondDescription, describe_second
+from gtpin.data.second_schema import describe_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.results import writing
@@ -144,16 +143,16 @@ def kind_of(effects: list[str]) -> Kind:
 def _robot_of(folder: Path) -> Robot | None:
     """The robot of a dataset; None if the dataset can't be read; its diagnosis will report the error."""
     try:
-        said = _described(folder / "dataset.toml").common
+        said, _ = _described(folder / "dataset.toml")
         return load_robot(_path_of(folder, said.robot) or said.robot, said.tcp, said.actuators)
     except GtpinError:
         return None
 
 
-def _described(file: Path) -> SecondDescription:
-    """The content of a dataset.toml; without instruments where it is of schema 1."""
+def _described(file: Path) -> tuple[Description, tuple[InstrumentTable, ...]]:
+    """The content of a dataset.toml, and its instruments; none where it is of schema 1."""
     values = read_toml(file)
-    return describe_second(values, file, {}) if is_second(values) else SecondDescription(describe(values, file), ())
+    return describe_second(values, file, {}) if values.get("schema") == SECOND else (describe(values, file), ())
 
 
 def _path_of(folder: Path, robot: str) -> Path | None:
@@ -198,12 +197,12 @@ def take_in(case: Given, place: Path) -> None:
         for name, content in files_of(case.folder).items():
             (place / name).write_bytes(content)
         try:
-            said = _described(case.folder / "dataset.toml")
-            urdf = _path_of(case.folder, said.common.robot)
+            said, instruments = _described(case.folder / "dataset.toml")
+            urdf = _path_of(case.folder, said.robot)
             if urdf is not None:
                 of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
                 (place / ROBOT).write_bytes(RobotDescription.read(urdf).xml.encode() if of_two else read_bytes(urdf))
-                moved = said.common.model_copy(update={"robot": ROBOT})
-                write_description(place / "dataset.toml", moved, [written(one) for one in said.instruments])
+                moved = said.model_copy(update={"robot": ROBOT})
+                write_description(place / "dataset.toml", moved, [written(one) for one in instruments])
         except GtpinError:
             return  # its diagnosis reports the error

@@ -11,18 +11,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks.prior_conflict import motions
 from gtpin.calibration.checks.shifted_rows import FEWEST, own_session
 from gtpin.calibration.checks.suspected import Size, suspect
-from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 SIZE = 30.0
 """Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
@@ -55,7 +54,7 @@ class FrameScan:
     - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
     """
 
-    rows: npt.NDArray[np.intp]
+    rows: Indices
     J: Floats
     F: Floats
     y: Floats
@@ -76,7 +75,7 @@ class FrameScan:
         rows = np.arange(len(y))
         return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
 
-    def ordered(self, rows: npt.NDArray[np.intp]) -> FrameScan:
+    def ordered(self, rows: Indices) -> FrameScan:
         """The same for the rows with these indices, in this order."""
         return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
 
@@ -138,16 +137,15 @@ class FrameScan:
 
     @cached_property
     def _absorbed(self) -> tuple[Floats, Floats]:
-        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals: L^-1 S J' F and
-        L^-1 S J' y with L L' = I + S J' J S, S the scales. The sums of squares are the power that the geometry absorbs.
-        """
+        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals."""
+        # L^-1 S J' F and L^-1 S J' y with L L' = I + S J' J S, S the scales: their sums of squares are the power absorbed.
         s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
         factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
         by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
         absorbed = solve_triangular(factor, by_step.T, lower=True)
         return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
 
-    def _normal(self, steps: npt.NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def _normal(self, steps: Indices) -> tuple[Floats, Floats]:
         """(S, 6 k) and (S, 6 k, 6 k) scaled normal equations of S sets of k steps (S, k), after the geometry was fitted."""
         sets, size = len(steps), 6 * steps.shape[1]
         absorbed, absorbed_y = self._absorbed
@@ -161,7 +159,7 @@ class FrameScan:
         """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
         return float(self._lefts(np.array([steps], dtype=np.intp))[0])
 
-    def _lefts(self, steps: npt.NDArray[np.intp]) -> Floats:
+    def _lefts(self, steps: Indices) -> Floats:
         """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
         power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
         b, inner = self._normal(steps)
@@ -176,13 +174,9 @@ def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
 
 
 def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
-    """Suspect data during which the instrument moved by much more than its noise.
+    """Suspect data during which the instrument moved by much more than its noise; an error names the rows.
 
-    ``dataset``: the rows of the problem. ``problem``, ``point``: the fitted problem, and the point about which it is
-    linearised. ``noise``: noise of these rows, without repeatability, since a step between visits of one pose looks like
-    it.
-
-    Raises `DatasetError` if one or two steps of the frame explain the residuals; it names the rows.
+    ``dataset``, ``noise``: the rows of the problem, and their noise. ``point``: about which the problem is linearised.
     """
     if len(dataset) < 4 * EDGE:
         return
@@ -224,9 +218,8 @@ def _size(scan: FrameScan, noise: ReadingNoise, steps: list[int]) -> Size:
     return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
 
 
-def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:
-    """(M, k) alternatives to steps of the frame: powers of the rows' order, and all numeric columns but directions and
-    speeds."""
+def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
+    """(M, k) alternatives to steps: powers of the rows' order, and all numeric columns but directions and speeds."""
     t = np.linspace(-1.0, 1.0, len(rows))
     columns = [t, t**2, t**3]
     for name, values in dataset.covariates.items():

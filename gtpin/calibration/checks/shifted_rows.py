@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Frame
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Floats, Indices, Mask
 
 FEWEST = 8
 """Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""
@@ -30,19 +26,6 @@ NEIGHBOURS = (1, -1)
 """Shifts of the commands, in rows, that are tried."""
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """Rows from ``first`` to ``last`` (indices into the dataset, in the order of the file)."""
-
-    first: int
-    last: int
-
-    @property
-    def rows(self) -> slice:
-        """The rows."""
-        return slice(self.first, self.last + 1)
-
-
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
     """Suspect data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
 
@@ -52,58 +35,58 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
 
     Raises `DatasetError` if one of the two explains a stretch; it names the rows by their lines in the file.
     """
-    found = stretch(far)
-    if found is None:
+    part = stretch(far)
+    if part is None:
         return
-    part = found.rows
+    first, last = part.start, part.stop - 1
     off = _off(measured.T, predicted.T)
     usual = float(np.nanmedian(off[~far])) if not far.all() else 0.0
-    rows = f"rows {dataset.row[found.first]} to {dataset.row[found.last]}"
+    rows = f"rows {dataset.row[first]} to {dataset.row[last]}"
     for by in NEIGHBOURS:
         neighbour = np.roll(predicted.T, by, axis=0)
-        inner = slice(found.first + 1, found.last)  # the ends have no neighbour in the stretch
+        inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
         left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
         if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
             error = DatasetError(
                 f"the commands look one row off in {rows}: what was measured there fits the commands of the row "
                 f"{'before' if by > 0 else 'after'}",
                 file=dataset.file,
-                row=int(dataset.row[found.first]),
+                row=int(dataset.row[first]),
                 hint="move the commands of these rows, or export the table anew",
             )
             return suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
     if not bumps:
         return
-    moved = _moved(measured, predicted, part)
-    left = np.float64(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
-    if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, found.rows):
+    moved = rough_frame(predicted[part], measured.take(part))
+    left = np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T))
+    if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, part):
         error = DatasetError(
             f"{rows} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
             "instrument was bumped or set up anew",
             file=dataset.file,
-            row=int(dataset.row[found.first]),
+            row=int(dataset.row[first]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
         suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
 
 
-def stretch(far: Mask) -> Stretch | None:
+def stretch(far: Mask) -> slice | None:
     """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
     count = int(far.sum())
     if count < max(FEWEST, SHARE * len(far)):
         return None
     # The run of largest sum where a far row counts one and another one takes one away (Kadane).
-    best, here, start, found = 0, 0, 0, (0, 0)
+    best, here, start, found = 0, 0, 0, slice(0, 1)
     for i, value in enumerate(np.where(far, 1, -1)):
         if here <= 0:
             here, start = 0, i
         here += int(value)
         if here > best:
-            best, found = here, (start, i)
-    inside = far[found[0] : found[1] + 1]
+            best, found = here, slice(start, i + 1)
+    inside = far[found]
     if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
         return None
-    return Stretch(*found)
+    return found
 
 
 def far_from_nominal(measured: Measured, nominal: Poses, reach: float) -> Mask:
@@ -115,13 +98,7 @@ def _off(one: Floats, two: Floats) -> Floats:
     return np.asarray(np.linalg.norm(one - two, axis=1))
 
 
-def _moved(measured: Measured, predicted: Poses, part: slice) -> Frame:
-    """The motion that takes predicted poses of a stretch to the measured ones."""
-    rows = np.arange(len(measured.T))[part]
-    return rough_frame(predicted[part], measured.take(rows))
-
-
-def own_session(dataset: Dataset, rows: npt.NDArray[np.intp] | slice) -> bool:
+def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
     """Whether some rows have sessions of their own, so that effects of sessions can account for them."""
     if "session" not in dataset.covariates:
         return False
