@@ -183,10 +183,10 @@ def _calibrated(
 
 
 def _check_tolerances(dataset: Dataset) -> None:
-    toml, hint = dataset.path and dataset.path / "dataset.toml", f"kinds are {', '.join(TOLERANCE)}"
     for kind in dataset.tolerance:
         if kind not in KINDS:
-            raise DatasetError("unknown kind of tolerance", file=toml, column=f"tolerance.{kind}", hint=hint)
+            column, hint = f"tolerance.{kind}", f"kinds are {', '.join(TOLERANCE)}"
+            raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=column, hint=hint)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
@@ -233,7 +233,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
         freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
         # The components of one row of a table count once.
         poses=len(rows) if (rows.component < 0).all() else int(rows.row.max()) + 1,
-        rejected=tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])),
+        rejected=whole.names_of(aside),
         rejected_rows=tuple(dict.fromkeys(int(line) for line in whole.row[aside])),
         chi2=settled.chi2,
         dof=settled.dof,

@@ -12,9 +12,10 @@ from gtpin.calibration.checks.prepared import check_actuators
 from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
+from gtpin.data.files import warn_of
 from gtpin.data.plausible import in_order, misplaced, order_that_fits
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.kinematics.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
@@ -48,7 +49,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     _check_order(dataset, poses[good], measured.take(good), free)
     found, place = with_target(geometry, measured, free_frame=free)
     if place is not None and (text := unseen_words(place.unseen)):
-        warn(f"{dataset.file}: {text}" if dataset.file else text)
+        warn_of(dataset.file, text)
     return found
 
 

@@ -173,6 +173,15 @@ class Dataset(Shown):
         return self.readings.place(index)
 
     @property
+    def toml(self) -> Path | None:
+        """Its dataset.toml; None where it was not read from a folder."""
+        return self.path and self.path / "dataset.toml"
+
+    def names_of(self, rows: NDArray[np.generic]) -> tuple[str, ...]:
+        """The ids of the poses of some rows, each once."""
+        return tuple(dict.fromkeys(map(str, self.pose[rows])))
+
+    @property
     def robot_reference(self) -> str | Path:
         """The name of a robot, or the absolute path of its file (relative paths start at `path`)."""
         if is_path(self.robot):
@@ -325,7 +334,7 @@ class Dataset(Shown):
         return figure
 
     def _check_drivers(self) -> None:
-        file = self.path and self.path / "dataset.toml"
+        file = self.toml
         for number, driver in enumerate(self.drivers):
             if driver.column not in self.covariates or driver.column == "session":
                 recorded = ", ".join(name for name in self.covariates if name != "session") or "none"

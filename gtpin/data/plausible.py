@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
+from gtpin.data.files import warn_of
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats, Mask
 
@@ -85,8 +86,7 @@ def check_commands(
     _check_endless(rows, names, turns & ~np.isfinite(high - low), suspect)
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
-        text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
-        warn(_located(rows, text))
+        warn_of(rows.file, f"commands a little outside the robot's range: {_poses(rows, outside)}")
 
 
 def check_measurements(
@@ -128,8 +128,7 @@ def check_measurements(
         if order is not None:
             suspect(misplaced(dataset, order), replace(dataset, orientation=in_order(dataset.orientation, order)))
     if not keep.all():
-        text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
-        warn(_located(dataset, text))
+        warn_of(dataset.file, f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}")
     return keep
 
 
@@ -209,10 +208,6 @@ def _poses(rows: Any, mask: Mask, shown: int = 10) -> str:
     poses = list(dict.fromkeys(rows.pose[mask]))
     more = f" and {len(poses) - shown} more" if len(poses) > shown else ""
     return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:shown])}{more}"
-
-
-def _located(rows: Dataset | Commands, text: str) -> str:
-    return f"{rows.file}: {text}" if rows.file else text
 
 
 def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:

@@ -24,31 +24,25 @@ def mean_is(values, truth, bias=0.0):
     assert abs(np.mean(values) - truth) < bound, (np.mean(values), truth, bound)
 
 
+def sigmas_are_told(found, bias):
+    """The mean estimates are the sigmas of the tracker, but for a share."""
+    for unit, sigma in enumerate((POSITION_SIGMA, ORIENTATION_SIGMA)[: found.calibrations[0].residual.shape[1] // 3]):
+        mean_is([c.noise.sigma[unit] for c in found.calibrations], sigma, bias * sigma)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("repeats", [False, True])
-def test_undeclared_noise_is_estimated_without_bias(repeats):
+@pytest.mark.parametrize("kind", ["poses", "positions", "repeats"])
+def test_undeclared_noise_is_estimated_without_bias(kind):
     def make(rng):
         machine, q = draw(rng), commands(rng, 80)
-        visits = np.concatenate([np.arange(80), np.arange(20)]) if repeats else np.arange(80)
-        return machine, undeclared(measured(machine, q[visits], rng, pose=visits))
+        visits = np.concatenate([np.arange(80), np.arange(20 if kind == "repeats" else 0)])
+        return machine, undeclared(measured(machine, q[visits], rng, pose=visits, orientation=kind != "positions"))
 
     found = study(make, MACHINES)
     # Of 1 %: the estimate of a sigma from its square is low by a quarter over the freedoms, here 0.1 %.
-    mean_is([c.noise.position_sigma for c in found.calibrations], POSITION_SIGMA, 0.01 * POSITION_SIGMA)
-    mean_is([c.noise.orientation_sigma for c in found.calibrations], ORIENTATION_SIGMA, 0.01 * ORIENTATION_SIGMA)
+    sigmas_are_told(found, 0.01)
     found.assert_covers()
     found.assert_unbiased()
-
-
-@pytest.mark.slow
-def test_undeclared_noise_of_positions_alone_is_estimated_without_bias():
-    def make(rng):
-        machine = draw(rng)
-        return machine, undeclared(measured(machine, commands(rng, 80), rng, orientation=False))
-
-    found = study(make, MACHINES)
-    mean_is([c.noise.position_sigma for c in found.calibrations], POSITION_SIGMA, 0.01 * POSITION_SIGMA)
-    found.assert_covers()
 
 
 @pytest.mark.slow
@@ -68,8 +62,7 @@ def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
     found = study(make, 16)
     mean_is([c.noise.repeatability for c in found.calibrations], truth, 0.01 * truth)
     # Undeclared, what belongs to the tracker is told from what belongs to the carts.
-    mean_is([c.noise.position_sigma for c in found.calibrations], POSITION_SIGMA, 0.02 * POSITION_SIGMA)
-    mean_is([c.noise.orientation_sigma for c in found.calibrations], ORIENTATION_SIGMA, 0.02 * ORIENTATION_SIGMA)
+    sigmas_are_told(found, 0.02)
     found.assert_covers()
     found.assert_unbiased()
     if declared:
@@ -166,12 +159,7 @@ def gross_case(seed, wrong=5, count=120):
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     position = clean.position.copy()
     position[bad] += direction * 10.0 ** rng.uniform(-3.0, -1.0, (wrong, 1))
-    return (
-        machine,
-        replace(clean, position=position),
-        clean.take(np.setdiff1d(np.arange(count), bad)),
-        {str(i) for i in bad},
-    )
+    return replace(clean, position=position), clean.take(np.setdiff1d(np.arange(count), bad)), {str(i) for i in bad}
 
 
 @pytest.mark.slow
@@ -181,7 +169,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     good_lost = 0
     runs = 8
     for seed in range(runs):
-        _, spoilt, clean, bad = gross_case(seed)
+        spoilt, clean, bad = gross_case(seed)
         if not declared:
             spoilt, clean = undeclared(spoilt), undeclared(clean)
         with pytest.warns(gtpin.GtpinWarning, match="gross") as told:
@@ -202,7 +190,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
 @pytest.mark.slow
 def test_gross_errors_of_positions_alone_are_set_aside():
     for seed in range(12):
-        _, spoilt, _, bad = gross_case(seed, wrong=3, count=60)
+        spoilt, _, bad = gross_case(seed, wrong=3, count=60)
         positions = replace(spoilt, orientation=None, instrument=Instrument(position_sigma=POSITION_SIGMA))
         with pytest.warns(gtpin.GtpinWarning, match="gross"):
             assert bad <= set(gtpin.calibrate(positions).rejected)

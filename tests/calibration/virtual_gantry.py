@@ -161,6 +161,17 @@ def measured(
     )
 
 
+def indices(s: Floats, rows: int) -> dict[str, float]:
+    """Observability indices O1 to O5 of singular values, the largest first, of a derivative of so many rows."""
+    return {
+        "O1": np.exp(np.log(s).mean()) / np.sqrt(rows),
+        "O2": s[-1] / s[0],
+        "O3": s[-1],
+        "O4": s[-1] ** 2 / s[0],
+        "O5": 1.0 / (1.0 / s).sum(),
+    }
+
+
 def undeclared(dataset: gtpin.Dataset) -> gtpin.Dataset:
     """The same data from an instrument that does not say how noisy it is."""
     blank = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})

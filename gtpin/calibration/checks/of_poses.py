@@ -112,8 +112,7 @@ class PoseChecks:
                     warn(f"{coarse}; give commands with more digits")
             _check_used(kept, measured, settled)
             if not settled.used.all():
-                named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-                warn(f"set aside as gross errors: poses {named}")
+                warn(f"set aside as gross errors: poses {', '.join(kept.names_of(~settled.used))}")
             _check_fit(kept, settled, seen)
             return _unstrained(*with_credible_noise(fit, settled)) if self.doubt else settled
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.readable_readings import (
@@ -26,6 +24,7 @@ from gtpin.calibration.observability import UNSEEN, Observability
 from gtpin.calibration.problem import Problem, with_unknowns
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset, check_commands
+from gtpin.data.files import warn_of
 from gtpin.data.sane import sane_rows
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -78,7 +77,7 @@ class ReadingChecks:
             (poses.reached, "for the robot can't reach them", *_UNREACHED),
         ):
             if (usable & ~good).any():
-                warn(f"set aside, {why}: {_poses_of(whole.pose[usable & ~good])}")
+                warn(f"set aside, {why}: {_poses_of(whole, usable & ~good)}")
             usable &= good
             if not usable.any():
                 raise DatasetError(what, file=whole.file, hint=hint)
@@ -146,21 +145,21 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
             refuse(error, kept)
     for i in range(len(readings.instruments)):
         for text in _off_together(readings, used, i):
-            warn(text)
+            warn_of(readings.rows.files[i], text)
     if not used.all():
-        warn(f"set aside as gross errors: {_poses_of(kept.pose[~used])}")
+        warn(f"set aside as gross errors: {_poses_of(kept, ~used)}")
 
 
-def _poses_of(ids: npt.NDArray[np.object_]) -> str:
+def _poses_of(dataset: Dataset, rows: Mask) -> str:
     """Text for a message with the names of the first poses."""
-    names = list(dict.fromkeys(map(str, ids)))
+    names = dataset.names_of(rows)
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return f"poses {', '.join(names[:SHOWN])}{more}"
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
     """Texts for warnings: ids of an instrument of which most readings were set aside."""
-    rows, file = readings.rows, readings.rows.files[index]
+    rows = readings.rows
     mine = rows.rows_of(index)
     for column in rows.tables[index].ids:
         if len(rows.known[index].get(column, ())) < 2:
@@ -170,11 +169,10 @@ def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
             own = np.unique(rows.line[mine[ids == name]])
             lost = np.unique(rows.line[mine[(ids == name) & ~used[mine]]])
             if len(own) >= SEVERAL and len(lost) > MOST * len(own):
-                where = "" if file is None else f"{Path(file)}: "
                 of = f"{rows.tables[index].name} with {column} {name}"
                 yield (
-                    f"{where}{len(lost)} of {len(own)} readings of {of} do not fit the others: check what dataset.toml "
-                    "declares of it, and these rows"
+                    f"{len(lost)} of {len(own)} readings of {of} do not fit the others: check what dataset.toml declares "
+                    "of it, and these rows"
                 )
 
 

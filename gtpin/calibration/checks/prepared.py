@@ -8,8 +8,9 @@ import numpy as np
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
+from gtpin.data.files import warn_of
 from gtpin.data.sane import check_extremes
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import log
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
@@ -49,7 +50,7 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any() or not _turns(dataset, nominal):
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
-    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    warn_of(dataset.file, text)
     return replace(dataset, orientation=None)
 
 

@@ -47,8 +47,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     robot, geometry = nominal.robot, nominal.geometry
     outside = geometry.outside_tracks(dataset.q)
     if outside.any():
-        named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
-        warn(f"set aside, outside the measured tracks: poses {named}")
+        warn(f"set aside, outside the measured tracks: poses {', '.join(dataset.names_of(outside))}")
         if outside.all():
             raise DatasetError(
                 "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
