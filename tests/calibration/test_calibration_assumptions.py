@@ -40,7 +40,7 @@ def warned(dataset: Dataset) -> tuple[gtpin.Calibration, str]:
     return found, "; ".join(str(w.message) for w in caught)
 
 
-@pytest.mark.parametrize("seed", range(40, 45))
+@pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(41, 45))])
 def test_what_is_declared_truly_is_not_doubted(seed):
     dataset = clean(seed)
     found, said = warned(dataset)

@@ -131,7 +131,7 @@ def test_a_model_folder_gives_the_same_model_again(tmp_path, free, options):
         assert np.array_equal(again.predict(q).R, expected.R)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_the_urdf_of_a_calibrated_model_predicts_what_the_model_does(tmp_path, seed):
     _, found = calibrated(seed)
     gtpin.write_model(found.model, tmp_path)

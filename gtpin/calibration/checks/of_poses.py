@@ -11,11 +11,16 @@ import numpy as np
 
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.instrument_steps import check_instrument_steps, nominal_problem
+from gtpin.calibration.checks.moved_rows import (
+    check_instrument_steps,
+    check_stretch,
+    far_from_nominal,
+    nominal_problem,
+    stretch,
+)
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal, stretch
 from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
