@@ -46,10 +46,10 @@ def columns(seen: Seen, factor: float, *names: str) -> dict:
     return {name: np.array(seen.columns[name]) * factor for name in names}
 
 
-def refused(folder: Path, *seen: Seen, instruments: tuple[type, ...] = ()) -> GtpinError:
+def refused(folder: Path, *seen: Seen) -> GtpinError:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
-        dataset = read(folder / "set", *seen, instruments=instruments)
+        dataset = read(folder / "set", *seen)
         with pytest.raises(GtpinError) as caught:
             gtpin.calibrate(dataset)
     assert "\n" not in str(caught.value)
