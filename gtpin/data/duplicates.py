@@ -34,7 +34,7 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
     Warns: where rounding makes the noise larger than what is declared.
     """
-    step, declared = rounded_to(dataset), dataset.instrument.position_sigma
+    step, declared = coarsest_step(dataset.position, POSITION_STEPS), dataset.instrument.position_sigma
     if step is None or declared is None:
         return dataset
     sigma = float(np.hypot(declared, step / np.sqrt(12.0)))
@@ -46,11 +46,6 @@ def with_rounding(dataset: Dataset) -> Dataset:
     )
     warn_of(dataset.file, text)
     return replace(dataset, instrument=dataset.instrument.model_copy(update={"position_sigma": sigma}))
-
-
-def rounded_to(dataset: Dataset) -> float | None:
-    """The coarsest step, m, that all positions are multiples of; None where there is none."""
-    return coarsest_step(dataset.position, POSITION_STEPS)
 
 
 def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
