@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,21 +12,32 @@ from gtpin.calibration.checks.of_readings import ReadingChecks
 from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.checks.usable_rows import check_freedom
+from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
+from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
+from gtpin.calibration.left_out import left_out
+from gtpin.calibration.observability import UNSEEN, remedies
 from gtpin.calibration.paper_models import MEASURED, model_geometry
-from gtpin.calibration.result import Calibration, calibration_of
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
+from gtpin.instruments.instrument import up_of
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
 from gtpin.memory import amount, require
+from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
+from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
 from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
+from gtpin.typing import Floats, Mask
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
@@ -110,69 +121,40 @@ def calibrate(
     check_kind(robot, Robot, type(None))
     if kinematics is not None:
         warn("calibrate: kinematics is not used any more; leave it out", DeprecationWarning)
+    if orientations and model is not None and model not in MEASURED:
+        raise ModelError(
+            f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
+        )
+    left_out, kept = tuple(without), tuple(keep_effects)
     with noted() as texts, recalled(texts):
-        found = _calibrate(
-            replace(dataset, trusted=True) if trust_data else dataset,
-            robot_of(dataset) if robot is None else robot,
-            model=model,
-            orientations=orientations,
-            directions=directions,
-            scale=scale,
-            without=without,
-            keep_effects=keep_effects,
-            progress=progress,
-        )
-    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
-
-
-def _calibrate(
-    dataset: Dataset,
-    robot: Robot,
-    *,
-    model: int | None,
-    orientations: bool,
-    directions: Per,
-    scale: Per | None,
-    without: Iterable[str],
-    keep_effects: Iterable[ActiveEffect],
-    progress: Progress | None,
-) -> Calibration:
-    """As :func:`calibrate`."""
-    _check_tolerances(dataset)
-    left_out = tuple(without)
-    if model is None:
-        geometry = Geometry.nominal(
-            robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=left_out
-        )
-    else:
-        if orientations and model not in MEASURED:
-            raise ModelError(
-                f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
+        data = replace(dataset, trusted=True) if trust_data else dataset
+        robot = robot_of(dataset) if robot is None else robot
+        _check_tolerances(dataset)
+        if model is None:
+            geometry = Geometry.nominal(
+                robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=left_out
             )
-        check_actuators(robot, dataset)
-        geometry = model_geometry(model, robot, dataset, orientations=orientations)
+        else:
+            check_actuators(robot, dataset)
+            geometry = model_geometry(model, robot, dataset, orientations=orientations)
 
-    def calibrated(data: Dataset) -> Calibration:
-        return _calibrated(
-            data if model is None else without_sigmas(data),
-            geometry,
-            progress,
-            doubt=model is None and not left_out,
-            lacking=model is not None,
-        )
+        def calibrated(data: Dataset) -> Calibration:
+            used = data if model is None else without_sigmas(data)
+            return _calibrated(
+                used, geometry, progress, doubt=model is None and not left_out, lacking=model is not None
+            )
 
-    kept = tuple(keep_effects)
-    return with_kept_effects(dataset, kept, robot, calibrated) if kept else calibrated(dataset)
+        found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
+    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
 
 
 @in_one_thread
 def calibrate_geometry(
     dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, lacking: bool = False
 ) -> Calibration:
-    """Identify the parameters of a given geometry. A reduced arm is fitted to positions only.
+    """Identify the parameters of a given nominal geometry. A reduced arm is fitted to positions only.
 
-    ``dataset``, ``progress``: as for :func:`calibrate`. ``geometry``: the nominal geometry, with the
-    parameters to identify. ``lacking``: whether the geometry leaves out known causes of deviations: see
+    ``dataset``, ``progress``: as for :func:`calibrate`. ``lacking``: as for
     :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
@@ -190,24 +172,103 @@ def _calibrated(
     geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
-    checks = PoseChecks(data, nominal, doubt) if dataset.readings.tracked else ReadingChecks(data, nominal)
+    lone = dataset.readings.tracked
+    checks = PoseChecks(data, nominal, doubt) if lone else ReadingChecks(data, nominal)
     usable, kept, near = checks.rows
     problem = checks.problem
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     settled = checks.settled(RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found))
     check_freedom(data, len(kept) * problem.measured.components, settled.dof)
-    return calibration_of(settled, near, checks.whole, usable)
+    return _result(settled, near, checks.whole, usable, lone=lone)
 
 
 def _check_tolerances(dataset: Dataset) -> None:
     for kind in dataset.tolerance:
         if kind not in KINDS:
-            hint = f"kinds are {', '.join(TOLERANCE)}"
-            toml = None if dataset.path is None else dataset.path / "dataset.toml"
-            raise DatasetError("unknown kind of tolerance", file=toml, column=f"tolerance.{kind}", hint=hint)
+            column, hint = f"tolerance.{kind}", f"kinds are {', '.join(TOLERANCE)}"
+            raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=column, hint=hint)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
     """The dataset without declared noise, for models that leave out known causes: their residuals determine the weights."""
     undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
     return replace(dataset, instrument=undeclared)
+
+
+def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lone: bool) -> Calibration:
+    """Make the result from the converged iterations.
+
+    ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows, gross errors included. ``whole``,
+    ``usable``: N rows, and (N,) True for the M rows that were fitted. ``lone``: whether they are a lone tracker's.
+    """
+    final, noise = settled.final, settled.noise.take(settled.used)
+    problem, point = final.problem, final.point
+    p, geometry, measured = problem.n_geometry, point.model.geometry, problem.measured
+    aside = np.ones(len(whole), dtype=bool)
+    aside[np.flatnonzero(usable)[settled.used]] = False
+    covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
+    before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
+    left = problem.left(point, point.poses)
+    variance, known = _variances(final, noise), noise.source != "residuals"
+    unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
+    out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())
+    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
+    readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
+    unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
+    model = replace(point.model, covariance=covariance, unexplained=unexplained)
+    instrument = whole.instrument
+    if lone:
+        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
+        model = replace(model, fit=conditions)
+        used = measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})
+        instrument = instrument.model_copy(update=used | ({"frame": "free"} if problem.free_frame else {}))
+    rows = measured.rows
+    return Calibration(
+        model=replace(model, instruments=readings.fitted),
+        covariance=covariance,
+        observability=seen,
+        noise=settled.noise,
+        sigmas=tuple(zip(readings.group_names, np.where(readings.group_turns, "rad", "m").tolist(), strict=True)),
+        enlarged=settled.excess,
+        freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
+        # The components of one row of a table count once.
+        poses=len(rows) if (rows.component < 0).all() else int(rows.row.max()) + 1,
+        rejected=whole.names_of(aside),
+        rejected_rows=tuple(dict.fromkeys(int(line) for line in whole.row[aside])),
+        chi2=settled.chi2,
+        dof=settled.dof,
+        iterations=settled.steps,
+        residual=left,
+        residual_before=before,
+        instrument=instrument,
+        dataset=whole,
+        by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
+        unknowns=readings.unknowns,
+        u=readings.u,
+        u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
+        remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
+    )
+
+
+def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+    """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
+    if noise.along_drives == 0.0 and noise.sight is None:
+        return noise.each**2
+    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
+    for rows in fit.problem.chunks():
+        poses, some = fit.point.poses[rows], measured.take(rows)
+        J = some.seen(model.kinematics.command_jacobian(some.q, poses), model, poses)
+        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
+    return np.concatenate(found)
+
+
+def _by_instrument(
+    readings: Readings, errors: tuple[Floats, Floats, Floats], out: Floats, some: Mask
+) -> Iterator[InstrumentFit]:
+    """Errors (N, c) of each instrument: before, after, and of noise alone; and ``out`` those left out, of the rows ``some``."""
+    part = readings.take(some)
+    for i, one in enumerate(readings.instruments):
+        count = max(len(np.unique(readings.rows.line[readings.rows.of == i])), 1)
+        for unit in dict.fromkeys(c.unit for c in one.components if c.shown):
+            before, after, noise = (readings.rms(i, values, unit) for values in errors)
+            yield InstrumentFit(one.name, one.kind, count, before, after, noise, unit, part.rms(i, out, unit))

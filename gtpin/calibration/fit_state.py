@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.observability import Observability, observability
@@ -19,6 +18,7 @@ from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.noise import weights
+from gtpin.noise.estimate import stops
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Indices, Mask
@@ -29,11 +29,6 @@ CORE = 1.2
 """Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
 
 
-def poses_of(*columns: npt.NDArray[np.generic]) -> Indices:
-    """(N,) index of each row's pose: rows with the same commands (N, n) are visits of one pose."""
-    return np.asarray(np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
-
-
 def places_of(measured: Readings) -> Indices:
     """(N, c) index of the pose and the component of each number: equal for what is read of one pose again and again.
 
@@ -41,7 +36,7 @@ def places_of(measured: Readings) -> Indices:
     """
     counted = measured.counted
     c = counted.shape[1]
-    places: Indices = np.asarray(poses_of(measured.read, measured.q)[:, None] * c + np.arange(c), dtype=np.intp)
+    places: Indices = stops(measured.q, measured.read)[:, None] * c + np.arange(c)
     parts = (counted > 0.0) & (counted < 1.0)
     places[parts] = places.max() + 1 + np.arange(np.count_nonzero(parts))
     return places
@@ -60,8 +55,8 @@ def mean_power(whitened: Floats, places: Indices, weight: Floats | None = None) 
 
 
 def between(fit: Fit[Any]) -> tuple[float, float, float]:
-    """Sums of squares of a fit's whitened and weighted residuals: of the means of the visits, and of single visits; and the
-    number of the means. What is known in part counts as in ``counted`` of the measurement."""
+    """Sums of squares of a fit's whitened and weighted residuals, of the means of the visits and of single visits; and the
+    number of the means, where what is known in part counts in part."""
     measured = fit.problem.measured
     counted = measured.counted.ravel()
     some = counted > 0.0
@@ -97,7 +92,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
         if chance >= LACK_OF_FIT:
             return ModelDiscrepancy(0.0, 0.0)
 
-    def size(some: npt.NDArray[np.bool_]) -> float:
+    def size(some: Mask) -> float:
         if not some.any():
             return 0.0
         seen = float((means[some] ** 2).mean()) * len(own) / free * (1.0 + np.sqrt(2.0 / free))
@@ -170,8 +165,7 @@ class FitState:
 
     @property
     def _repeating(self) -> float:
-        """Ratio of the poses' mean residuals to what residuals of this size would have if those of all visits were independent;
-        1 where an F test does not show that they are not."""
+        """Ratio of the poses' mean residuals to those of independent visits; 1 where an F test shows no more."""
         means, whole, count = between(self.fit)
         free, inner = max(count - self.fit.taken, 1.0), self.fit.problem.count - count
         within = max(whole - means, 1e-12 * whole)
@@ -183,7 +177,10 @@ class FitState:
     def final(self) -> Fit[Problem]:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
         factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
-        return self.refit(factor) if factor > 1.0 else self.fit
+        if factor <= 1.0:
+            return self.fit
+        weight = self.fit.weight
+        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
 
     @cached_property
     def observability(self) -> Observability:
@@ -192,13 +189,8 @@ class FitState:
         priors = np.diag(final.problem.prior)[p:]
         return observability(np.vstack([final.factor, priors[priors.any(axis=1)]]), p, final.residual.size)
 
-    def refit(self, factor: float) -> Fit[Problem]:
-        """The fit with the noise multiplied by a factor: its covariance includes the model's lack of fit."""
-        weight = self.fit.weight
-        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
-
     @property
-    def deviation(self) -> npt.NDArray[np.float64]:
+    def deviation(self) -> Floats:
         """(p,) deviations of the fitted geometry from nominal, in units of the tolerances that were given."""
         fitted = self.fit.problem.start.geometry
         return np.asarray(self.fit.point.x[: len(fitted.parameters)] * fitted.tolerance / self.geometry.tolerance)

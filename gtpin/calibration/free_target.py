@@ -12,10 +12,10 @@ from gtpin.calibration.checks.prepared import check_actuators
 from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
-from gtpin.data.plausible import misplaced
-from gtpin.data.quaternion_order import in_order, order_that_fits
+from gtpin.data.files import warn_of
+from gtpin.data.plausible import in_order, misplaced, order_that_fits
 from gtpin.data.sane import sane_rows
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.kinematics.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.poses import Poses
@@ -32,17 +32,15 @@ FEWEST, ROWS = 6, 100
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """The geometry with the TCP moved to a first guess of the target and with wide tolerances, if the dataset's target is free.
 
-    Raises `DatasetError` if the robot has rods, for which these parameters do not exist; if it has another number of
-    actuators; or if the measured quaternions fit a target on the platform only in another order of their numbers. Warns:
-    says what the poses can't determine of the target, and what is assumed.
+    Raises `DatasetError` where the TCP's place is no parameter, as of a robot with rods; for another number of actuators; or
+    if the quaternions fit a target only in another order. Warns: says what the poses can't determine, and what is assumed.
     """
     if dataset.instrument.target != "free":
         return geometry
-    if geometry.robot.rods:
-        hint = "leave target out: the joints on the platform are identified with it"
-        raise DatasetError(
-            "a free target of a robot with rods", file=dataset.file, column="instrument.target", hint=hint
-        )
+    if not any(p.kind == "platform" for p in geometry.parameters):
+        what = "a free target, but the TCP's place is no parameter"
+        hint = "leave target out: of a robot with rods, the joints on the platform are identified with it"
+        raise DatasetError(what, file=dataset.file, column="instrument.target", hint=hint)
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))
     free = dataset.instrument.frame == "free"
@@ -51,7 +49,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     _check_order(dataset, poses[good], measured.take(good), free)
     found, place = with_target(geometry, measured, free_frame=free)
     if place is not None and (text := unseen_words(place.unseen)):
-        warn(f"{dataset.file}: {text}" if dataset.file else text)
+        warn_of(dataset.file, text)
     return found
 
 
@@ -99,15 +97,12 @@ def _bare(geometry: Geometry) -> Geometry:
 
 
 def _check_order(dataset: Dataset, predicted: Poses, measured: Measured, free_frame: bool) -> None:
-    """Suspect quaternions with which a target on the platform fits far better in another order of their numbers.
-
-    Positions count as well: where the robot turns about one axis only, a free target can compensate an inverted rotation.
-    """
-    if measured.R is None or len(predicted) < FEWEST:
-        return
+    """Suspect quaternions with which a target on the platform fits far better in another order of their numbers."""
+    # Positions count as well: where the robot turns about one axis only, a free target can compensate an inverted rotation.
     some = np.linspace(0, len(predicted) - 1, min(len(predicted), ROWS)).astype(int)
     predicted, measured = predicted[some], measured.take(some)
-    assert measured.R is not None
+    if measured.R is None or len(predicted) < FEWEST:
+        return
     quaternion = Rotation.from_matrix(measured.R.copy()).as_quat(scalar_first=True)
     size = max(float(np.linalg.norm(predicted.T - predicted.T.mean(axis=0), axis=1).mean()), 1e-6)
     sizes: dict[str, Size] = {}

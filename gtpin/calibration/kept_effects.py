@@ -24,7 +24,7 @@ SETTLED = 1e-7
 def with_kept_effects(
     dataset: Dataset, effects: Sequence[ActiveEffect], robot: Robot, calibrated: Callable[[Dataset], Calibration]
 ) -> Calibration:
-    """Identify the geometry of a machine that has these effects.
+    """Identify the geometry of a machine that has these effects; the result's model has them, with their coefficients.
 
     The motions of the poses by the effects are subtracted from the measured poses, in the instrument's frame, and the
     geometry is identified from the rest. Both are repeated until the motions no longer change.
@@ -36,11 +36,9 @@ def with_kept_effects(
     ``effects``: fitted effects of a machine of this robot. Drift of the instrument and its shifts between sessions are left
     out. ``calibrated``: identifies the geometry from a dataset, without effects.
 
-    Returns its model has the effects, with their coefficients as they were. Raises `DatasetError` if the dataset has
-    readings of other instruments than one tracker. `ModelError` if an effect's site is not one of the robot's, or the
-    dataset does not have a covariate that an effect needs. `ConvergenceError` if the motions do not converge. Warns: names
-    effects that are left out, effects that count as zero outside the angles of their fit, and effects that are
-    extrapolated.
+    Raises `DatasetError` if the dataset has readings of other instruments than one tracker. `ModelError` if an effect's
+    site is not one of the robot's, or a covariate is missing that an effect needs. `ConvergenceError` if the motions do not
+    converge. Warns: names effects that are left out, that count as zero elsewhere, and that are extrapolated.
     """
     dataset.refuse_readings(
         "effects of a model can be kept for poses of one tracker only",
@@ -49,7 +47,10 @@ def with_kept_effects(
     kept = tuple(active for active in effects if lasts(active, robot))
     if left_out := ", ".join(active.name for active in effects if active not in kept):
         warn(f"not kept: {left_out}, which say nothing of another day")
-    _check_sites(kept, robot)
+    for active in kept:
+        if active.site not in active.effect.sites(robot):
+            what = f"{robot.name} has no {active.site} with a {active.effect.id}"
+            raise ModelError(what, hint="keep effects of a model of this robot")
     cautious = tuple(_only_measured(active, robot, dataset.q) for active in kept)
     found = _with_kept(dataset, kept, calibrated)
     if cautious != kept:
@@ -94,25 +95,12 @@ def _with_kept(
         motions[~np.isfinite(motions).all(axis=1)] = 0.0  # poses out of reach: the calibration leaves them out
         if np.abs(motions - before).max(initial=0.0) < SETTLED:
             return replace(found, model=model)
-        found, before = calibrated(_without(dataset, motions)), motions
+        orientation = dataset.orientation
+        if orientation is not None:
+            orientation = to_quaternions(exp(-motions[:, 3:]) @ from_quaternions(orientation))
+        less = replace(dataset, position=dataset.position - motions[:, :3], orientation=orientation)
+        found, before = calibrated(less), motions
     raise ConvergenceError(
         "the motions by the kept effects do not settle",
         hint="check that the model is of this machine, and has the same units",
     )
-
-
-def _without(dataset: Dataset, motions: Floats) -> Dataset:
-    """The dataset with motions (N, 6), m and rad, instrument's frame, subtracted from its poses."""
-    orientation = dataset.orientation
-    if orientation is not None:
-        orientation = to_quaternions(exp(-motions[:, 3:]) @ from_quaternions(orientation))
-    return replace(dataset, position=dataset.position - motions[:, :3], orientation=orientation)
-
-
-def _check_sites(effects: Sequence[ActiveEffect], robot: Robot) -> None:
-    for active in effects:
-        if active.site not in active.effect.sites(robot):
-            raise ModelError(
-                f"{robot.name} has no {active.site} with a {active.effect.id}",
-                hint="keep effects of a model of this robot",
-            )

@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cho_solve
 
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Problem
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 STEPS = 200
 """Most fixed-point steps."""
@@ -42,10 +41,9 @@ class MarginalLikelihood:
     """Sums over the data from which the marginal likelihood follows, for G groups of numbers and k unknowns.
 
     - ``noise``: noise of the fitted rows. Sigmas that it marks as estimated are open; its repeatability is not used.
-    - ``squares``, ``counts``, ``moments``, ``grams``: (G,), (G,), (G, k), (G, k, k): of the numbers of each group with its
-      common sigma, the sum of squared residuals r'r, m^2 or rad^2, their number, B'r and B'B.
-    - ``known``: the same for all other numbers, whose rows declare their own sigma: r'r, B'r and B'B in units of these
-      sigmas.
+    - ``squares``, ``counts``, ``moments``, ``grams``: (G + 1,), (G + 1,), (G + 1, k), (G + 1, k, k): of the numbers of each
+      group with its common sigma, the sum of squared residuals r'r, m^2 or rad^2, their number, B'r and B'B. The last group
+      has all numbers whose rows declare their own sigma, in units of these sigmas; they are not counted.
     - ``x``, ``prior``: (k,) unknowns of the fit, and the inverse variances of their priors.
     - ``widened``: (k,) unknowns to whose priors the factor applies.
     """
@@ -55,83 +53,59 @@ class MarginalLikelihood:
     counts: Floats
     moments: Floats
     grams: Floats
-    known: tuple[float, Floats, Floats]
     x: Floats
     prior: Floats
-    widened: npt.NDArray[np.bool_]
+    widened: Mask
 
     @staticmethod
-    def of(
-        outcome: Fit[Problem],
-        noise: ReadingNoise,
-        weight: Floats,
-        widened: npt.NDArray[np.bool_],
-    ) -> MarginalLikelihood:
+    def of(outcome: Fit[Problem], noise: ReadingNoise, weight: Floats, widened: Mask) -> MarginalLikelihood:
         """Sum over a fit's rows, with weights (N,); ``noise`` is that of these rows."""
-        problem, groups, k = outcome.problem, len(noise.sigma), outcome.problem.size
+        problem, groups, k = outcome.problem, len(noise.sigma) + 1, outcome.problem.size
         c = outcome.residual.shape[1]
         unit = noise.of_unit_sigma()
         plain = replace(problem, whitening=unit.whitening(np.zeros((len(weight), c, 1)), c))
         residual = plain.residual(outcome.point)
         squares, counts = np.zeros(groups), np.zeros(groups)
         moments, grams = np.zeros((groups, k)), np.zeros((groups, k, k))
-        of_known, b_known, A_known = 0.0, np.zeros(k), np.zeros((k, k))
         own = np.isfinite(noise.row_sigma)
         for rows in plain.chunks():
-            root = np.sqrt(weight[rows])[:, None]
             B = plain.jacobian(outcome.point, rows, weight[rows])
-            r = residual[rows] * root
-            of = np.where(own[rows], -1, noise.group[rows])
+            r = residual[rows] * np.sqrt(weight[rows])[:, None]
+            of = np.where(own[rows], groups - 1, noise.group[rows])
+            counted = np.where(own[rows], 0.0, weight[rows][:, None])
             for group in np.unique(of):
                 mine = of == group
                 some, left = B[mine], r[mine]
-                if group < 0:
-                    of_known += float(left @ left)
-                    b_known += some.T @ left
-                    A_known += some.T @ some
-                    continue
                 squares[group] += float(left @ left)
-                counts[group] += float(np.broadcast_to(weight[rows][:, None], mine.shape)[mine].sum())
+                counts[group] += float(counted[mine].sum())
                 moments[group] += some.T @ left
                 grams[group] += some.T @ some
-        x = outcome.point.x[:k]
-        known = (of_known, b_known, A_known)
-        return MarginalLikelihood(noise, squares, counts, moments, grams, known, x, problem.prior, widened)
+        return MarginalLikelihood(noise, squares, counts, moments, grams, outcome.point.x[:k], problem.prior, widened)
 
     def in_units(self, scale: Floats) -> MarginalLikelihood:
         """The same for unknowns in other units: each is ``scale`` (k,) times as large; the priors hold in the new units."""
-        A = np.outer(scale, scale)
-        of_known, b, gram = self.known
-        return replace(
-            self,
-            moments=self.moments / scale,
-            grams=self.grams / A,
-            known=(of_known, b / scale, gram / A),
-            x=self.x * scale,
-        )
-
-    @property
-    def open(self) -> npt.NDArray[np.bool_]:
-        """(G,) groups whose sigma is to be estimated, and that have rows."""
-        return np.asarray(self.noise.estimated & (self.counts > 0.0))
+        grams = self.grams / np.outer(scale, scale)
+        return replace(self, moments=self.moments / scale, grams=grams, x=self.x * scale)
 
     @property
     def scatter(self) -> Floats:
         """(G,) sigmas that the data would have at x = 0, with the nominal geometry: the noise of the other start."""
         at = self.squares + 2.0 * self.moments @ self.x + np.einsum("i,gij,j->g", self.x, self.grams, self.x)
-        return np.asarray(np.sqrt(np.maximum(at, 0.0) / np.maximum(self.counts, 1.0)))
+        return np.asarray(np.sqrt(np.maximum(at, 0.0) / np.maximum(self.counts, 1.0)))[:-1]
 
     def best(self, sigma: Floats, *, widen: bool) -> Maximum:
         """The maximum that is found from some sigmas (G,); ``widen``: whether the factor on the tolerances is open too."""
-        sigma, factor = np.where(self.open, np.maximum(sigma, SMALLEST), self.noise.sigma), 1.0
+        given, factor = np.append(self.noise.sigma, 1.0), 1.0
+        is_open = np.append(self.noise.estimated, False) & (self.counts > 0.0)
+        sigma = np.where(is_open, np.maximum(np.append(sigma, 1.0), SMALLEST), given)
         for _ in range(STEPS):
-            prior = self._prior(factor)
-            covariance, step = self._solved(sigma, prior)
+            prior, A, b = self._normal(sigma, factor)
+            covariance = cho_solve((_factor(A), True), np.eye(len(A)))
+            step = covariance @ b
             left = self.squares - 2.0 * self.moments @ step + np.einsum("i,gij,j->g", step, self.grams, step)
             taken = np.einsum("ij,gij->g", covariance, self.grams) / sigma**2
             free = np.maximum(self.counts - taken, 1e-3 * np.maximum(self.counts, 1.0))
-            now = np.where(self.open, np.sqrt(np.maximum(left, 0.0) / free), sigma)
-            now = np.where(self.open, np.maximum(now, SMALLEST), now)
+            now = np.where(is_open, np.maximum(np.sqrt(np.maximum(left, 0.0) / free), SMALLEST), sigma)
             wider = factor
             if widen:
                 at = (self.x + step)[self.widened]
@@ -142,24 +116,18 @@ class MarginalLikelihood:
             sigma, factor = now, wider
             if changed < SETTLED:
                 break
-        return Maximum(replace(self.noise, sigma=sigma), factor, self._log_likelihood(sigma, factor))
+        return Maximum(replace(self.noise, sigma=sigma[:-1]), factor, self._log_likelihood(sigma, factor))
 
-    def _prior(self, factor: float) -> Floats:
-        return np.where(self.widened, self.prior / factor**2, self.prior)
-
-    def _solved(self, sigma: Floats, prior: Floats) -> tuple[Floats, Floats]:
-        """(k, k) posterior covariance, and (k,) the step from x to the posterior mean."""
-        A = np.einsum("g,gij->ij", sigma**-2.0, self.grams) + self.known[2] + np.diag(prior)
-        b = sigma**-2.0 @ self.moments + self.known[1] - prior * self.x
-        covariance = cho_solve((_factor(A), True), np.eye(len(A)))
-        return covariance, covariance @ b
+    def _normal(self, sigma: Floats, factor: float) -> tuple[Floats, Floats, Floats]:
+        """The priors' inverse variances (k,), and the normal equations (k, k) and (k,) about x."""
+        prior = np.where(self.widened, self.prior / factor**2, self.prior)
+        A = np.einsum("g,gij->ij", sigma**-2.0, self.grams) + np.diag(prior)
+        return prior, A, sigma**-2.0 @ self.moments - prior * self.x
 
     def _log_likelihood(self, sigma: Floats, factor: float) -> float:
-        prior = self._prior(factor)
-        A = np.einsum("g,gij->ij", sigma**-2.0, self.grams) + self.known[2] + np.diag(prior)
-        b = sigma**-2.0 @ self.moments + self.known[1] - prior * self.x
+        prior, A, b = self._normal(sigma, factor)
         lower = _factor(A)
-        power = float(self.squares @ sigma**-2.0) + self.known[0] + float(self.x @ (prior * self.x))
+        power = float(self.squares @ sigma**-2.0) + float(self.x @ (prior * self.x))
         power -= float(b @ cho_solve((lower, True), b))
         volume = float(self.counts @ np.log(sigma)) + float(np.log(np.diag(lower)).sum())
         return -0.5 * power - volume - float(self.widened.sum()) * float(np.log(factor))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from gtpin.calibration.fit_state import LACK_OF_FIT
@@ -17,17 +16,15 @@ from gtpin.distributions import f, norm
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses, chunks
+from gtpin.noise.estimate import ENOUGH, LEAST_CONTRASTS, contrasts, from_repeats, stops
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise, range_ratio
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Floats, Indices, Mask
 
 NEIGHBOURS_OF = 1000
 """Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""
 UNCORRELATED = 0.025
 """Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist.
 Assumed."""
-ENOUGH = 3000
-"""Number of poses from which repeatability is estimated by residuals; more are slower, and hardly more accurate."""
 SETTLED = 1e-3
 """Relative change of an estimated sigma below which it has converged."""
 NEAREST = 0.1
@@ -47,7 +44,7 @@ class NoiseEstimator:
 
     whole: Problem
     near: Poses
-    visits: npt.NDArray[np.intp]
+    visits: Indices
     lacking: bool
 
     @cached_property
@@ -75,17 +72,15 @@ class NoiseEstimator:
         return measured.seen(J, model, self.near)
 
     @cached_property
-    def stops(self) -> npt.NDArray[np.intp]:
+    def stops(self) -> Indices:
         """(N,) index of each row's commands and of what was read there: rows of one index repeat one measurement."""
-        kinds = np.column_stack([self.whole.measured.read, self.visits])
-        return np.asarray(np.unique(kinds, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+        return stops(self.visits, self.whole.measured.read)
 
-    def derivative(self, noise: ReadingNoise, rows: npt.NDArray[np.generic] | slice = slice(None)) -> Floats:
+    def derivative(self, noise: ReadingNoise, rows: Indices | slice = slice(None)) -> Floats:
         """(M, c, n) ``by_command`` of some rows; zeros, which are not computed, where the noise has no part of the drives."""
         if noise.along_drives > 0.0:
             return self.by_command[rows]
-        count = len(self.near.T[rows])
-        return np.broadcast_to(0.0, (count, self.whole.measured.components, 1))
+        return np.broadcast_to(0.0, (len(self.near.T[rows]), self.whole.measured.components, 1))
 
     def estimate(
         self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask, left: Floats
@@ -108,13 +103,7 @@ class NoiseEstimator:
             # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
             several = noise.estimated.all() and self.whole.measured.components > 3
             return self._with_repeatability(found, outcome, used, left) if several and not self.lacking else found
-        repeated = replace(
-            from_repeats(noise.take(rows), contrast, self.by_command[rows]),
-            group=noise.group,
-            row_sigma=noise.row_sigma,
-            sight=noise.sight,
-            reach=noise.reach,
-        )
+        repeated = from_repeats(noise.take(rows), contrast, self.by_command[rows]).at_rows_of(noise)
         if not open_:
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)
@@ -131,33 +120,20 @@ class NoiseEstimator:
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 
     def _from_residuals(self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask) -> ReadingNoise:
-        """Undeclared sigmas of largest marginal likelihood, about a fit, from where they are.
-
-        Only rows that are still used count. With a gross error, the noise would be so large that the error is accepted in the
-        next iteration, and rejected in the one after that.
-        """
-        weight = outcome.weight * used[fitted]
-        marginal = MarginalLikelihood.of(
-            outcome, noise.take(fitted), weight, np.zeros(outcome.problem.size, dtype=bool)
-        )
-        sigma = marginal.best(noise.sigma, widen=False).noise.sigma
-        return replace(
-            noise,
-            sigma=sigma,
-            repeatability=0.0,
-            lack=0.0,
-            source="residuals",
-            dof=outcome.residual.size / max(len(noise.sigma), 1.0),
-        )
+        """Undeclared sigmas of largest marginal likelihood, about a fit, from where they are."""
+        # Only rows that are still used count: a gross error would make the noise so large that the error is accepted in the
+        # next iteration, and rejected in the one after that.
+        weight, none = outcome.weight * used[fitted], np.zeros(outcome.problem.size, dtype=bool)
+        best = MarginalLikelihood.of(outcome, noise.take(fitted), weight, none).best(noise.sigma, widen=False)
+        dof = outcome.residual.size / max(len(noise.sigma), 1.0)
+        return replace(noise, sigma=best.noise.sigma, repeatability=0.0, lack=0.0, source="residuals", dof=dof)
 
     def _with_repeatability(self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, left: Floats) -> ReadingNoise:
-        """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits.
-
-        An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
-        belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
-        are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error (``lack``),
-        which enters the covariance in the same way.
-        """
+        """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits."""
+        # An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
+        # belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
+        # are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error (``lack``),
+        # which enters the covariance in the same way.
         rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
         size = np.count_nonzero(used) * left.shape[1]
         whole = left[rows] * np.sqrt(size / max(size - outcome.taken, 1.0))
@@ -199,9 +175,7 @@ def _larger(one: ReadingNoise, two: ReadingNoise) -> Mask:
     return np.array([float(f.sf(r**2, one.dof, two.dof)) < LACK_OF_FIT for r in one.sigma / two.sigma])
 
 
-def independent(
-    whole: Problem, point: Point, noise: ReadingNoise, used: npt.NDArray[np.bool_], by_command: Floats
-) -> bool:
+def independent(whole: Problem, point: Point, noise: ReadingNoise, used: Mask, by_command: Floats) -> bool:
     """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
 
     A model error (a bent track, a rack, compliant links) is a function of the commands, so that neighbouring poses have similar
@@ -249,10 +223,8 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
 
 
 def _neighbours(q: Floats) -> list[Floats]:
-    """(n, N, N) weights of each pair of poses for each drive, for two kinds of neighbours: near in all commands, or in its own.
-
-    A weight is a Gaussian of the distance, with the median distance of a pose to its nearest neighbour as standard deviation.
-    """
+    """(n, N, N) weights of pairs of poses for each drive, for two kinds of neighbours: near in all commands, or in its own."""
+    # A weight is a Gaussian of the distance, with the median distance of a pose to its nearest neighbour as standard deviation.
     unit = q / np.maximum(np.std(q, axis=0), 1e-12)
     apart = cdist(unit, unit)
     np.fill_diagonal(apart, np.inf)

@@ -18,6 +18,9 @@ from gtpin.typing import Floats
 
 FARTHEST = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
+UNKNOWN_STEPS, FARTHEST_UNKNOWN = 12, 1e3
+"""Largest number of Gauss-Newton steps of the instruments' unknowns alone; and the largest deviation of these, m and rad:
+readings that need more are not a robot's, and are compared at this limit."""
 FRAME_UNIT = 1e-3
 """Unit, m and rad, of unknowns without a prior in the fit's x: about a tolerance, so that all unknowns have one scale."""
 
@@ -218,3 +221,29 @@ def measured_poses(dataset: Dataset) -> Measured:
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
     """First guess of the base frame's pose in the instrument's frame, by ``alignment``."""
     return Frame(*alignment(predicted, measured.T, measured.R))
+
+
+def with_unknowns(readings: Readings, poses: Poses) -> Readings:
+    """The readings with the unknowns' values that fit best at given poses (N), base frame; gross errors have little weight."""
+    if not len(readings.u):
+        return readings
+    sigma = readings.sigma
+    unit, prior = np.where(np.isfinite(sigma), sigma, FRAME_UNIT), np.isfinite(sigma).astype(float)
+    each = np.where(np.isfinite(readings.row_sigma), readings.row_sigma, readings.usual[readings.group])
+    # The nominal geometry has errors of the size of its tolerances, about 1 mm and 1 mrad. With the instruments' noise alone,
+    # the unknowns would compensate these errors.
+    each = np.hypot(each, 1e-3)
+    start = readings.u
+    for _ in range(UNKNOWN_STEPS):
+        left = readings.minus(poses) / each
+        weight = 1.0 / np.maximum(np.abs(left) / max(float(np.median(np.abs(left))), 1e-9) / 3.0, 1.0)
+        J = (readings.by_unknown(poses) * unit / each[:, :, None] * np.sqrt(weight)[:, :, None]).reshape(-1, len(unit))
+        x = np.where(np.isfinite(sigma), readings.u / unit, 0.0)
+        normal = J.T @ J + np.diag(prior) + 1e-12 * np.eye(len(unit))
+        step = np.linalg.solve(normal, J.T @ (left * np.sqrt(weight)).ravel() - prior * x)
+        now = readings.u + unit * step
+        far = ~(np.abs(now - start) <= FARTHEST_UNKNOWN)
+        readings = readings.at(np.where(far, readings.u, now))
+        if np.abs(step).max() < 1e-6:
+            break
+    return readings

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gtpin.calibration.fit_state import FitState, poses_of, unexplained_by
-from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.left_out import left_out
-from gtpin.calibration.observability import UNSEEN, Direction, Observability
-from gtpin.calibration.problem import Problem
-from gtpin.calibration.unseen_remedies import Remedy, remedies
+from gtpin.calibration.observability import Direction, Observability, Remedy
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, Instrument
 from gtpin.errors import renamed
 from gtpin.estimate import Estimate
-from gtpin.instruments.instrument import Unknown, up_of
-from gtpin.instruments.readings import Readings
-from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import FitConditions
+from gtpin.instruments.instrument import Unknown
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import Shown, present
@@ -162,7 +152,7 @@ class Calibration(Shown):
     paper_model: int | None = None
     warnings: tuple[str, ...] = ()
 
-    def used(self, dataset: Dataset) -> npt.NDArray[np.bool_]:
+    def used(self, dataset: Dataset) -> Mask:
         """(N,) mask: True for the rows of ``dataset`` that the calibration used, False for outliers.
 
         ``dataset`` is the calibrated one or a part of it: rows are recognised by their line numbers.
@@ -245,8 +235,37 @@ class Calibration(Shown):
         return [(self.names[i[k]], self.names[j[k]], float(rho[k])) for k in order]
 
     def to_json(self) -> dict[str, Any]:
-        """The content of ``calibration.json``."""
-        return calibration_json(self)
+        """The content of ``calibration.json``; the instruments' unknowns are listed after the geometry's parameters."""
+        parameters = []
+        for p, value, sigma, reduction in zip(
+            self.model.geometry.parameters, self.values, self.sigma, self.variance_reduction, strict=True
+        ):
+            parameters.append(_parameter(p.name, value, sigma, p.unit, p.nominal, p.tolerance, reduction))
+        for one in self.unknowns:
+            found, prior = self.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
+            reduction = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
+            parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, reduction))
+        unseen = zip(self.unobservable, self.words, strict=True)
+        return {
+            "schema": "gtpin-calibration/1",
+            "model": "default" if self.paper_model is None else self.paper_model,
+            "poses": self.poses,
+            "rejected": list(self.rejected),
+            **_errors_json(self),
+            "chi2_per_dof": self.chi2_per_dof,
+            "iterations": self.iterations,
+            "parameters": parameters,
+            "unobservable": [
+                {"direction": d.weights, "learned": d.variance_reduction, "words": words} for d, words in unseen
+            ],
+            "equivalent_zeros": [asdict(zero) for zero in self.zeros],
+            "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in self.correlated()],
+            "observability": self.observability.indices,
+            "degrees_of_freedom": self.dof,
+            "noise": _noise_json(self),
+            "by_instrument": {one.name: one.to_json() for one in self.by_instrument if one.name},
+            "warnings": list(self.warnings),
+        }
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin calibrate`` writes: ``model/``, ``calibration.json``, ``report.html`` and ``report.txt``.
@@ -308,37 +327,6 @@ class Calibration(Shown):
         return figure
 
 
-def calibration_json(c: Calibration) -> dict[str, Any]:
-    """The content of ``calibration.json``; the instruments' unknowns are listed after the geometry's parameters."""
-    values = zip(c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True)
-    parameters = [_parameter(p.name, v, s, p.unit, p.nominal, p.tolerance, reduction) for p, v, s, reduction in values]
-    for one in c.unknowns:
-        found, prior = c.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
-        reduction = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
-        parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, reduction))
-    unseen = zip(c.unobservable, c.words, strict=True)
-    return {
-        "schema": "gtpin-calibration/1",
-        "model": "default" if c.paper_model is None else c.paper_model,
-        "poses": c.poses,
-        "rejected": list(c.rejected),
-        **_errors_json(c),
-        "chi2_per_dof": c.chi2_per_dof,
-        "iterations": c.iterations,
-        "parameters": parameters,
-        "unobservable": [
-            {"direction": d.weights, "learned": d.variance_reduction, "words": words} for d, words in unseen
-        ],
-        "equivalent_zeros": [{"site": z.site, "value": z.value, "sigma": z.sigma, "unit": z.unit} for z in c.zeros],
-        "correlations": [{"a": a, "b": b, "rho": rho} for a, b, rho in c.correlated()],
-        "observability": c.observability.indices,
-        "degrees_of_freedom": c.dof,
-        "noise": _noise_json(c),
-        "by_instrument": {one.name: one.to_json() for one in c.by_instrument if one.name},
-        "warnings": list(c.warnings),
-    }
-
-
 def _parameter(
     name: str, value: float, sigma: float, unit: str, nominal: float, tolerance: float | None, variance_reduction: float
 ) -> dict[str, Any]:
@@ -384,90 +372,3 @@ def _noise_json(c: Calibration) -> dict[str, Any]:
         "tail_freedom": c.freedom if np.isfinite(c.freedom) else None,
         "enlarged": c.enlarged,
     }
-
-
-def calibration_of(settled: FitState, near: Poses, whole: Dataset, usable: Mask) -> Calibration:
-    """Make the result from the converged iterations.
-
-    ``settled``: the converged iterations. ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows,
-    gross errors included. ``whole``, ``usable``: N rows, and (N,) True for the M rows that were fitted.
-    """
-    final, noise = settled.final, settled.noise.take(settled.used)
-    problem, point = final.problem, final.point
-    p, geometry, measured = problem.n_geometry, point.model.geometry, problem.measured
-    aside = np.ones(len(whole), dtype=bool)
-    aside[np.flatnonzero(usable)[settled.used]] = False
-    covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
-    before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
-    left = problem.left(point, point.poses)
-    variance, known = _variances(final, noise), noise.source != "residuals"
-    unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
-    out, some = left_out(final, poses_of(measured.q))
-    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
-    readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
-    unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
-    model = replace(point.model, covariance=covariance, unexplained=unexplained)
-    instrument = whole.instrument
-    if measured.tracked:
-        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
-        model, instrument = replace(model, fit=conditions), _as_used(problem, instrument)
-    return Calibration(
-        model=replace(model, instruments=readings.fitted),
-        covariance=covariance,
-        observability=seen,
-        noise=settled.noise,
-        sigmas=tuple(zip(readings.group_names, np.where(readings.group_turns, "rad", "m").tolist(), strict=True)),
-        enlarged=settled.excess,
-        freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
-        poses=_count(measured),
-        rejected=tuple(dict.fromkeys(str(pose) for pose in whole.pose[aside])),
-        rejected_rows=tuple(dict.fromkeys(int(line) for line in whole.row[aside])),
-        chi2=settled.chi2,
-        dof=settled.dof,
-        iterations=settled.steps,
-        residual=left,
-        residual_before=before,
-        instrument=instrument,
-        dataset=whole,
-        by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
-        unknowns=readings.unknowns,
-        u=readings.u,
-        u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
-        remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
-    )
-
-
-def _as_used(problem: Problem, instrument: Instrument) -> Instrument:
-    """The description of a lone tracker with the sigmas and the frame that the fit used."""
-    sigmas = problem.measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})
-    return instrument.model_copy(update=sigmas | {"frame": "free" if problem.free_frame else instrument.frame})
-
-
-def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
-    """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
-    if noise.along_drives == 0.0 and noise.sight is None:
-        return noise.each**2
-    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
-    for rows in fit.problem.chunks():
-        poses, some = fit.point.poses[rows], measured.take(rows)
-        J = some.seen(model.kinematics.command_jacobian(some.q, poses), model, poses)
-        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
-    return np.concatenate(found)
-
-
-def _count(readings: Readings) -> int:
-    """Number of rows of the tables; the components of one row count once."""
-    return len(readings.rows) if (readings.rows.component < 0).all() else int(readings.rows.row.max()) + 1
-
-
-def _by_instrument(
-    readings: Readings, errors: tuple[Floats, Floats, Floats], out: Floats, some: Mask
-) -> Iterator[InstrumentFit]:
-    """Errors (N, c) of each instrument: before, after, and of noise alone; and ``out`` those left out, of the rows ``some``."""
-    part = readings.take(some)
-    for i, one in enumerate(readings.instruments):
-        count = max(len(np.unique(readings.rows.line[readings.rows.of == i])), 1)
-        units = dict.fromkeys(c.unit for c in one.components if c.shown)
-        for unit in units:
-            before, after, noise = (readings.rms(i, values, unit) for values in errors)
-            yield InstrumentFit(one.name, one.kind, count, before, after, noise, unit, part.rms(i, out, unit))

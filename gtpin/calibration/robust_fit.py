@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit, fit
@@ -19,7 +18,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Floats, Indices, Ints, Mask
 
 Progress = Callable[[str, int, float], None]
 Tails = tuple[weights.Tails, ...]
@@ -78,8 +77,8 @@ class RobustFit:
     """
 
     whole: Problem
-    rows: npt.NDArray[np.int64]
-    visits: npt.NDArray[np.intp]
+    rows: Ints
+    visits: Indices
     near: Poses
     progress: Progress | None = None
     lacking: bool = False
@@ -90,32 +89,42 @@ class RobustFit:
 
         Raises `ConvergenceError` if a fit or the iteration does not converge.
         """
-        part = self._of_a_part()
-        if part is None:
+        every = np.ones(len(self.rows), dtype=bool)
+        if len(self.rows) < 2 * PART:
             outcome, fit_, noise, x0, steps = self._entered()
-        else:
+            tails: Tails = tuple(weights.Tails() for _ in self._alike)
+            settled = fit_._iterated(outcome, every, noise, tails, steps, (x0, self.near))
+        else:  # steps on a random part are cheap, and few steps on all rows remain
+            rows = np.sort(np.random.default_rng(0).permutation(len(self.rows))[:PART])
+            whole = self.whole.take(rows, self.whole.whitening[rows])
+            few = replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows])
+            part, own, fitted = few.run(), self.estimator.first, ~every
+            fitted[rows[part.used]] = True
             fit_ = self.with_geometry(part.fit.problem.start.geometry)
-            first = self.estimator.first
-            noise = replace(first, sigma=part.noise.sigma, repeatability=part.noise.repeatability, lack=part.noise.lack)
-            noise = replace(noise, range_ratio=part.noise.range_ratio, source=part.noise.source, dof=part.noise.dof)
-            outcome, x0, steps = part.fit, None, part.steps
-        settled = fit_._iterated(outcome, noise, x0, steps, None if part is None else part)
+            settled = fit_._iterated(part.fit, fitted, part.noise.at_rows_of(own), part.tails, part.steps)
         return replace(settled, geometry=self.whole.start.geometry)
 
     def _iterated(
-        self, outcome: Fit[Problem], noise: ReadingNoise, x0: Floats | None, steps: int, part: FitState | None
+        self,
+        outcome: Fit[Problem],
+        fitted: Mask,
+        noise: ReadingNoise,
+        tails: Tails,
+        steps: int,
+        anew: tuple[Floats | None, Poses] | None = None,
     ) -> FitState:
-        """Reject rows, estimate the noise and its tails, and fit, until nothing changes."""
-        used = np.ones(len(self.rows), dtype=bool)
-        tails: Tails = tuple(weights.Tails() for _ in self.alike) if part is None else part.tails
-        wide = 1.0
+        """Reject rows, estimate the noise and its tails, and fit, until nothing changes.
+
+        ``outcome``, ``fitted``: the fit so far, and (N,) its rows. ``anew``: x and poses from which the next fit starts if
+        rows are rejected; None: from the fit so far.
+        """
+        used, wide = np.ones(len(self.rows), dtype=bool), 1.0
         for number in range(1, MAX_ITERATIONS + 1):
-            left, here = self._left(outcome, used)
+            left, here = self._left(outcome, fitted)
             whitened = noise.whitened(self.estimator.derivative(noise), left)
-            now_used = ~self._gross(whitened, used, outcome, here, noise)
+            now_used = ~self._gross(whitened, used, fitted, outcome, here, noise)
             if number > FREE_ITERATIONS:
                 now_used |= used
-            fitted = used if len(outcome.residual) == np.count_nonzero(used) else self._fitted_part(part)
             now_noise = self.estimator.estimate(noise, outcome, fitted, now_used, left)
             # With the previous noise: a sigma from unweighted squares would hide heavy tails.
             now_tails = self._tails(whitened, now_used)
@@ -127,8 +136,7 @@ class RobustFit:
                 return FitState(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have given a wrong rough fit; without them, its start is a good start.
-            anew = number == 1 and part is None and not used.all()
-            x, near = (x0, self.near) if anew else (outcome.point.x, here)
+            x, near = anew if number == 1 and anew is not None and not used.all() else (outcome.point.x, here)
             try:
                 outcome = self._fit(used, noise, self._weigher(tails, wide), x, f"fit {number}", near=near, wide=wide)
             except ConvergenceError:
@@ -137,6 +145,7 @@ class RobustFit:
                     raise
                 weigh = self._weigher(tails, wide)
                 outcome = self._fit(used, noise, weigh, outcome.point.x, f"fit {number}", near=here, wide=wide)
+            fitted = used
             steps += outcome.iterations
         raise ConvergenceError(
             f"noise and gross errors have not converged in {MAX_ITERATIONS} iterations",
@@ -144,18 +153,14 @@ class RobustFit:
         )
 
     def _entered(self) -> tuple[Fit[Problem], RobustFit, ReadingNoise, Floats | None, int]:
-        """A rough fit next to the larger maximum of the marginal likelihood, with its noise and tolerances.
-
-        Gives the fit, this fit with the tolerances, the noise, the x from which a fit can start anew, and the steps.
-        """
+        """A rough fit next to the larger maximum of the marginal likelihood: fit, this with the tolerances, noise, x, steps."""
         noise, used = self.estimator.first, np.ones(len(self.rows), dtype=bool)
         nominal = None
         outcome = self.rough(noise)
         steps = outcome.iterations
         if self._scale(outcome.residual, used) > LOST:
             for sigma in COARSE:
-                every = np.ones(len(self.rows), dtype=bool)
-                nominal = self._fit(every, noise.at_least(sigma), self._huber, nominal, "coarse fit").point.x
+                nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit").point.x
             outcome = self.rough(noise, nominal)
             steps += outcome.iterations
         if not noise.estimated.any():
@@ -223,39 +228,13 @@ class RobustFit:
         return replace(self, whole=replace(self.whole, start=replace(self.whole.start, geometry=geometry)))
 
     @cached_property
+    def _alike(self) -> list[Indices]:
+        return self.whole.measured.alike
+
+    @cached_property
     def estimator(self) -> NoiseEstimator:
         """Estimates the noise."""
         return NoiseEstimator(self.whole, self.near, self.visits, self.lacking)
-
-    @cached_property
-    def alike(self) -> list[npt.NDArray[np.intp]]:
-        """Groups of rows whose residuals are compared with each other."""
-        return self.whole.measured.alike
-
-    def _of_a_part(self) -> FitState | None:
-        """The result for a random subset of the rows; None for few rows.
-
-        Steps on a subset are cheap, and few steps on all rows remain.
-        """
-        rows = self._part_rows
-        if rows is None:
-            return None
-        whole = self.whole.take(rows, self.whole.whitening[rows])
-        return replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows]).run()
-
-    @cached_property
-    def _part_rows(self) -> npt.NDArray[np.intp] | None:
-        if len(self.near) < 2 * PART:
-            return None
-        return np.sort(np.random.default_rng(0).permutation(len(self.near))[:PART])
-
-    def _fitted_part(self, part: FitState | None) -> Mask:
-        """(N,) the rows of a part's fit."""
-        assert part is not None
-        assert self._part_rows is not None
-        fitted = np.zeros(len(self.rows), dtype=bool)
-        fitted[self._part_rows[part.used]] = True
-        return fitted
 
     def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit[Problem]:
         """A fit of all rows that is good enough to detect gross errors, or readings that nothing explains.
@@ -290,21 +269,18 @@ class RobustFit:
             return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, lambda r: weigh(r, used), x, report, near=near)
 
-    def _left(self, outcome: Fit[Problem], used: Mask) -> tuple[Floats, Poses]:
-        """(N, c) residuals of a fit at all rows, including rejected ones, and the model's poses, base frame."""
+    def _left(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
+        """(N, c) residuals of a fit to some rows at all rows, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
-        q = self.whole.measured.q
-        if len(poses) != np.count_nonzero(used):  # those of a part
-            poses = point.model.kinematics.forward(q, self.near)
-        elif len(poses) < len(used):
-            others = point.model.kinematics.forward(q[~used], self.near[~used])
-            poses = Poses.merged(used, poses, others)
+        if not fitted.all():
+            others = point.model.kinematics.forward(self.whole.measured.q[~fitted], self.near[~fitted])
+            poses = Poses.merged(fitted, poses, others)
         return self.whole.left(point, poses), poses
 
-    def _in_used(self, used: Mask) -> list[npt.NDArray[np.intp]]:
-        """The groups of ``alike``, as indices among the used rows."""
+    def _in_used(self, used: Mask) -> list[Indices]:
+        """The groups of rows whose residuals are compared with each other, as indices among the used rows."""
         place = np.cumsum(used) - 1
-        return [place[rows[used[rows]]] for rows in self.alike]
+        return [place[rows[used[rows]]] for rows in self._alike]
 
     def _huber(self, residual: Floats, used: Mask | None = None) -> Floats:
         used = np.ones(len(self.rows), dtype=bool) if used is None else used
@@ -331,9 +307,10 @@ class RobustFit:
         some = whitened[used]
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 
-    def _gross(self, whitened: Floats, used: Mask, outcome: Fit[Problem], poses: Poses, noise: ReadingNoise) -> Mask:
-        """(N,) rows with a gross error in any number, or with a pose that the model can't reach; a table's row is rejected as
-        a whole.
+    def _gross(
+        self, whitened: Floats, used: Mask, fitted: Mask, outcome: Fit[Problem], poses: Poses, noise: ReadingNoise
+    ) -> Mask:
+        """(N,) rows with a gross error in any number, or with a pose out of reach; a table's row is rejected as a whole.
 
         The prediction of a row that the fit hardly used is uncertain itself: with H = B C B' the covariance of a prediction in
         units of the noise and w the row's weight, its residual has the covariance I + (1 - 2 w) H. It is used where w < 1/2,
@@ -342,9 +319,8 @@ class RobustFit:
         found: Mask = np.asarray(~np.isfinite(whitened).all(axis=1))
         finite, heaviest = ~found, LACKING_FREEDOM if self.lacking else np.inf
         weight = np.zeros(len(used))
-        if len(outcome.weight) == np.count_nonzero(used):
-            weight[used] = outcome.weight
-        for rows in self.alike:
+        weight[fitted] = outcome.weight
+        for rows in self._alike:
             if not used[rows].any():
                 continue
             limit = weights.gross_limit(whitened[rows], used[rows], heaviest)

@@ -15,9 +15,8 @@ from gtpin.data import Dataset
 from gtpin.effects.situation import Column, Situation
 from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model, in_frame
-from gtpin.noise.estimate import likeliest
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest
 from gtpin.noise.noise import Noise
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 
 DETERMINED, FEWEST = 0.5, 10

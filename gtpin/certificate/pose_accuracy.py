@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gtpin.accuracy.expected import mean_length
 from gtpin.certificate.quantity import Quantity, blank
 from gtpin.distributions import truncated
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 
 CYCLES = 30

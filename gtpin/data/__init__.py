@@ -3,7 +3,7 @@
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.description import SCHEMA, Conditions, Description, Driver, Instrument
-from gtpin.data.plausible import check_commands, check_measurements, check_plausible
+from gtpin.data.plausible import check_commands, check_measurements
 from gtpin.data.split import by_region, by_session, random
 
 __all__ = [
@@ -19,6 +19,5 @@ __all__ = [
     "by_session",
     "check_commands",
     "check_measurements",
-    "check_plausible",
     "random",
 ]

@@ -16,6 +16,7 @@ from gtpin.data.checks import CheckedRows, unnumbered
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.description import (
     SCHEMA,
+    SECOND,
     Conditions,
     Description,
     Driver,
@@ -29,7 +30,7 @@ from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.read_instruments import is_second, read_instruments
+from gtpin.data.read_instruments import read_instruments
 from gtpin.data.second_schema import tables_there
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
@@ -172,6 +173,15 @@ class Dataset(Shown):
         return self.readings.place(index)
 
     @property
+    def toml(self) -> Path | None:
+        """Its dataset.toml; None where it was not read from a folder."""
+        return self.path and self.path / "dataset.toml"
+
+    def names_of(self, rows: NDArray[np.generic]) -> tuple[str, ...]:
+        """The ids of the poses of some rows, each once."""
+        return tuple(dict.fromkeys(map(str, self.pose[rows])))
+
+    @property
     def robot_reference(self) -> str | Path:
         """The name of a robot, or the absolute path of its file (relative paths start at `path`)."""
         if is_path(self.robot):
@@ -252,7 +262,7 @@ class Dataset(Shown):
         values, table = read_toml(path / "dataset.toml"), None
         taken = {"pose", *POSITION, *ORIENTATION}
         rows: dict[str, Any]
-        if is_second(values):
+        if values.get("schema") == SECOND:
             common, rows = read_instruments(path, {kind.kind: kind for kind in instruments})
         else:
             common = describe(values, path / "dataset.toml")
@@ -324,7 +334,7 @@ class Dataset(Shown):
         return figure
 
     def _check_drivers(self) -> None:
-        file = self.path and self.path / "dataset.toml"
+        file = self.toml
         for number, driver in enumerate(self.drivers):
             if driver.column not in self.covariates or driver.column == "session":
                 recorded = ", ".join(name for name in self.covariates if name != "session") or "none"

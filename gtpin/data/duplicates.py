@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import betainc, ndtr
 
 from gtpin.data.dataset import Dataset
-from gtpin.errors import warn
+from gtpin.data.files import warn_of
 from gtpin.typing import Floats
 
 POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
@@ -34,7 +34,7 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
     Warns: where rounding makes the noise larger than what is declared.
     """
-    step, declared = rounded_to(dataset), dataset.instrument.position_sigma
+    step, declared = coarsest_step(dataset.position, POSITION_STEPS), dataset.instrument.position_sigma
     if step is None or declared is None:
         return dataset
     sigma = float(np.hypot(declared, step / np.sqrt(12.0)))
@@ -44,13 +44,8 @@ def with_rounding(dataset: Dataset) -> Dataset:
         f"positions are rounded to {1e3 * step:g} mm: with it their noise is {sigma:.2g} m, more than the {declared:.2g} m "
         "that are declared, and is used; export more digits"
     )
-    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    warn_of(dataset.file, text)
     return replace(dataset, instrument=dataset.instrument.model_copy(update={"position_sigma": sigma}))
-
-
-def rounded_to(dataset: Dataset) -> float | None:
-    """The coarsest step, m, that all positions are multiples of; None where there is none."""
-    return coarsest_step(dataset.position, POSITION_STEPS)
 
 
 def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
@@ -100,7 +95,7 @@ def counted_once(dataset: Dataset) -> Dataset:
             f"{len(lines_here)} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
             f"(rows {lines}): copies, not repeated visits; each is counted once"
         )
-        warn(f"{file}: {text}" if file else text)
+        warn_of(file, text)
     return dataset.take(~found)
 
 

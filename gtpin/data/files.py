@@ -15,7 +15,7 @@ import numpy as np
 
 from gtpin.data.csv_file import read_csv
 from gtpin.data.table import Column, Table
-from gtpin.errors import CONTROL, DatasetError, GtpinError
+from gtpin.errors import CONTROL, DatasetError, GtpinError, warn
 from gtpin.memory import amount, require
 from gtpin.output.results import writing
 
@@ -29,6 +29,11 @@ READING = 40e6
 """Bytes of memory that the libraries need to read a table of any size."""
 READING_A_BYTE = 4.0
 """Bytes of memory for each byte of a table, in addition. Measured: 2.6 to 4.2 on CSV of 11 to 22 columns (docs/speed.md)."""
+
+
+def warn_of(file: Path | str | None, text: str) -> None:
+    """Warn of a file's content; the file comes first where it is known."""
+    warn(f"{file}: {text}" if file else text)
 
 
 def read_bytes(

@@ -227,11 +227,6 @@ HINTS: dict[str, str] = {
 """What to write under a key."""
 
 
-def declared_keys(table: type[InstrumentTable]) -> list[str]:
-    """Keys that the table of a kind may have."""
-    return list(table.model_fields)
-
-
 def written(table: InstrumentTable) -> dict[str, Any]:
     """The keys of an ``[[instrument]]`` as they are written: without those that have their default values."""
     return {

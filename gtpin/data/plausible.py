@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import permutations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
-from gtpin.data.quaternion_order import first_misplaced, in_order, misplaced_order
+from gtpin.data.files import warn_of
 from gtpin.errors import DatasetError, warn
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Doubt = Callable[[DatasetError, Any], None]
 """Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""
@@ -24,32 +28,20 @@ TURNS = 3.0
 """Turns from zero, in either direction, beyond which commands of a joint without limits look like degrees. Assumed."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
+_AS_NAMED = "wxyz"
+_OFF = 0.05
+"""Median angle, rad, up to which quaternions are used as they are. Assumed."""
+_FAR_BETTER = 4.0
+"""Factor by which the median angle of another order must be smaller than that of ``wxyz``. Assumed."""
+_AGREES = np.deg2rad(20.0)
+"""Median angle, rad, within which an order of the columns agrees with the robot. Assumed."""
+_ALIKE = 0.01
+"""Orders whose median angles, rad, differ by less can't be distinguished. Assumed."""
 
 
 def certainly(error: DatasetError, _: Any) -> None:
     """Raise the error: no mistake is doubted."""
     raise error
-
-
-def check_plausible(
-    dataset: Dataset,
-    *,
-    names: Sequence[str],
-    lower: ArrayLike,
-    upper: ArrayLike,
-    revolute: ArrayLike,
-    predicted_position: ArrayLike,
-    predicted_rotation: ArrayLike,
-    reach: float,
-) -> NDArray[np.bool_]:
-    """Check commands and measurements against a robot; give the (N,) mask of rows to keep.
-
-    See `check_commands` and `check_measurements`, which this calls in turn.
-    """
-    check_commands(dataset, names=names, lower=lower, upper=upper, revolute=revolute)
-    return check_measurements(
-        dataset, predicted_position=predicted_position, predicted_rotation=predicted_rotation, reach=reach
-    )
 
 
 def check_commands(
@@ -94,8 +86,7 @@ def check_commands(
     _check_endless(rows, names, turns & ~np.isfinite(high - low), suspect)
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
-        text = f"commands a little outside the robot's range: {_poses(rows, outside)}"
-        warn(_located(rows, text))
+        warn_of(rows.file, f"commands a little outside the robot's range: {_poses(rows, outside)}")
 
 
 def check_measurements(
@@ -105,7 +96,7 @@ def check_measurements(
     predicted_rotation: ArrayLike,
     reach: float,
     suspect: Doubt = certainly,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Check measurements against a nominal prediction; give the (N,) mask of rows that the robot can reach.
 
     Parameters
@@ -121,7 +112,7 @@ def check_measurements(
     and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are accepted.
     """
     position, rotation = np.asarray(predicted_position, float), np.asarray(predicted_rotation, float)
-    keep: NDArray[np.bool_] = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
+    keep: Mask = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
     if not keep.any():
         hint = "check that dataset.toml names the robot that was measured"
         raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
@@ -137,23 +128,21 @@ def check_measurements(
         if order is not None:
             suspect(misplaced(dataset, order), replace(dataset, orientation=in_order(dataset.orientation, order)))
     if not keep.all():
-        text = f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}"
-        warn(_located(dataset, text))
+        warn_of(dataset.file, f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}")
     return keep
 
 
 def misplaced(dataset: Dataset, order: str) -> DatasetError:
-    """The error that the numbers of quaternions stand in another order."""
-    what = f"the measured orientation looks like {order} quaternions, as if {first_misplaced(order)}"
+    """The error that the numbers of quaternions stand in another order, with the first that is not in its own column."""
+    part = next(part for part, there in zip(_AS_NAMED, order, strict=True) if part != there)
+    under = _AS_NAMED[order.index(part)]
+    what = f"the measured orientation looks like {order} quaternions, as if {part} were under q{under}"
     hint = "give qw qx qy qz in that order of meaning, scalar first"
     return DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
 
 
-def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: NDArray[np.bool_], suspect: Doubt) -> None:
-    """Suspect the commands of a joint without limits that look like degrees.
-
-    Most are more than `TURNS` turns from zero, and nearly all are within one turn when they are read in degrees.
-    """
+def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: Mask, suspect: Doubt) -> None:
+    """Suspect commands of joints without limits, mostly `TURNS` turns and more from zero, nearly all within 360 degrees."""
     turn = 2.0 * np.pi
     for actuator in map(int, np.flatnonzero(endless)):
         q = np.abs(rows.q[:, actuator])
@@ -176,7 +165,7 @@ def _far_outside(
     low: float,
     high: float,
     turns: bool,
-    far: NDArray[np.bool_],
+    far: Mask,
 ) -> DatasetError:
     right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
     q = rows.q[:, actuator]
@@ -208,22 +197,78 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
 
 
 def _in_all_directions(measured: Floats, predicted: Floats) -> bool:
-    """Whether measured positions (N, 3) are spread far more widely than predicted ones in every direction.
-
-    One axis in millimetres spreads them along that axis only, and is another mistake.
-    """
-    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
-    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))
-    wide, wider = (np.linalg.svd(x[near], compute_uv=False) for x in (a, b))
+    """Whether measured positions (N, 3) are spread far more widely than predicted ones in every direction."""
+    # One axis in millimetres spreads them along that axis only, and is another mistake.
+    wide, wider = (np.linalg.svd(x, compute_uv=False) for x in _about_medians(measured, predicted))
     there = wide > 0.05 * wide[0]
     return bool((wider[there] > 100.0 * wide[there]).all())
 
 
-def _poses(rows: Any, mask: NDArray[np.bool_], shown: int = 10) -> str:
+def _poses(rows: Any, mask: Mask, shown: int = 10) -> str:
     poses = list(dict.fromkeys(rows.pose[mask]))
     more = f" and {len(poses) - shown} more" if len(poses) > shown else ""
     return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:shown])}{more}"
 
 
-def _located(rows: Dataset | Commands, text: str) -> str:
-    return f"{rows.file}: {text}" if rows.file else text
+def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
+    """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is ``wxyz``, or no order fits.
+
+    ``quaternion``: (N, 4) unit quaternions as measured. ``predicted``: (N, 3, 3) rotations of the nominal model, base
+    frame. ``free``: for a free frame: (N, 3) measured and predicted positions, m, from which the frame's rotation is found;
+    else None.
+    """
+    from scipy.spatial.transform import Rotation
+
+    expected = Rotation.from_matrix(predicted)
+    if free is not None:
+        turned = _turn(*free)
+        if turned is None:
+            return None
+        expected = turned * expected
+    wanted = expected.as_quat(scalar_first=True)
+    return order_that_fits(lambda order: _off(quaternion, wanted, order))
+
+
+def order_that_fits(off: Callable[[str], float]) -> str | None:
+    """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or where no order does so.
+
+    ``off``: function that gives, for an order of the columns, how far measured poses are from expected ones: the median
+    angle between orientations, rad, to which a median distance may be added, converted to an angle.
+    """
+    as_named = off(_AS_NAMED)
+    if as_named <= _OFF:
+        return None
+    orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # the usual one is first, and wins a tie
+    found = np.array([off(order) for order in orders])
+    if found.min() > min(_AGREES, as_named / _FAR_BETTER):
+        return None
+    return orders[int(np.argmax(found <= found.min() + _ALIKE))]
+
+
+def in_order(quaternion: Floats, order: str) -> Floats:
+    """(N, 4) quaternions wxyz, from columns that have the content ``order``, such as ``xyzw``."""
+    return quaternion[:, [order.index(part) for part in _AS_NAMED]]
+
+
+def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
+    """Median angle, rad, between wanted quaternions wxyz and measured ones whose columns have the content ``order``."""
+    read = in_order(quaternion, order)
+    # Medians, so that gross errors in a few rows decide nothing.
+    return float(np.median(2.0 * np.arccos(np.minimum(np.abs((read * wanted).sum(axis=1)), 1.0))))
+
+
+def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
+    """Rotation that takes predicted positions to measured ones; None where they do not determine it, as on one line."""
+    from scipy.spatial.transform import Rotation
+
+    a, b = _about_medians(measured, predicted)
+    if len(a) < 3 or np.linalg.svd(a, compute_uv=False)[1] < 0.01:
+        return None
+    return Rotation.align_vectors(b, a)[0]
+
+
+def _about_medians(measured: Floats, predicted: Floats) -> tuple[Floats, Floats]:
+    """Predicted and measured positions, each less its median, without gross errors of the measured ones."""
+    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
+    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))
+    return a[near], b[near]

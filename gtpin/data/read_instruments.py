@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtpin.data.checks import CheckedRows
-from gtpin.data.description import SECOND, Description, Instrument, read_toml
+from gtpin.data.description import Description, Instrument, read_toml
 from gtpin.data.files import read_table
+from gtpin.data.ids import Ids
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.second_schema import (
-    TablePart,
-    columns_beside,
-    covariates_of,
-    describe_second,
-    file_of,
-    filled,
-    warn_of_files,
-)
+from gtpin.data.second_schema import columns_beside, describe_second, file_of, warn_of_files
 from gtpin.data.table import Column, Table
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
@@ -31,9 +26,23 @@ SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
 """Columns of a tracker's own sigmas, per row."""
 
 
-def is_second(values: Mapping[str, object]) -> bool:
-    """Whether a dataset.toml is of schema 2."""
-    return values.get("schema") == SECOND
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The rows of one instrument.
+
+    - ``table``, ``file``: its section of dataset.toml, and the file of its table.
+    - ``line``: (N,) line of each row.
+    - ``pose``, ``q``: (N,) ids, and (N, n) commands, m or rad.
+    - ``readings``, ``covariates``: columns of its kind of instrument, and all other columns: (N,) each, by name.
+    """
+
+    table: InstrumentTable
+    file: Path
+    line: NDArray[np.int64]
+    pose: Ids
+    q: Floats
+    readings: dict[str, Column]
+    covariates: dict[str, Column]
 
 
 def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Description, dict[str, Any]]:
@@ -46,8 +55,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
     """
     toml = path / "dataset.toml"
     own: dict[str, type[InstrumentTable]] = {kind: one.Table for kind, one in kinds.items()}
-    description = describe_second(read_toml(toml), toml, own)
-    tables = description.instruments
+    common, tables = describe_second(read_toml(toml), toml, own)
     files = [file_of(path, i, table) for i, table in enumerate(tables)]
     parts = [_part(files[i], table, columns_beside(toml, i, tables, files)) for i, table in enumerate(tables)]
     n = parts[0].q.shape[1]
@@ -62,11 +70,11 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
     counts = [len(part.pose) for part in parts]
     names = dict.fromkeys(name for part in parts for name in part.readings)
     rows = InstrumentRows(
-        tables=description.instruments,
+        tables=tables,
         files=tuple(part.file for part in parts),
         of=np.repeat(np.arange(len(parts)), counts),
         line=np.concatenate([part.line for part in parts]),
-        columns={name: np.concatenate([filled(part, name, parts) for part in parts]) for name in names},
+        columns={name: np.concatenate([_filled(part, name, parts) for part in parts]) for name in names},
         component=np.full(sum(counts), -1),
         known=tuple(
             {n: tuple(dict.fromkeys(map(str, part.readings[n]))) for n in part.table.ids if n in part.readings}
@@ -75,24 +83,19 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
         kinds=dict(kinds),
     )
     found = {"pose": np.concatenate([part.pose for part in parts]), "q": np.concatenate([part.q for part in parts])}
-    covariates, measured = covariates_of(toml, parts), _poses(rows)
+    covariates, measured = _covariates(toml, parts), _poses(rows)
     if measured is None:
         _warn_of_stations(toml, tables)
         measured = {"position": np.zeros((len(rows), 3)), "file": path, "readings": rows}
-    return description.common, {**found, "covariates": covariates, **measured}
+    return common, {**found, "covariates": covariates, **measured}
 
 
 def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
-    """What a ``Dataset`` takes of the poses of one tracker whose target is the TCP or free; None for other rows.
-
-    Such data could be written in schema 1 too.
-    """
-    table = rows.tables[0]
-    if len(rows.tables) > 1 or not isinstance(table, TrackerTable):
+    """What a ``Dataset`` takes of poses that could be written in schema 1 too: one tracker's, at the TCP or a free target."""
+    table, several = rows.tables[0], len(rows.tables) > 1 or len(rows.known[0].get("target", ())) > 1
+    if several or "sx" in rows.columns or not isinstance(table, TrackerTable):
         return None
-    if isinstance(table.target, tuple) or table.targets or table.target_sigma or "sx" in rows.columns:
-        return None
-    if len(rows.known[0].get("target", ())) > 1:
+    if isinstance(table.target, tuple) or table.targets or table.target_sigma:
         return None
     instrument = Instrument(
         position_sigma=table.position_sigma or table.sigma,
@@ -101,19 +104,17 @@ def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
         target=table.target or "tcp",
         station=table.station,
     )
-    position = np.column_stack([rows.columns[name] for name in POSITION])
     turned = "qw" in rows.columns
-    quaternions = np.column_stack([rows.columns[name] for name in ORIENTATION]) if turned else None
     return {
-        "position": position,
-        "orientation": quaternions,
+        "position": np.column_stack([rows.columns[name] for name in POSITION]),
+        "orientation": np.column_stack([rows.columns[name] for name in ORIENTATION]) if turned else None,
         "instrument": instrument,
         "row": rows.line,
         "file": rows.files[0],
     }
 
 
-def _part(file: Path, table: InstrumentTable, beside: set[str]) -> TablePart:
+def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
     """The rows of a table, without the columns ``beside`` that other instruments read in the same file."""
     read = read_table(file, ids=table.ids)
     line = read.row
@@ -124,7 +125,7 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> TablePart:
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
     covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
     read.warn_of_covariates(taken)
-    return TablePart(table, file, line, pose, q, readings, covariates)
+    return _Part(table, file, line, pose, q, readings, covariates)
 
 
 def _readings(read: Table, table: InstrumentTable, rows: CheckedRows) -> dict[str, Column]:
@@ -166,7 +167,7 @@ def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
         warn(f"{toml}: {only}: that of {', '.join(names)} is not used")
 
 
-def _check_commands(parts: list[TablePart]) -> None:
+def _check_commands(parts: list[_Part]) -> None:
     """Raise where rows that share a pose id, in one table or in two, differ in their commands."""
     known: dict[str, tuple[Floats, Path]] = {}
     for part in parts:
@@ -184,3 +185,48 @@ def _check_commands(parts: list[TablePart]) -> None:
                     column="pose",
                     hint="rows that share a pose id are one stop of the machine; give each stop an id of its own",
                 )
+
+
+def _filled(part: _Part, name: str, parts: list[_Part]) -> Column:
+    """(N,) column ``name`` of one instrument's readings; full of NaN, or "" for ids, where the instrument does not have it."""
+    if name in part.readings:
+        return part.readings[name]
+    of = next(p.readings[name] for p in parts if name in p.readings)
+    if of.dtype == object:
+        empty = np.empty(len(part.pose), dtype=object)
+        empty[:] = ""
+        return empty
+    return np.full(len(part.pose), np.nan)
+
+
+def _covariates(toml: Path, parts: list[_Part]) -> dict[str, Column]:
+    """Covariates of all rows, by name.
+
+    A table without the column takes the values of other tables at the same poses. Where those do not have all its poses, the
+    covariate is left out, with a warning.
+    """
+    names = dict.fromkeys(name for part in parts for name in part.covariates)
+    found: dict[str, Column] = {}
+    lost: list[str] = []
+    for name in names:
+        of_pose: dict[str, object] = {}
+        for part in parts:
+            if name in part.covariates:
+                for pose, value in zip(part.pose, part.covariates[name], strict=True):
+                    of_pose.setdefault(pose, value)
+        values: list[object] = []
+        for part in parts:
+            if name in part.covariates:
+                values += list(part.covariates[name])
+            elif all(pose in of_pose for pose in part.pose):
+                values += [of_pose[pose] for pose in part.pose]
+            else:
+                lost.append(f"{name} (not in {part.file.name})")
+                break
+        else:
+            column: Column = np.array(values, dtype=object if name == "session" else float)
+            column.setflags(write=False)
+            found[name] = column
+    if lost:
+        warn(f"{toml.parent}: covariates that only some tables have are left out: {', '.join(lost)}")
+    return found

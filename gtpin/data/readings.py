@@ -1,17 +1,19 @@
-"""Mistakes in measured positions and orientations: other units, axes and signs, other conventions of rotations."""
+"""Usual mistakes in columns: other units, axes, signs and orders, other conventions of rotations."""
 
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
-from typing import Final, Literal, Protocol
+from typing import Final, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.typing import Floats
+from gtpin.data.names import command_names
+from gtpin.typing import Floats, Mask
 
 UNITS = (
     ("millimetres", 1e-3),
@@ -34,36 +36,32 @@ BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz
 ones (SciPy's names)."""
 
 
-class RotationReading(Protocol):
-    """A way to read measured rotations: as they are, or with a mistake corrected."""
-
-    @property
-    def looks(self) -> str:
-        """Description of the mistake."""
-
-    @property
-    def hint(self) -> str:
-        """What to do about it."""
-
-    @property
-    def mistakes(self) -> int:
-        """Number of mistakes that it assumes."""
-
-    def read(self, rotation: Rotation) -> Floats:
-        """(N, 3, 3) rotations without the mistake, from those that were read."""
-
-
 @dataclass(frozen=True)
-class Positions:
-    """A way to read x y z: the position is ``matrix @ (x, y, z)``, m.
+class Reading:
+    """A way to read columns: as they are, or with a mistake corrected.
 
-    ``looks``: texts for a message: what the columns look like, and what the user should do; empty where nothing is changed.
-    ``mistakes``: number of mistakes that it assumes. ``axes``: (3, 3) the signed permutation in ``matrix``.
+    ``looks``, ``hint``: texts for a message: what the columns look like, and what the user should do; empty where nothing is
+    changed. ``mistakes``: number of mistakes that it assumes.
     """
 
     looks: str
     hint: str
     mistakes: int
+
+
+@dataclass(frozen=True)
+class RotationReading(Reading, ABC):
+    """A way to read measured rotations."""
+
+    @abstractmethod
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations without the mistake, from those that were read."""
+
+
+@dataclass(frozen=True)
+class Positions(Reading):
+    """A way to read x y z: the position is ``matrix @ (x, y, z)``, m; ``axes``: (3, 3) the signed permutation in ``matrix``."""
+
     matrix: Floats
     axes: Floats
 
@@ -84,15 +82,12 @@ class Positions:
 
 
 @dataclass(frozen=True)
-class Orientations:
+class Orientations(RotationReading):
     """A way to read a rotation: ``left @ R' @ right``, where R' has the vector part of its quaternion mapped by ``vector``.
 
-    The fields are as those of `Positions`; all matrices are signed permutations.
+    All matrices are signed permutations.
     """
 
-    looks: str
-    hint: str
-    mistakes: int
     vector: Floats
     left: Floats
     right: Floats
@@ -212,7 +207,7 @@ def _turn(s: Floats) -> str:
 
 
 @dataclass(frozen=True)
-class Misread:
+class Misread(RotationReading):
     """A mistake: three numbers of one convention of rotations that were converted by another one.
 
     ``meant``, ``taken``: the convention of the numbers, and the one by which they were converted. ``by_axis``: True: each
@@ -222,23 +217,6 @@ class Misread:
     meant: Convention
     taken: Convention
     by_axis: bool
-
-    @property
-    def mistakes(self) -> int:
-        """Number of mistakes that it assumes."""
-        return 1
-
-    @property
-    def looks(self) -> str:
-        """What the orientations look like."""
-        return (
-            f"the orientations look like {self._described(self.meant)} that were read as {self._described(self.taken)}"
-        )
-
-    @property
-    def hint(self) -> str:
-        """What to do about it."""
-        return f"compute qw qx qy qz again, from {self._described(self.meant)}"
 
     def read(self, rotation: Rotation) -> Floats:
         """(N, 3, 3) rotations by the convention ``meant``, from those that were converted by ``taken``."""
@@ -253,12 +231,13 @@ class Misread:
             numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
         return _from_euler(self.meant, numbers)
 
-    def _described(self, convention: Convention) -> str:
-        if convention == ROTATION_VECTOR:
-            return "rotation vectors"
-        if self.by_axis:
-            return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
-        return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+
+def _described(convention: Convention, by_axis: bool) -> str:
+    if convention == ROTATION_VECTOR:
+        return "rotation vectors"
+    if by_axis:
+        return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
+    return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
 
 
 def _from_euler(sequence: Sequence, angles: Floats) -> Floats:
@@ -280,9 +259,53 @@ def _about(axis: int, angle: Floats) -> Floats:
 
 def misread() -> Iterator[Misread]:
     """All mistakes between two different conventions."""
-    for meant, taken in permutations(BY_AXIS, 2):
-        yield Misread(meant, taken, True)
-    for meant, taken in permutations(BY_ORDER, 2):
-        if meant.lower() == taken.lower() and len(set(meant)) == 3:
-            continue  # each number keeps its axis: one of the mistakes by axis
-        yield Misread(meant, taken, False)
+    pairs: list[tuple[Convention, Convention, bool]] = [(*pair, True) for pair in permutations(BY_AXIS, 2)]
+    for one, two in permutations(BY_ORDER, 2):
+        if one.lower() != two.lower() or len(set(one)) < 3:  # else each number keeps its axis
+            pairs.append((one, two, False))
+    for meant, taken, by_axis in pairs:
+        numbers, read = _described(meant, by_axis), _described(taken, by_axis)
+        looks = f"the orientations look like {numbers} that were read as {read}"
+        yield Misread(looks, f"compute qw qx qy qz again, from {numbers}", 1, meant, taken, by_axis)
+
+
+@dataclass(frozen=True)
+class CommandReading(Reading):
+    """A way to read the columns q1 .. qn: ``columns``, those that are read in another way, and ``q`` (N, n), m or rad."""
+
+    columns: str
+    q: Floats
+
+
+def command_readings(q: Floats, revolute: Mask) -> Iterator[CommandReading]:
+    """Ways to read commands (N, n), m or rad, of actuators that turn, (n,) True, or slide.
+
+    One column or all with the other sign or in another unit; two columns swapped; all columns in reverse order, or shifted by
+    one.
+    """
+    names, count = command_names(q.shape[1]), q.shape[1]
+    everything = " ".join(names)
+    for some in [*([i] for i in range(count)), *([list(range(count))] if count > 1 else [])]:
+        columns, look = " ".join(names[i] for i in some), "looks" if len(some) == 1 else "look"
+        units: tuple[tuple[str, float], ...] = () if revolute[some].any() else UNITS
+        if revolute[some].all():
+            units = (("degrees", float(np.pi / 180.0)),)
+        scale = np.ones(count)
+        scale[some] = -1.0
+        yield CommandReading(f"{columns} {look} reversed", f"change the sign of {columns}", 1, columns, q * scale)
+        for unit, factor in units:
+            scale[some] = factor
+            hint = f"multiply {columns} by {factor:.6g}"
+            yield CommandReading(f"{columns} {look} like {unit}", hint, 1, columns, q * scale)
+    for i, j in combinations(range(count), 2):
+        order = list(range(count))
+        order[i], order[j] = j, i
+        one, two = names[i], names[j]
+        yield CommandReading(f"{one} and {two} look swapped", "swap them", 1, f"{one} {two}", q[:, order])
+    if count > 2:
+        yield CommandReading("q1 .. qn look to be in reverse order", "reverse them", 1, everything, q[:, ::-1])
+        for by in (1, -1):
+            order = np.roll(range(count), by).tolist()
+            assigned = ", ".join(f"{names[i]} = {names[j]}" for i, j in enumerate(order))
+            looks, hint = f"{everything} look shifted by one", f"write ({assigned})"
+            yield CommandReading(looks, hint, 1, everything, q[:, order])

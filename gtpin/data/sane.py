@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.data.dataset import Dataset
+from gtpin.data.files import warn_of
 from gtpin.data.names import POSITION
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.typing import Floats, Mask
 
 MOST = 0.1
@@ -95,9 +96,8 @@ def sane_rows(dataset: Dataset) -> Mask:
             raise DatasetError(what, file=file, row=line, column=name, hint=hint)
         if lacking.any():
             shown = ", ".join(f"{value:g}" for value in np.unique(values[lacking])[:3])
-            poses = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[lacking]))
-            text = f"set aside, for {name} of {shown} is no reading: poses {poses}"
-            warn(f"{dataset.file}: {text}" if dataset.file else text)
+            poses = ", ".join(dataset.names_of(lacking))
+            warn_of(dataset.file, f"set aside, for {name} of {shown} is no reading: poses {poses}")
             good &= ~lacking
     return good
 
@@ -142,7 +142,7 @@ def check_extremes(dataset: Dataset) -> None:
     Raises `DatasetError` for a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond
     any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
     """
-    file = None if dataset.path is None else dataset.path / "dataset.toml"
+    file = dataset.toml
     for key, value, (least, most), hint in _bounded(dataset):
         if not least <= value <= most:
             raise DatasetError(
@@ -150,7 +150,7 @@ def check_extremes(dataset: Dataset) -> None:
             )
     if FAHRENHEIT[0] <= (reference := dataset.conditions.reference_temperature) <= FAHRENHEIT[1]:
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
-        warn(f"{file}: {text}" if file else text)
+        warn_of(file, text)
     for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
         if size > FARTHEST:
             what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"

@@ -6,17 +6,13 @@ import difflib
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from gtpin.data.description import SCHEMA, Description, explained, read_toml
 from gtpin.data.files import find_table
-from gtpin.data.ids import Ids
 from gtpin.data.instrument_tables import (
     HINTS,
     NAME,
@@ -25,11 +21,8 @@ from gtpin.data.instrument_tables import (
     SocketTable,
     TiltTable,
     TrackerTable,
-    declared_keys,
 )
-from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
-from gtpin.typing import Floats
 
 RESERVED = ("carts", "commands", "truth")
 """Names of tables of a dataset's folder that are no instrument's."""
@@ -42,22 +35,12 @@ class _Frame(Description):
     instrument: list[dict[str, Any]]  # type: ignore[assignment]
 
 
-@dataclass(frozen=True)
-class SecondDescription:
-    """The whole of a dataset.toml of schema 2: what it shares with schema 1, and its instruments."""
-
-    common: Description
-    instruments: tuple[InstrumentTable, ...]
-
-
 def describe_second(
     values: Mapping[str, Any], file: Path | None, own: Mapping[str, type[InstrumentTable]]
-) -> SecondDescription:
-    """Check the content of a dataset.toml of schema 2.
+) -> tuple[Description, tuple[InstrumentTable, ...]]:
+    """What a dataset.toml of schema 2 shares with schema 1, and its instruments; `DatasetError` names an invalid key.
 
     ``own``: classes of the tables of the user's own instruments, by kind.
-
-    Raises `DatasetError` if a key is invalid; it names the key.
     """
     if isinstance(values.get("instrument"), dict):
         hint = "write [[instrument]], in double brackets, once for each, with name and kind"
@@ -83,8 +66,7 @@ def describe_second(
             what = f"no instrument can be called {table.name}, as another file of the folder is"
             raise DatasetError(what, file=file, column=column, hint=hint)
     shared = frame.model_dump(include={"robot", "tcp", "actuators", "tolerance", "conditions", "driver"})
-    common = Description.model_validate({"schema": SCHEMA, **shared})
-    return SecondDescription(common, tables)
+    return Description.model_validate({"schema": SCHEMA, **shared}), tables
 
 
 def _instrument(
@@ -106,8 +88,8 @@ def _instrument(
         key = str(first["loc"][0])
         column = ".".join([place, *(str(part) for part in first["loc"] if part != "[key]")])
         if first["type"] == "extra_forbidden":
-            close = difflib.get_close_matches(key, declared_keys(kind), n=1)
-            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(declared_keys(kind))}"
+            close = difflib.get_close_matches(key, kind.model_fields, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(kind.model_fields)}"
             raise DatasetError("unknown key", file=file, column=column, hint=hint) from None
         what = "the key is missing" if first["type"] == "missing" else f"{str(first['input'])[:60]} can't be"
         usual = "a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value"
@@ -183,67 +165,3 @@ def warn_of_files(path: Path, used: set[str]) -> None:
     left = [name for name in there if name not in used and Path(name).stem not in RESERVED]
     if left:
         warn(f"{path}: {', '.join(left)}: tables without an [[instrument]] in dataset.toml, ignored")
-
-
-@dataclass(frozen=True, eq=False)
-class TablePart:
-    """The rows of one instrument.
-
-    - ``table``, ``file``: its section of dataset.toml, and the file of its table.
-    - ``line``: (N,) line of each row.
-    - ``pose``, ``q``: (N,) ids, and (N, n) commands, m or rad.
-    - ``readings``, ``covariates``: columns of its kind of instrument, and all other columns: (N,) each, by name.
-    """
-
-    table: InstrumentTable
-    file: Path
-    line: NDArray[np.int64]
-    pose: Ids
-    q: Floats
-    readings: dict[str, Column]
-    covariates: dict[str, Column]
-
-
-def filled(part: TablePart, name: str, parts: list[TablePart]) -> Column:
-    """(N,) column ``name`` of one instrument's readings; full of NaN, or "" for ids, where the instrument does not have it."""
-    if name in part.readings:
-        return part.readings[name]
-    of = next(p.readings[name] for p in parts if name in p.readings)
-    if of.dtype == object:
-        empty = np.empty(len(part.pose), dtype=object)
-        empty[:] = ""
-        return empty
-    return np.full(len(part.pose), np.nan)
-
-
-def covariates_of(toml: Path, parts: list[TablePart]) -> dict[str, Column]:
-    """Covariates of all rows, by name.
-
-    A table without the column takes the values of other tables at the same poses. Where those do not have all its poses, the
-    covariate is left out, with a warning.
-    """
-    names = dict.fromkeys(name for part in parts for name in part.covariates)
-    found: dict[str, Column] = {}
-    lost: list[str] = []
-    for name in names:
-        of_pose: dict[str, object] = {}
-        for part in parts:
-            if name in part.covariates:
-                for pose, value in zip(part.pose, part.covariates[name], strict=True):
-                    of_pose.setdefault(pose, value)
-        values: list[object] = []
-        for part in parts:
-            if name in part.covariates:
-                values += list(part.covariates[name])
-            elif all(pose in of_pose for pose in part.pose):
-                values += [of_pose[pose] for pose in part.pose]
-            else:
-                lost.append(f"{name} (not in {part.file.name})")
-                break
-        else:
-            column: Column = np.array(values, dtype=object if name == "session" else float)
-            column.setflags(write=False)
-            found[name] = column
-    if lost:
-        warn(f"{toml.parent}: covariates that only some tables have are left out: {', '.join(lost)}")
-    return found

@@ -317,8 +317,8 @@ def write_instrument(
     ``instrument``: the keys of ``[[instrument]]``. ``columns``: (N,) columns of its table, by name.
     """
     content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
-    described = describe_second(content, None, {})
-    name = described.instruments[0].name
+    common, instruments = describe_second(content, None, {})
+    name = instruments[0].name
     if not force and folder.is_dir():
         with writing(folder, DatasetError):
             there = [name for name in sorted(os.listdir(folder)) if not was_moved_aside(name)]
@@ -327,7 +327,7 @@ def write_instrument(
     tables = {name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet"))}
     table = f"{name}.csv"
     with results_folder(folder, {*FILES, *tables, table}, force=force, kind=DatasetError) as new:
-        write_description(new / "dataset.toml", described.common, [written(one) for one in described.instruments])
+        write_description(new / "dataset.toml", common, [written(one) for one in instruments])
         write_table(new / table, columns)
 
 

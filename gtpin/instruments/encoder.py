@@ -37,10 +37,6 @@ class Encoder(Instrument):
             return ()
         return [Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)]
 
-    def measured(self) -> Floats:
-        """(M, 1) what was read, rad or m."""
-        return self.read.numbers["reading"][:, None]
-
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1) what would be read, rad or m."""
         return np.asarray(poses.joints[self.table.joint][:, None] + u.sum())

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable
@@ -18,7 +17,7 @@ from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints, Mask
 
 STEP = 1e-6
 """Step of numerical derivatives, m and rad, of instruments that do not give their own."""
@@ -96,7 +95,7 @@ class Read:
 
     numbers: dict[str, Floats]
     ids: dict[str, Column]
-    component: npt.NDArray[np.int64]
+    component: Ints
     known: Mapping[str, tuple[str, ...]]
 
     @property
@@ -134,9 +133,9 @@ class Instrument(ABC):
     has M rows, c components in a reading and k unknowns.
 
     A subclass defines the keys and columns of its table (``Table``), its unknowns with their priors (``_unknowns``), the
-    numbers of a reading (``components``), what was read (``measured``) and what it would read at given poses (``predicted``).
-    Derivatives are numerical if a subclass does not give its own. To use an instrument of your own, pass its class:
-    ``Dataset.read(folder, instruments=[MyInstrument])``.
+    numbers of a reading (``components``) and what it would read at given poses (``predicted``). What was read (``measured``)
+    are by default the columns with the components' names. Derivatives are numerical if a subclass does not give its own. To
+    use an instrument of your own, pass its class: ``Dataset.read(folder, instruments=[MyInstrument])``.
 
     Parameters
     ----------
@@ -170,8 +169,6 @@ class Instrument(ABC):
     >>> class Plumb(gtpin.Instrument):
     ...     kind, Table = "plumb", PlumbTable
     ...     components = (gtpin.Component("height", "m"),)
-    ...     def measured(self):
-    ...         return self.read.numbers["height"][:, None]
     ...     def predicted(self, poses, u):
     ...         return poses.T[:, 2:]
     """
@@ -209,7 +206,7 @@ class Instrument(ABC):
         """Its unknowns; none by default."""
         return ()
 
-    def read_components(self) -> npt.NDArray[np.bool_]:
+    def read_components(self) -> Mask:
         """(M, c) True for the components that a row has; all by default."""
         return np.ones((self.read.count, len(self.components)), dtype=bool)
 
@@ -221,9 +218,9 @@ class Instrument(ABC):
         """(M, c) degrees of freedom that each number counts as: 1 by default, less where several rows share one measurement."""
         return np.ones((self.read.count, len(self.components)))
 
-    @abstractmethod
     def measured(self) -> Floats:
-        """(M, c) what was read, in the units of ``components``."""
+        """(M, c) what was read, in the units of ``components``; by default the columns that are called as these."""
+        return np.column_stack([self.read.numbers[component.name] for component in self.components])
 
     @abstractmethod
     def predicted(self, poses: Poses, u: Floats) -> Floats:
@@ -244,31 +241,29 @@ class Instrument(ABC):
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, 6) derivative of the prediction by the TCP's position (m) and rotation vector (rad), base frame."""
         found = np.empty((len(poses), len(self.components), 6))
-        for i in range(6):
-            step = np.zeros(6)
-            step[i] = STEP
-            ways = (replace(poses, T=poses.T + s * step[:3], R=exp(s * step[3:]) @ poses.R) for s in (1.0, -1.0))
-            sides = [self.minus(way, u) for way in ways]
-            found[:, :, i] = -(sides[0] - sides[1]) / (2.0 * STEP)
+        for i, way in enumerate(STEP * np.eye(6)):
+            sides = (replace(poses, T=poses.T + s * way[:3], R=exp(s * way[3:]) @ poses.R) for s in (1.0, -1.0))
+            found[:, :, i] = self._slope(*((side, u) for side in sides))
         return found
+
+    def _slope(self, ahead: tuple[Poses, Floats], behind: tuple[Poses, Floats]) -> Floats:
+        """(M, c) derivative of the prediction by central differences between two states."""
+        return (self.minus(*behind) - self.minus(*ahead)) / (2.0 * STEP)
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, j) derivative of the prediction by the coordinates, rad or m, of the j joints in ``poses.joints``."""
         found = np.zeros((len(poses), len(self.components), len(poses.joints)))
         for i, (name, x) in enumerate(poses.joints.items()):
             if name in self.table.measured_joints:
-                ways = (replace(poses, joints={**poses.joints, name: x + s * STEP}) for s in (1.0, -1.0))
-                sides = [self.minus(way, u) for way in ways]
-                found[:, :, i] = -(sides[0] - sides[1]) / (2.0 * STEP)
+                sides = (replace(poses, joints={**poses.joints, name: x + s * STEP}) for s in (1.0, -1.0))
+                found[:, :, i] = self._slope(*((side, u) for side in sides))
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, k) derivative of the prediction by the unknowns ``u``."""
         found = np.empty((len(poses), len(self.components), len(self.unknowns)))
-        for i in range(len(u)):
-            step = np.zeros(len(u))
-            step[i] = STEP
-            found[:, :, i] = -(self.minus(poses, u + step) - self.minus(poses, u - step)) / (2.0 * STEP)
+        for i, way in enumerate(STEP * np.eye(len(u))):
+            found[:, :, i] = self._slope((poses, u + way), (poses, u - way))
         return found
 
     def looked_at(self, poses: Poses, u: Floats) -> Floats:
@@ -286,7 +281,7 @@ class Instrument(ABC):
         """Raise `RowError` for an impossible reading; accept all readings by default."""
 
 
-def up_of(robot: Robot) -> npt.NDArray[np.float64]:
+def up_of(robot: Robot) -> Floats:
     """(3,) unit vector against gravity, base frame; along z where the robot has no gravity."""
     gravity = np.array(robot.description.gravity, dtype=float)
     size = float(np.linalg.norm(gravity))

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.data.instrument_tables import PlaneTable
-from gtpin.instruments.instrument import Component, Instrument, Unknown
-from gtpin.instruments.targets import Targets, indices
+from gtpin.instruments.instrument import Component, Unknown
+from gtpin.instruments.targets import OfTargets, Targets, indices
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, left_jacobian
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
 
-class Plane(Instrument):
+class Plane(OfTargets):
     """Height z = n . (p - p0) - h of a target p over a plane, m; p0 is a point of the plane, n its unit normal, base frame.
 
     Without a column ``height`` the reading is 0: the target touches the plane. Unknown, in brackets the standard deviation of
@@ -59,10 +59,6 @@ class Plane(Instrument):
         away = self.targets.positions(poses, t) - self.point[self.plane]
         normal = self._normals(tilts)[self.plane]
         return np.asarray(((normal * away).sum(axis=1) - shifts[self.plane])[:, None])
-
-    def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the targets, base frame, m."""
-        return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, 6) derivative by the TCP's pose: component of the target's motion along the normal n."""

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.data.instrument_tables import RangeTable
-from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
-from gtpin.instruments.targets import AXES, Targets, indices
+from gtpin.instruments.instrument import Component, RowError, Unknown
+from gtpin.instruments.targets import AXES, OfTargets, Targets, indices
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
 
 
-class Range(Instrument):
+class Range(OfTargets):
     """Distance from a station's centre s to the target p, plus the station's offset o: z = |p - s| + o, m.
 
     Unknown, in brackets the standard deviation of the prior: each station's centre (``station_sigma`` per axis) and offset
@@ -45,23 +45,17 @@ class Range(Instrument):
 
     def check(self) -> None:
         """Raise `DatasetError` for a range that is not positive."""
-        bad = np.flatnonzero(~(self.read.numbers["range"] > 0.0))
+        ranges = self.read.numbers["range"]
+        bad = np.flatnonzero(~(ranges > 0.0))
         if len(bad):
-            value = self.read.numbers["range"][bad[0]]
-            raise RowError(int(bad[0]), f"{value:.6g} can't be", "range", "a range is a distance in m, above 0")
-
-    def measured(self) -> Floats:
-        """(M, 1) measured ranges, m."""
-        return self.read.numbers["range"][:, None]
+            what = f"{ranges[bad[0]]:.6g} can't be"
+            raise RowError(int(bad[0]), what, "range", "a range is a distance in m, above 0")
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1) predicted ranges, m; see :meth:`Instrument.predicted`."""
-        away = self.away(poses, u)
-        return np.asarray(np.linalg.norm(away, axis=1)[:, None] + self._offset(u))
-
-    def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the targets, base frame, m."""
-        return self.targets.positions(poses, u[: self.targets.count])
+        offset = self._split(u)[2]
+        ranges = np.linalg.norm(self.away(poses, u), axis=1)
+        return np.asarray(ranges + offset[self.station] if len(offset) else ranges)[:, None]
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, 6) derivative by the TCP's pose: unit vector from station to target, times the motion of the target."""
@@ -94,7 +88,3 @@ class Range(Instrument):
     def _sight(self, poses: Poses, u: Floats) -> Floats:
         away = self.away(poses, u)
         return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
-
-    def _offset(self, u: Floats) -> Floats | float:
-        offset = self._split(u)[2]
-        return offset[self.station][:, None] if len(offset) else 0.0

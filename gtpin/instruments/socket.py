@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import SocketTable
 from gtpin.errors import DatasetError
-from gtpin.instruments.instrument import Component, Instrument, Unknown
-from gtpin.instruments.targets import AXES, Targets
+from gtpin.instruments.instrument import Component, Unknown
+from gtpin.instruments.targets import AXES, OfTargets, Targets
 from gtpin.kinematics.poses import Poses
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices, Mask
 
 SHOWN = 10
 """Largest number of sockets that an error message lists."""
 
 
-class Socket(Instrument):
+class Socket(OfTargets):
     """Position p of the target less the point s of its socket, base frame, m, which is 0; also known distances |s1 - s2|, m.
 
     A known distance between two sockets is assigned to K rows, each with the sigma of the distance times sqrt(K). Together they
@@ -55,7 +54,7 @@ class Socket(Instrument):
         declared = [table.sockets.get(name) for name in self.names]
         self._known = np.array([at is not None for at in declared])
         self.point = np.array([at or (0.0, 0.0, 0.0) for at in declared], dtype=float)
-        self._link, self._shared = self._links()
+        self.link, self._shared = self._links()
         points = [
             Unknown(f"{table.name}.point[{name}].{axis}", "m", float(self.point[i, k]), self._sigma(i))
             for i, name in enumerate(self.names)
@@ -66,8 +65,8 @@ class Socket(Instrument):
     def _sigma(self, i: int) -> float:
         return self.table.socket_sigma if self._known[i] and self.table.socket_sigma else np.inf
 
-    def _links(self) -> tuple[npt.NDArray[np.intp], Floats]:
-        """(M,) index of the known distance that is assigned to a row, -1 for none; (D,) number of rows of each distance."""
+    def _links(self) -> tuple[Indices, Floats]:
+        """(M,) index in ``distances`` of that which is assigned to a row, -1 for none; (D,) number of rows of each distance."""
         distances = self.table.distances
         if "link" in self.read.numbers:  # `single` has assigned them, from all rows that were read
             link = np.nan_to_num(self.read.numbers["link"], nan=-1.0).astype(np.intp)
@@ -82,18 +81,12 @@ class Socket(Instrument):
                 raise DatasetError("more known distances than rows", column="distances", hint="leave some out")
             left = sum(one in d[:2] or two in d[:2] for d in distances[i:])
             link[rows[:: max(left, 1)]] = i
-        shared = np.array([float((link == i).sum()) for i in range(len(distances))])
-        return link, shared
+        return link, np.array([float((link == i).sum()) for i in range(len(distances))])
 
-    @property
-    def link(self) -> npt.NDArray[np.intp]:
-        """(M,) index in ``distances`` of the known distance that is assigned to a row; -1 for none."""
-        return self._link
-
-    def read_components(self) -> npt.NDArray[np.bool_]:
+    def read_components(self) -> Mask:
         """(M, 4) True for x, y and z in all rows, and for the distance in rows that have one."""
         own = np.ones((self.read.count, 4), dtype=bool)
-        own[:, 3] = self._link >= 0
+        own[:, 3] = self.link >= 0
         return own
 
     @property
@@ -104,26 +97,26 @@ class Socket(Instrument):
     def row_sigmas(self) -> Floats | None:
         """(M, 4) sigmas of distances, m, in rows that have one; all else is NaN."""
         sigmas = np.full((self.read.count, 4), np.nan)
-        rows = self._link >= 0
+        rows = self.link >= 0
         if rows.any():
             sigma = np.array([distance[3] for distance in self.table.distances])
-            sigmas[rows, 3] = (sigma * np.sqrt(self._shared))[self._link[rows]]
+            sigmas[rows, 3] = (sigma * np.sqrt(self._shared))[self.link[rows]]
         return sigmas
 
     def counted(self) -> Floats:
         """(M, 4) 1, but 1 / K for a distance that is assigned to K rows."""
         counted = np.ones((self.read.count, 4))
-        rows = self._link >= 0
+        rows = self.link >= 0
         if rows.any():
-            counted[rows, 3] = (1.0 / self._shared)[self._link[rows]]
+            counted[rows, 3] = (1.0 / self._shared)[self.link[rows]]
         return counted
 
     def measured(self) -> Floats:
         """(M, 4) zeros for x, y and z, then the known distance (0 in rows without one), m."""
         values = np.zeros((self.read.count, 4))
-        rows = self._link >= 0
+        rows = self.link >= 0
         if rows.any():
-            values[rows, 3] = np.array([distance[2] for distance in self.table.distances])[self._link[rows]]
+            values[rows, 3] = np.array([distance[2] for distance in self.table.distances])[self.link[rows]]
         return values
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
@@ -132,12 +125,8 @@ class Socket(Instrument):
         found = np.zeros((len(poses), 4))
         found[:, :3] = self.targets.positions(poses, t) - points[self.socket]
         for i, (one, two) in enumerate(self._pairs()):
-            found[self._link == i, 3] = np.linalg.norm(points[one] - points[two])
+            found[self.link == i, 3] = np.linalg.norm(points[one] - points[two])
         return found
-
-    def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the targets, base frame, m."""
-        return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 4, 6) derivative by the TCP's pose: motion of the target; 0 for the distance."""
@@ -157,7 +146,7 @@ class Socket(Instrument):
         for i, (one, two) in enumerate(self._pairs()):
             apart = points[one] - points[two]
             unit = apart / np.linalg.norm(apart)
-            rows = self._link == i
+            rows = self.link == i
             found[rows, 3, k + 3 * one : k + 3 * one + 3] = unit
             found[rows, 3, k + 3 * two : k + 3 * two + 3] = -unit
         return found

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.errors import DatasetError
-from gtpin.instruments.instrument import Read, RowError, Unknown
+from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
 from gtpin.kinematics.frame_and_target import AWAY
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import skew
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 AXES = ("x", "y", "z")
 
 
-def indices(read: Read, column: str, known: dict[str, object], what: str) -> npt.NDArray[np.intp]:
+def indices(read: Read, column: str, known: dict[str, object], what: str) -> Indices:
     """(M,) index of each row's id among the ids ``known``; 0 if the column is missing and there is one id only.
 
     ``what``: what the ids are of, for messages (``station``).
@@ -55,11 +54,11 @@ class Targets:
 
     def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:
         self._named = table.fixed_targets
-        self.of: npt.NDArray[np.intp] = indices(read, "target", dict(self._named), "target")
+        self.of: Indices = indices(read, "target", dict(self._named), "target")
         self.declared = np.array(list(self._named.values()), dtype=float)
         sigma = AWAY if free else table.target_sigma
         self.unknowns: tuple[Unknown, ...] = tuple(
-            Unknown(f"{table.name}.target{_in_brackets(name)}.{axis}", "m", float(at[i]), sigma)
+            Unknown(f"{table.name}.target{f'[{name}]' if name else ''}.{axis}", "m", float(at[i]), sigma)
             for name, at in zip(self._named, self.declared, strict=True)
             for i, axis in enumerate(AXES)
             if sigma > 0.0
@@ -96,5 +95,11 @@ class Targets:
         return found
 
 
-def _in_brackets(name: str) -> str:
-    return f"[{name}]" if name else ""
+class OfTargets(Instrument):
+    """An instrument that observes targets on the platform, or whose targets touch something."""
+
+    targets: Targets
+
+    def looked_at(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 3) the targets, base frame, m."""
+        return self.targets.positions(poses, u[: self.targets.count])

@@ -41,10 +41,6 @@ class Tilt(Instrument):
             hint = "tilts are components of a unit vector: rad for small angles, not degrees or mm/m"
             raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
 
-    def measured(self) -> Floats:
-        """(M, 2) measured tilts."""
-        return np.column_stack([self.read.numbers["tilt_x"], self.read.numbers["tilt_y"]])
-
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         """(M, 2) predicted tilts."""
         return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ self._mount(u))[:, :2]

@@ -10,8 +10,8 @@ import numpy as np
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.read_instruments import SIGMAS
-from gtpin.instruments.instrument import Component, Instrument, Unknown
-from gtpin.instruments.targets import AXES, Targets
+from gtpin.instruments.instrument import Component, Unknown
+from gtpin.instruments.targets import AXES, OfTargets, Targets
 from gtpin.kinematics.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
@@ -20,7 +20,7 @@ from gtpin.typing import Floats
 TURNS = ("rx", "ry", "rz")
 
 
-class Tracker(Instrument):
+class Tracker(OfTargets):
     """Position F p + f of a target p, and where measured its orientation F R M, in the instrument's frame.
 
     p and R: the target's position and the platform's orientation, base frame. F and f: the base frame's orientation and origin
@@ -108,10 +108,6 @@ class Tracker(Instrument):
         R = poses.R @ exp(mount.reshape(-1, 3))[self.targets.of] if len(mount) else poses.R
         seen = Poses(self.targets.positions(poses, t), R)
         return seen.moved(shift, exp(turn)) if self.table.frame == "free" else seen
-
-    def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the targets, base frame, m."""
-        return self.targets.positions(poses, u[: self.targets.count])
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, 6) derivative, in the instrument's frame, by the TCP's position (m) and rotation vector (rad), base frame.

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from gtpin.kinematics.poses import chunks
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices, Mask
 
 FARTHEST = 10.0
 """Distance from the instrument, over the median distance, beyond which a position counts as a gross error. Assumed: the
@@ -42,9 +42,9 @@ class ReadingNoise:
     """
 
     sigma: Floats
-    group: npt.NDArray[np.intp]
+    group: Indices
     row_sigma: Floats
-    estimated: npt.NDArray[np.bool_]
+    estimated: Mask
     repeatability: float = 0.0
     lack: float = 0.0
     sight: Floats | None = None
@@ -52,6 +52,10 @@ class ReadingNoise:
     range_ratio: float = 1.0
     source: str = "declared"
     dof: float = np.inf
+
+    def at_rows_of(self, other: ReadingNoise) -> ReadingNoise:
+        """The same noise for the rows of another, of the same groups of numbers."""
+        return replace(self, group=other.group, row_sigma=other.row_sigma, sight=other.sight, reach=other.reach)
 
     def towards(self, position: Floats, station: Floats) -> ReadingNoise:
         """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
@@ -143,12 +147,9 @@ class ReadingNoise:
 
     def at_least(self, sigma: float) -> ReadingNoise:
         """The same noise with instruments' sigmas of at least ``sigma``, m and rad."""
-        if self.row_sigma.strides[0] == 0:  # a view of one row for all
-            one = np.maximum(self.row_sigma[0], sigma)
-            return replace(
-                self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.broadcast_to(one, self.row_sigma.shape)
-            )
-        return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=np.maximum(self.row_sigma, sigma))
+        one = self.row_sigma[:1] if self.row_sigma.strides[0] == 0 else self.row_sigma  # a view of one row stays one
+        own = np.broadcast_to(np.maximum(one, sigma), self.row_sigma.shape)
+        return replace(self, sigma=np.maximum(self.sigma, sigma), row_sigma=own)
 
 
 def line_of_sight(position: Floats, station: Floats) -> tuple[Floats, Floats]:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import gammaln
 
 from gtpin.distributions import chi2, f
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 REJECTION = 1e-3
 """Probability that any good pose of a dataset is set aside, for Gaussian noise. Assumed."""
@@ -54,7 +53,7 @@ def huber(residual: Floats) -> Floats:
     return np.where(norm > LEFT_OUT, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
-def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> npt.NDArray[np.bool_]:
+def gross(residual: Floats, used: Mask, heaviest: float = np.inf) -> Mask:
     """(N,) whether noise with the size and tails of the other poses' residuals does not explain a pose's residual.
 
     ``residual``: (N, c) whitened residuals, of all poses. ``used``: (N,) poses that the fit used. ``heaviest``: upper limit
@@ -63,13 +62,11 @@ def gross(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.in
     return np.asarray(square_norms(residual) > gross_limit(residual, used, heaviest))
 
 
-def gross_limit(residual: Floats, used: npt.NDArray[np.bool_], heaviest: float = np.inf) -> float:
+def gross_limit(residual: Floats, used: Mask, heaviest: float = np.inf) -> float:
     """Squared length of a whitened residual from which :func:`gross` rejects its row."""
     tails = Tails(min(Tails.of(residual[used]).freedom, heaviest))
-    limit, scale = (
-        tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1]),
-        robust_scale(residual[used]) ** 2,
-    )
+    limit = tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1])
+    scale = robust_scale(residual[used]) ** 2
     if limit > ABSURD**2 and (square_norms(residual) > ABSURD**2 * scale).mean() <= FEW:
         limit = ABSURD**2
     return limit * scale

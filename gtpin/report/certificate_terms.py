@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from gtpin.certificate.pose_accuracy import CYCLES
 from gtpin.certificate.positioning import APPROACHES, TARGETS
 from gtpin.certificate.quantity import Missing
-from gtpin.noise.repeats import LEAST_CONTRASTS
+from gtpin.noise.estimate import LEAST_CONTRASTS
 
 ISO_9283 = "ISO 9283:1998"
 ISO_230_2 = "ISO 230-2:2014"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.calibration.observability import Remedy
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 

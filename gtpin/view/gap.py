@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.instrument_unknowns import with_unknowns
+from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset, check_commands
 from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError, ModelError, warn

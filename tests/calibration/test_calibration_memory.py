@@ -18,7 +18,7 @@ from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.effects.active import with_effects
 from gtpin.errors import GtpinError
 from gtpin.kinematics import poses
-from gtpin.noise.repeats import contrasts
+from gtpin.noise.estimate import contrasts
 
 linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of addresses are Linux's")
 
@@ -150,12 +150,18 @@ def test_too_little_is_refused_with_what_is_needed_and_what_is_free(tmp_path, mo
         memory.require("this", 1.9e9)
 
 
+@pytest.fixture(scope="module")
+def data(robot, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("memory") / "data"
+    simulate(robot, "gantry_tau", poses=300, seed=5).dataset.write(folder)
+    return folder
+
+
 @pytest.mark.slow
 @linux
 @pytest.mark.parametrize("command", ["calibrate", "diagnose"])
 @pytest.mark.parametrize("room", [20, 60, 150, 300])
-def test_a_limit_of_memory_ends_in_one_line_or_not_at_all(robot, tmp_path, command, room):
-    simulate(robot, "gantry_tau", poses=300, seed=5).dataset.write(tmp_path / "data")
+def test_a_limit_of_memory_ends_in_one_line_or_not_at_all(data, tmp_path, command, room):
     program = (
         "import resource, sys, gtpin.cli; gtpin.cli.app\n"
         "import gtpin.diagnosis.diagnose, gtpin.report.diagnosis_page\n"
@@ -164,7 +170,7 @@ def test_a_limit_of_memory_ends_in_one_line_or_not_at_all(robot, tmp_path, comma
         "resource.setrlimit(resource.RLIMIT_AS, (limit, limit))\n"
         "gtpin.cli.main()\n"
     )
-    arguments = [str(room), command, str(tmp_path / "data"), "-o", str(tmp_path / "out")]
+    arguments = [str(room), command, str(data), "-o", str(tmp_path / "out")]
     run = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=False)
     assert run.returncode in ((2,) if room < 60 else (0, 2)), run.stderr
     if run.returncode == 2:

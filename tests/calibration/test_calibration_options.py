@@ -1,6 +1,5 @@
 """Which parameters a calibration identifies, and with which tolerances."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +17,19 @@ def case(seed=0, count=60, **kwargs):
     return machine, measured(machine, commands(rng, count), rng, **kwargs)
 
 
-def test_the_contract_s_48_are_the_default():
-    _, dataset = case()
-    found = gtpin.calibrate(dataset)
-    assert sorted(found.names) == sorted(names())
-    assert len(found.names) == 48
+@pytest.fixture(scope="module")
+def dataset():
+    return case()[1]
+
+
+@pytest.fixture(scope="module")
+def usual(dataset):
+    return gtpin.calibrate(dataset)
+
+
+def test_the_contract_s_48_are_the_default(usual):
+    assert sorted(usual.names) == sorted(names())
+    assert len(usual.names) == 48
 
 
 @pytest.mark.slow
@@ -65,39 +72,29 @@ def test_parameters_left_out_stay_nominal():
 
 
 @pytest.mark.slow
-def test_what_was_left_out_wrongly_shows_as_a_lack_of_fit():
-    _, dataset = case()
+def test_what_was_left_out_wrongly_shows_as_a_lack_of_fit(dataset):
     found = gtpin.calibrate(dataset, without=["track_direction"])
     assert found.chi2_per_dof > 2.0
     assert found.enlarged == pytest.approx(np.sqrt(found.chi2_per_dof)) or np.isfinite(found.freedom)
 
 
-def test_a_name_that_is_no_parameter_is_refused():
-    _, dataset = case()
+def test_a_name_that_is_no_parameter_is_refused(dataset):
     with pytest.raises(GtpinError, match=r"length\[9z\]"):
         gtpin.calibrate(dataset, without=["length[9z]"])
 
 
-def test_the_dataset_s_tolerances_override_the_robot_s():
-    _, dataset = case()
+def test_the_dataset_s_tolerances_override_the_robot_s(dataset, usual):
+    def of_kind(found, values, kind):
+        return [value for name, value in zip(found.names, values, strict=True) if name.startswith(kind)]
+
     tight = gtpin.calibrate(replace(dataset, tolerance={"platform_joint": 1e-6}))
-    usual = gtpin.calibrate(dataset)
     for found, kind, size in ((tight, "platform", 1e-6), (usual, "platform", 1e-3), (tight, "cart_joint", 2e-3)):
-        assert {t for n, t in zip(found.names, found.model.geometry.tolerance, strict=True) if n.startswith(kind)} == {
-            size
-        }
-    off = [d for n, d in zip(tight.names, tight.model.geometry.deviation, strict=True) if n.startswith("platform")]
-    assert (
-        np.abs(off).max()
-        < 1e-4
-        < max(
-            abs(d) for n, d in zip(usual.names, usual.model.geometry.deviation, strict=True) if n.startswith("platform")
-        )
-    )
+        assert set(of_kind(found, found.model.geometry.tolerance, kind)) == {size}
+    off, other = (np.abs(of_kind(c, c.model.geometry.deviation, "platform")).max() for c in (tight, usual))
+    assert off < 1e-4 < other
 
 
-def test_a_tolerance_of_unknown_kind_is_refused():
-    _, dataset = case()
+def test_a_tolerance_of_unknown_kind_is_refused(dataset):
     with pytest.raises(GtpinError, match="belt_length"):
         gtpin.calibrate(replace(dataset, tolerance={"belt_length": 1e-3}))
 
@@ -122,32 +119,21 @@ def test_few_poses_are_no_reason_to_claim_more_than_is_known(count):
 
 
 @pytest.mark.slow
-def test_poses_of_another_machine_do_not_converge_in_silence():
-    rng = np.random.default_rng(0)
-    _, dataset = case()
-    shuffled = replace(dataset, q=rng.permutation(dataset.q))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        try:
-            found = gtpin.calibrate(shuffled)
-        except (ConvergenceError, DatasetError):
-            return
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_poses_of_another_machine_do_not_converge_in_silence(dataset):
+    shuffled = replace(dataset, q=np.random.default_rng(0).permutation(dataset.q))
+    try:
+        found = gtpin.calibrate(shuffled)
+    except (ConvergenceError, DatasetError):
+        return
     # What comes out all the same says that it does not fit.
     assert found.chi2_per_dof > 100 or len(found.rejected) > 10
 
 
-def test_an_iteration_limit_that_is_hit_is_an_error(monkeypatch):
-    _, dataset = case()
-    monkeypatch.setattr("gtpin.calibration.gauss_newton.MAX_ITERATIONS", 1)
-    with pytest.raises(ConvergenceError, match="not converged"):
-        gtpin.calibrate(dataset)
-
-
-@pytest.mark.slow
-def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
-    _, dataset = case()
-    monkeypatch.setattr("gtpin.calibration.robust_fit.MAX_ITERATIONS", 1)
-    with pytest.raises(ConvergenceError, match="converged in 1"):
+@pytest.mark.parametrize(("iteration", "words"), [("gauss_newton", "not converged"), ("robust_fit", "converged in 1")])
+def test_an_iteration_limit_that_is_hit_is_an_error(dataset, monkeypatch, iteration, words):
+    monkeypatch.setattr(f"gtpin.calibration.{iteration}.MAX_ITERATIONS", 1)
+    with pytest.raises(ConvergenceError, match=words):
         gtpin.calibrate(dataset)
 
 
@@ -155,16 +141,12 @@ def test_rounds_that_do_not_settle_are_an_error(monkeypatch):
 def test_it_takes_few_steps_from_nominal():
     for seed in range(10):
         steps = []
-        gtpin.calibrate(
-            case(seed)[1], progress=lambda what, iteration, size, steps=steps: steps.append((what, iteration))
-        )
-        assert max(iteration for _, iteration in steps) <= 8
+        gtpin.calibrate(case(seed)[1], progress=lambda _, iteration, size, steps=steps: steps.append(iteration))
+        assert max(steps) <= 8
         assert len(steps) <= 20
 
 
-def test_the_order_of_the_rows_means_nothing():
-    _, dataset = case(3)
+def test_the_order_of_the_rows_means_nothing(dataset, usual):
     again = gtpin.calibrate(dataset.take(np.random.default_rng(0).permutation(len(dataset))))
-    found = gtpin.calibrate(dataset)
-    assert (np.abs(again.values - found.values) <= 1e-6 * found.sigma).all()
-    np.testing.assert_allclose(again.sigma, found.sigma, rtol=1e-7)
+    assert (np.abs(again.values - usual.values) <= 1e-6 * usual.sigma).all()
+    np.testing.assert_allclose(again.sigma, usual.sigma, rtol=1e-7)

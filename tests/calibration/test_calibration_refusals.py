@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_gantry import commands, draw, measured
+from virtual_gantry import commands, draw, indices, measured
 
 import gtpin
-from gtpin.data import Instrument
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
@@ -21,38 +20,17 @@ def good():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        lambda d: replace(d, q=d.q[:, [1, 0, 2]]),
-        lambda d: replace(d, q=d.q[:, [0, 2, 1]]),
-        lambda d: replace(d, q=d.q * [1.0, 1.0, -1.0]),
-        lambda d: replace(d, position=d.position[:, [0, 2, 1]]),
-        lambda d: replace(d, position=d.position * [1.0, -1.0, 1.0]),
-    ],
-    ids=["q1 and q2 swapped", "q2 and q3 swapped", "q3 negated", "y and z swapped", "y mirrored"],
-)
-@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
-def test_columns_in_a_wrong_order_or_sign_never_give_a_model(good, spoil):
-    with pytest.raises((DatasetError, ConvergenceError)) as caught:
-        gtpin.calibrate(spoil(good))
-    assert "column" in str(caught.value)
-
-
-@pytest.mark.slow
 def test_scalar_last_quaternions_are_recognised_in_a_free_frame_though_the_plate_hardly_turns(good):
-    free = replace(good, instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, frame="free"))
+    free = replace(good, instrument=good.instrument.model_copy(update={"frame": "free"}))
     assert gtpin.calibrate(free).chi2_per_dof < 1.5
     with pytest.raises(DatasetError, match="looks like xyzw"):
         gtpin.calibrate(replace(free, orientation=np.roll(good.orientation, -1, axis=1)))
 
 
 def test_a_station_among_the_poses_is_refused(good):
-    station = tuple(float(x) for x in good.position[3])
+    among = good.instrument.model_copy(update={"station": tuple(map(float, good.position[3]))})
     with pytest.raises(DatasetError, match="station"):
-        gtpin.calibrate(
-            replace(good, instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, station=station))
-        )
+        gtpin.calibrate(replace(good, instrument=among))
 
 
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of the frame, which this looks like
@@ -95,14 +73,7 @@ def test_observability_indices_are_those_of_the_whitened_derivative_down_to_what
     J /= np.array([1.5e-5] * 3 + [5e-5] * 3)[None, :, None]
     s = np.linalg.svd(J.reshape(-1, 48), compute_uv=False)
     assert s[-1] < 1e-6 * s[0]  # far below what the square of J could tell
-    expected = {
-        "O1": np.exp(np.log(s).mean()) / np.sqrt(J.shape[0] * 6),
-        "O2": s[-1] / s[0],
-        "O3": s[-1],
-        "O4": s[-1] ** 2 / s[0],
-        "O5": 1.0 / (1.0 / s).sum(),
-    }
-    assert found.observability.indices == pytest.approx(expected, rel=1e-3)
+    assert found.observability.indices == pytest.approx(indices(s, J.shape[0] * 6), rel=1e-3)
 
 
 @pytest.mark.slow

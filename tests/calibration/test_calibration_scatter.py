@@ -1,6 +1,6 @@
 """Scatter of the drives is what is new at every pose; what neighbouring poses share is a lack of the model, and no scatter."""
 
-import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from virtual_gantry import commands, draw, measured, undeclared
 
 import gtpin
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 
 MACHINES = 30
 SCATTER = 20e-6
@@ -20,22 +20,12 @@ def visited(seed, offset, count=80):
     """Undeclared measurements of a machine whose carts stand off by offset(q, rng), m; no pose is visited twice."""
     rng = np.random.default_rng([seed, 31])
     machine, asked = draw(rng), commands(rng, count)
-    true = measured(machine, asked + offset(asked, rng), rng)
-    return undeclared(
-        gtpin.Dataset(true.robot, true.pose, asked, true.position, true.orientation, instrument=true.instrument)
-    )
-
-
-def calibrated(dataset):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses set aside: counted, where it matters
-        return gtpin.calibrate(dataset)
+    return undeclared(replace(measured(machine, asked + offset(asked, rng), rng), q=asked))
 
 
 def test_what_is_new_at_every_pose_is_scatter():
-    found = [
-        calibrated(visited(seed, lambda q, rng: SCATTER * rng.standard_normal(q.shape))) for seed in range(MACHINES)
-    ]
+    datasets = [visited(seed, lambda q, rng: SCATTER * rng.standard_normal(q.shape)) for seed in range(MACHINES)]
+    found = [gtpin.calibrate(dataset) for dataset in datasets]
     believed = [c.noise.repeatability for c in found if c.noise.repeatability > 0.0]
     # Documented: independent scatter is taken for a lack of the model with a chance of 2.5 %.
     assert MACHINES - len(believed) <= binom.isf(ONCE, MACHINES, 0.025)
@@ -59,7 +49,7 @@ def yielding(q, rng):
 
 @pytest.mark.parametrize("lack", [bent, yielding])
 def test_what_neighbouring_poses_share_is_no_scatter(lack):
-    found = [calibrated(visited(seed, lack, count=120)) for seed in range(10)]
+    found = [gtpin.calibrate(visited(seed, lack, count=120)) for seed in range(10)]
     assert [c.noise.repeatability for c in found] == [0.0] * 10
     # Of 1,200 good poses. What is left is no Gaussian, but sums of waves have no tails either.
     assert sum(len(c.rejected) for c in found) <= 2
@@ -71,18 +61,6 @@ def test_repeated_visits_show_scatter_whatever_the_model_lacks(lack):
     machine, visits = draw(rng), np.repeat(np.arange(60), 2)
     asked = commands(rng, 60)[visits]
     off = lack(asked[::2], rng)[visits] + SCATTER * rng.standard_normal(asked.shape)
-    true = measured(machine, asked + off, rng)
-    found = calibrated(
-        undeclared(
-            gtpin.Dataset(
-                true.robot,
-                [str(i) for i in visits],
-                asked,
-                true.position,
-                true.orientation,
-                instrument=true.instrument,
-            )
-        )
-    )
+    found = gtpin.calibrate(undeclared(replace(measured(machine, asked + off, rng), q=asked, pose=visits)))
     # A sigma from 180 numbers is known to 5 %.
     assert found.noise.repeatability == pytest.approx(SCATTER, rel=0.25)

@@ -15,20 +15,18 @@ from gtpin.report.calibration_text import calibration_text
 SHIFT = 4e-4
 
 
-def shifted(seed, free=False):
-    """A machine whose second drive stands at SHIFT when its command is zero, and a dataset of it."""
+def shifted(seed):
+    """A machine whose second drive stands at SHIFT when its command is zero, a dataset of it, and its calibration."""
     rng = np.random.default_rng([seed, 17])
-    machine = draw(rng, free=free)
+    machine = draw(rng)
     asked = commands(rng, 60)
-    true = measured(machine, asked + np.array([0.0, SHIFT, 0.0]), rng)
-    return machine, gtpin.Dataset(
-        true.robot, true.pose, asked, true.position, true.orientation, instrument=true.instrument
-    )
+    dataset = replace(measured(machine, asked + np.array([0.0, SHIFT, 0.0]), rng), q=asked)
+    return machine, dataset, gtpin.calibrate(dataset)
 
 
 @pytest.fixture(scope="module")
-def found():
-    return [(*shifted(seed), gtpin.calibrate(shifted(seed)[1])) for seed in range(30)]
+def first():
+    return shifted(0)
 
 
 def true_zero(machine, cart):
@@ -40,9 +38,9 @@ def true_zero(machine, cart):
 
 
 @pytest.mark.slow
-def test_the_equivalent_zero_is_found_and_its_sigma_holds(found):
+def test_the_equivalent_zero_is_found_and_its_sigma_holds():
     z = []
-    for machine, _, calibration in found:
+    for machine, _, calibration in map(shifted, range(30)):
         assert [zero.site for zero in calibration.zeros] == ["cart1", "cart2", "cart3"]
         for cart, zero in enumerate(calibration.zeros):
             assert zero.unit == "m"
@@ -51,26 +49,25 @@ def test_the_equivalent_zero_is_found_and_its_sigma_holds(found):
     assert_chi2(float(np.sum(np.square(z))), len(z))
 
 
-@pytest.mark.slow
-def test_it_is_in_the_files_next_to_the_keys_that_were_there(found):
-    told = json.loads(json.dumps(found[0][2].to_json()))
+def test_it_is_in_the_files_next_to_the_keys_that_were_there(first):
+    told = json.loads(json.dumps(first[2].to_json()))
     zeros = {zero["site"]: zero for zero in told["equivalent_zeros"]}
     assert set(zeros) == {"cart1", "cart2", "cart3"}
     assert set(zeros["cart2"]) == {"site", "value", "sigma", "unit"}
-    assert zeros["cart2"]["value"] == found[0][2].zeros[1].value
+    assert zeros["cart2"]["value"] == first[2].zeros[1].value
 
 
-def test_it_stands_in_the_reports_with_the_word_zero(found):
-    _, dataset, calibration = found[0]
+def test_it_stands_in_the_reports_with_the_word_zero(first):
+    _, dataset, calibration = first
     text = calibration_text(calibration)
     assert "zero of a drive" in text
     assert f"{calibration.zeros[1].value:+.7f}" in text
     assert "Zeros of the drives" in calibration_page(calibration, dataset)
 
 
-def test_joints_that_no_calibration_may_move_have_no_zero():
-    dataset = shifted(1)[1]
-    assert gtpin.calibrate(dataset, without=["cart_joint"]).zeros == ()
+@pytest.mark.filterwarnings("ignore:parameters more than")  # they make up for the zero
+def test_joints_that_no_calibration_may_move_have_no_zero(first):
+    assert gtpin.calibrate(first[1], without=["cart_joint"]).zeros == ()
 
 
 @pytest.mark.slow

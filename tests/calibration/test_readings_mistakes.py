@@ -13,9 +13,10 @@ from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 
 import gtpin
 from gtpin.data.duplicates import counted_once
-from gtpin.errors import DatasetError, GtpinError, GtpinWarning
+from gtpin.errors import DatasetError, GtpinError
 from gtpin.instruments.readings import instruments_of, single
 
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 MACHINE = draw(np.random.default_rng(21))
 RNG = np.random.default_rng(22)
 WIRE, TOUCHES, CUP = wire(MACHINE.gantry, RNG, 100), bed(MACHINE.gantry, RNG, 60), cup(MACHINE.gantry, RNG, 72)
@@ -30,10 +31,8 @@ def rows(seen: Seen, of: Sequence[int]) -> Seen:
 
 def warned(folder, *seen: Seen) -> tuple[gtpin.Calibration, str]:
     """The calibration, and the words of all its warnings."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", GtpinWarning)
-        found = gtpin.calibrate(read(folder / "set", *seen))
-    return found, "\n".join(str(one.message) for one in caught)
+    found = gtpin.calibrate(read(folder / "set", *seen))
+    return found, "\n".join(found.warnings)
 
 
 @pytest.mark.parametrize("seen", [WIRE, LEVEL, LASER, EYE], ids=lambda seen: seen.said["name"])
@@ -166,11 +165,9 @@ def test_an_impossible_covariate_is_named_by_its_table_and_line(tmp_path):
     warm = np.full(100, 20.0) + np.linspace(0.0, 3.0, 100)
     warm[40:] = 1e6
     hot = WIRE.reading(temp_frame=warm)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        dataset = read(tmp_path / "set", slow.reading(temp_frame=np.full(80, 20.0)), hot.reading(payload=np.ones(100)))
-        with pytest.raises(DatasetError, match="temperature") as caught:
-            gtpin.calibrate(dataset)
+    dataset = read(tmp_path / "set", slow.reading(temp_frame=np.full(80, 20.0)), hot.reading(payload=np.ones(100)))
+    with pytest.raises(DatasetError, match="temperature") as caught:
+        gtpin.calibrate(dataset)
     assert caught.value.file is not None
     assert (caught.value.file.name, caught.value.row) == ("wire.csv", 42)
 

@@ -98,6 +98,7 @@ MISTAKES = {
     "y reversed": (along(1, -2, 3), "y looks reversed"),
     "z reversed": (along(1, 2, -3), "z looks reversed"),
     "x and y swapped": (along(2, 1, 3), "x and y look swapped"),
+    "y and z swapped": (along(1, 3, 2), "y and z look swapped"),
     "left-handed": (left_handed, "z looks reversed"),
     "poses inverted": (inverted, "the poses look inverted"),
     "q1 reversed": (commands(lambda q: q * np.where(np.arange(q.shape[1]) == 0, -1.0, 1.0)), "q1 looks reversed"),

@@ -13,7 +13,7 @@ from virtual_gantry import Gantry, draw
 from virtual_instruments import Seen, bed, level, read
 
 import gtpin
-from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.calibration.observability import Remedy
 from gtpin.report.unseen_words import unseen_words
 from gtpin.robot.geometry import Geometry
 

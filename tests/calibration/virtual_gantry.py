@@ -7,7 +7,7 @@ down here a second time.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -137,7 +137,7 @@ def measured(
     rng: np.random.Generator,
     *,
     noise: Floats | None = None,
-    pose: list[str] | None = None,
+    pose: Sequence[object] | None = None,
     orientation: bool = True,
     instrument: Instrument | None = None,
 ) -> gtpin.Dataset:
@@ -153,12 +153,23 @@ def measured(
         )
     return gtpin.Dataset(
         robot="gantry_tau",
-        pose=np.array([str(i) for i in range(len(q))] if pose is None else pose, dtype=object),
+        pose=np.arange(len(q)) if pose is None else pose,
         q=q,
         position=T + noise[:, :3],
         orientation=(Rotation.from_rotvec(noise[:, 3:]) * turn).as_quat(scalar_first=True) if orientation else None,
         instrument=instrument,
     )
+
+
+def indices(s: Floats, rows: int) -> dict[str, float]:
+    """Observability indices O1 to O5 of singular values, the largest first, of a derivative of so many rows."""
+    return {
+        "O1": np.exp(np.log(s).mean()) / np.sqrt(rows),
+        "O2": s[-1] / s[0],
+        "O3": s[-1],
+        "O4": s[-1] ** 2 / s[0],
+        "O5": 1.0 / (1.0 / s).sum(),
+    }
 
 
 def undeclared(dataset: gtpin.Dataset) -> gtpin.Dataset:

@@ -6,8 +6,8 @@ What each one reads is written down here a second time; nothing of gtpin's equat
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,15 +51,14 @@ class Seen:
 
     def saying(self, **said: Any) -> Seen:
         """The same readings under another description; None takes a key away."""
-        new = {key: value for key, value in (self.said | said).items() if value is not None}
-        return Seen(new, self.q, self.columns, self.truth, self.prefix)
+        return replace(self, said={key: value for key, value in (self.said | said).items() if value is not None})
 
     def reading(self, **columns: Any) -> Seen:
         """Other readings under the same description."""
-        return Seen(self.said, self.q, self.columns | columns, self.truth, self.prefix)
+        return replace(self, columns=self.columns | columns)
 
 
-def read(folder: Path, *seen: Seen, robot: str = "gantry_tau", instruments: Sequence[type] = ()) -> gtpin.Dataset:
+def read(folder: Path, *seen: Seen, robot: str = "gantry_tau") -> gtpin.Dataset:
     """The dataset of some instruments, as it is read from a folder."""
     folder.mkdir(exist_ok=True)
     for old in folder.iterdir():
@@ -68,7 +67,7 @@ def read(folder: Path, *seen: Seen, robot: str = "gantry_tau", instruments: Sequ
     (folder / "dataset.toml").write_text(tomli_w.dumps(toml))
     for one in seen:
         (folder / f"{one.said['name']}.csv").write_text(one.table())
-    return gtpin.Dataset.read(folder, instruments=instruments)
+    return gtpin.Dataset.read(folder)
 
 
 def wire(
@@ -95,19 +94,11 @@ def wire(
     return Seen(said, q, {"station": ["ABCD"[i] for i in of], "range": ranges}, truth)
 
 
-def bed(
-    machine: Gantry,
-    rng: np.random.Generator,
-    count: int,
-    *,
-    sigma: float = TOUCH,
-    height: float = 3e-3,
-    heights: bool = False,
-) -> Seen:
+def bed(machine: Gantry, rng: np.random.Generator, count: int, *, heights: bool = False) -> Seen:
     """Touches of three planes by a tip; with ``heights``, a gauge reads how far the tip is over them instead."""
     points = CENTRE + np.array([[0.0, 0.0, -0.1], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [np.sin(0.35), 0.0, np.cos(0.35)]])
-    tip, turn = np.array([0.02, -0.03, 0.05]), 1e-3
+    tip, turn, height, sigma = np.array([0.02, -0.03, 0.05]), 1e-3, 3e-3, TOUCH
     shifts, tilts = rng.normal(0.0, height, 3), rng.normal(0.0, turn, (3, 2))
     true = np.array([tilted(n, tilt) for n, tilt in zip(normals, tilts, strict=True)])
     of = rng.integers(0, 3, count)
@@ -134,29 +125,21 @@ def bed(
             for name, p, n in zip("PQR", points, normals, strict=True)
         },
     }
-    truth = {f"bed.plane[{name}].height": float(value) for name, value in zip("PQR", shifts, strict=True)}
-    truth |= {
-        f"bed.plane[{n}].{x}": float(v)
-        for n, tilt in zip("PQR", tilts, strict=True)
-        for x, v in zip("ab", tilt, strict=True)
+    unknown = zip("PQR", shifts, *tilts.T, strict=True)
+    truth = {
+        f"bed.plane[{name}].{what}": float(value)
+        for name, *values in unknown
+        for what, value in zip(("height", "a", "b"), values, strict=True)
     }
     return Seen(said, q, columns, truth, "t")
 
 
-def cup(
-    machine: Gantry,
-    rng: np.random.Generator,
-    count: int,
-    *,
-    sigma: float = SEAT,
-    distance: float = 5e-5,
-    sockets: int = 6,
-) -> Seen:
+def cup(machine: Gantry, rng: np.random.Generator, count: int, *, sockets: int = 6) -> Seen:
     """Four targets seated in some sockets, of which the distances of two pairs are known."""
     points = CENTRE + rng.uniform(-1.0, 1.0, (sockets, 3)) * [0.2, 0.1, 0.1]
     targets = np.array(list(TARGETS.values()))
     of, ball = np.arange(count) % sockets, (np.arange(count) // sockets) % 4
-    noise = rng.normal(0.0, sigma, (count, 3))
+    noise, distance = rng.normal(0.0, SEAT, (count, 3)), 5e-5
 
     def missed(q: Floats) -> Floats:
         T, R = machine.poses(q)
@@ -167,15 +150,16 @@ def cup(
         [f"S{a}", f"S{b}", float(np.linalg.norm(points[a] - points[b]) + rng.normal(0.0, distance)), distance]
         for a, b in ((0, 1), (2, 3))
     ]
-    said = {"name": "cup", "kind": "socket", "sigma": sigma, "distances": known}
+    said = {"name": "cup", "kind": "socket", "sigma": SEAT, "distances": known}
     said["targets"] = {name: list(at) for name, at in TARGETS.items()}
     columns = {"socket": [f"S{i}" for i in of], "target": ["ABCD"[i] for i in ball]}
     truth = {f"cup.point[S{i}].{x}": float(at[k]) for i, at in enumerate(points) for k, x in enumerate("xyz")}
     return Seen(said, q, columns, truth, "s")
 
 
-def level(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float = LEVEL, mount: float = 5e-3) -> Seen:
+def level(machine: Gantry, rng: np.random.Generator, count: int) -> Seen:
     """A tilt sensor: the vertical, seen in its frame."""
+    sigma, mount = LEVEL, 5e-3
     turn = rng.normal(0.0, mount, 3)
     q = commands(rng, count)
     sensor = machine.poses(q)[1] @ Rotation.from_rotvec(turn).as_matrix()
@@ -185,7 +169,7 @@ def level(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float
     return Seen(said, q, {"tilt_x": seen[:, 0], "tilt_y": seen[:, 1]}, truth, "l")
 
 
-def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str, *, zero: float = 1e-2) -> Seen:
+def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str) -> Seen:
     """An encoder at a joint by which a rod hangs on the platform: the rod is along z, turned about y, then about x."""
     rod, turns = joint.removeprefix("link").split("_")
     i, rpy = RODS.index(rod), re.search(f'name="link{rod}_pitch".*?rpy="(.*?)"', ROBOT.description.xml, re.DOTALL)
@@ -196,6 +180,7 @@ def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str, *, 
     along = Rotation.from_euler("xyz", [float(v) for v in rpy[1].split()]).inv().apply(along)
     along /= np.linalg.norm(along, axis=1)[:, None]
     angle = np.arcsin(along[:, 0]) if turns == "yaw" else np.arctan2(-along[:, 1], along[:, 2])
+    zero = 1e-2
     off = rng.normal(0.0, zero)
     said = {"name": joint, "kind": "encoder", "joint": joint, "sigma": SPARE, "zero_sigma": zero}
     return Seen(said, q, {"reading": angle + off + rng.normal(0.0, SPARE, count)}, {f"{joint}.zero": off}, joint)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_dataset import HEADER, LINES, TOML
+from small_dataset import LINES, TOML, table
 
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
@@ -21,7 +21,7 @@ def make(tmp_path: Path) -> Make:
     def write(poses: str | bytes | None = None, toml: str | bytes | None = TOML, **tables: str | bytes) -> Path:
         folder = tmp_path / "set"
         folder.mkdir(exist_ok=True)
-        tables["poses"] = "\n".join((HEADER, *LINES, "")) if poses is None else poses
+        tables["poses"] = table(*LINES) if poses is None else poses
         contents = {f"{name}.csv": text for name, text in tables.items()}
         if toml is not None:
             contents["dataset.toml"] = toml
@@ -47,35 +47,6 @@ def write(tmp_path: Path) -> Make:
         return folder
 
     return put
-
-
-@pytest.fixture
-def with_column(make: Make) -> Callable[..., Path]:
-    """Write the valid dataset with one more column, or with a column's cells replaced."""
-
-    def write(name: str, *cells: str) -> Path:
-        rows = [line.split(",") for line in (HEADER, *LINES)]
-        if name not in rows[0]:
-            for row in rows:
-                row.append(name)
-        at = rows[0].index(name)
-        for row, cell in zip(rows[1:], cells, strict=True):
-            row[at] = cell
-        return make("\n".join(",".join(row) for row in rows))
-
-    return write
-
-
-@pytest.fixture
-def without_columns(make: Make) -> Callable[..., Path]:
-    """Write the valid dataset without some of its columns."""
-
-    def write(*names: str) -> Path:
-        rows = [line.split(",") for line in (HEADER, *LINES)]
-        kept = [i for i, name in enumerate(rows[0]) if name not in names]
-        return make("\n".join(",".join(row[i] for i in kept) for row in rows))
-
-    return write
 
 
 @pytest.fixture

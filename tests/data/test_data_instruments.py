@@ -1,7 +1,6 @@
 """Datasets of several instruments: read to the bit, written to the bit, and one tracker's are those of schema 1."""
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -64,16 +63,9 @@ def folders(draw):
     return toml, {one["name"]: tables[one["name"]] for one in kept}
 
 
-def put(folder: Path, toml: dict, tables: dict) -> Path:
-    folder.mkdir(exist_ok=True)
-    for old in folder.iterdir():
-        old.unlink()
-    (folder / "dataset.toml").write_text(tomli_w.dumps(toml))
-    for name, columns in tables.items():
-        rows = zip(*columns.values(), strict=True)
-        lines = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
-        (folder / f"{name}.csv").write_text("\n".join(lines))
-    return folder
+def text(columns: dict) -> str:
+    rows = zip(*columns.values(), strict=True)
+    return "\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)])
 
 
 def bits(column):
@@ -83,11 +75,11 @@ def bits(column):
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(case=folders(), suffix=st.sampled_from(["csv", "parquet"]))
-def test_readings_are_read_as_they_were_written(tmp_path, case, suffix):
+def test_readings_are_read_as_they_were_written(write, tmp_path, case, suffix):
     toml, tables = case
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of times that do not vary
-        first = Dataset.read(put(tmp_path / "typed", toml, tables))
+        first = Dataset.read(write(tomli_w.dumps(toml), **{name: text(columns) for name, columns in tables.items()}))
         first.write(tmp_path / "set", suffix)
         again = Dataset.read(tmp_path / "set")
     for index, (name, columns) in enumerate(tables.items()):
@@ -110,14 +102,8 @@ def test_readings_are_read_as_they_were_written(tmp_path, case, suffix):
 
 def test_an_instrument_of_each_kind_is_read_and_written(write, tmp_path):
     dataset = Dataset.read(write("".join((HEAD, *ALL)), **TABLES))
-    assert [table.kind for table in dataset.readings.tables] == [
-        "tracker",
-        "range",
-        "plane",
-        "socket",
-        "tilt",
-        "encoder",
-    ]
+    kinds = ["tracker", "range", "plane", "socket", "tilt", "encoder"]
+    assert [table.kind for table in dataset.readings.tables] == kinds
     assert dataset.readings.tables[1].stations == {"A": (2.0, 0.1, 0.3), "B": (-1.0, 2.0, 0.5)}
     assert dataset.readings.tables[3].distances == (("S1", "S2", 0.05, 5e-5),)
     dataset.write(tmp_path / "new")
@@ -210,12 +196,8 @@ def both(tmp_path_factory):
 def test_one_tracker_of_schema_2_is_the_dataset_of_schema_1(both):
     one, two = both
     assert two.readings.tracked
-    assert (one.robot, one.instrument, one.conditions, one.tolerance) == (
-        two.robot,
-        two.instrument,
-        two.conditions,
-        two.tolerance,
-    )
+    for name in ("robot", "instrument", "conditions", "tolerance"):
+        assert getattr(one, name) == getattr(two, name)
     for name in ("pose", "q", "position", "orientation", "row"):
         assert bits(getattr(one, name)) == bits(getattr(two, name)), name
     assert bits(one.covariates["time"]) == bits(two.covariates["time"])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_dataset import HEADER, LINES
+from small_dataset import HEADER, LINES, with_column, without
 
 from gtpin.data import CartMeasurements, Commands, Dataset
 from gtpin.data.csv_file import TOGETHER, read_csv
@@ -96,8 +96,8 @@ def test_a_name_stays_as_it_is(name):
     assert normal_id(name) == name
 
 
-def test_sessions_written_as_numbers_and_as_text_are_the_same(with_column):
-    dataset = Dataset.read(with_column("session", "2", "2.000000000", "3", "2.0"))
+def test_sessions_written_as_numbers_and_as_text_are_the_same(make):
+    dataset = Dataset.read(make(with_column("session", "2", "2.000000000", "3", "2.0")))
     assert dataset.covariates["session"].tolist() == ["2", "2", "3", "2"]
 
 
@@ -133,27 +133,23 @@ def test_row_order_means_nothing(make):
     assert other.position.tolist() == one.position.tolist()[::-1]
 
 
-def test_orientation_may_be_missing_as_a_whole(without_columns):
-    assert Dataset.read(without_columns("qw", "qx", "qy", "qz")).orientation is None
+def test_orientation_may_be_missing_as_a_whole(make):
+    assert Dataset.read(make(without("qw", "qx", "qy", "qz"))).orientation is None
 
 
-def test_a_quaternion_slightly_off_is_normalised(with_column):
-    orientation = Dataset.read(with_column("qw", "1.0009", "0.6", "0", "0.9991")).orientation
+def test_a_quaternion_slightly_off_is_normalised(make):
+    orientation = Dataset.read(make(with_column("qw", "1.0009", "0.6", "0", "0.9991"))).orientation
     np.testing.assert_allclose(np.linalg.norm(orientation, axis=1), 1.0, rtol=0, atol=1e-15)
 
 
-def test_any_other_numeric_column_is_kept_as_a_covariate_of_its_own_name(with_column):
-    assert Dataset.read(with_column("approach_angle", "0.5", "1", "2", "3")).covariates["approach_angle"].tolist() == [
-        0.5,
-        1.0,
-        2.0,
-        3.0,
-    ]
+def test_any_other_numeric_column_is_kept_as_a_covariate_of_its_own_name(make):
+    dataset = Dataset.read(make(with_column("approach_angle", "0.5", "1", "2", "3")))
+    assert dataset.covariates["approach_angle"].tolist() == [0.5, 1.0, 2.0, 3.0]
 
 
 @pytest.mark.parametrize("cells", [("ok", "fine", "poor", "ok"), ("", "", "", ""), ("7", "x", "y", "")])
-def test_a_column_of_words_is_named_in_a_warning_and_ignored(with_column, cells):
-    folder = with_column("remark", *cells)
+def test_a_column_of_words_is_named_in_a_warning_and_ignored(make, cells):
+    folder = make(with_column("remark", *cells))
     with pytest.warns(GtpinWarning, match="remark"):
         dataset = Dataset.read(folder)
     assert "remark" not in dataset.covariates
@@ -172,16 +168,16 @@ def test_covariates_that_do_not_vary_are_named_in_one_warning(make):
     ("name", "known"),
     [("Temp Link", "temp_link"), ("Approach2", "approach2"), ("approch3", "approach3"), ("speed", "speed1")],
 )
-def test_a_name_that_is_nearly_a_known_one_is_warned_of(with_column, name, known):
-    folder = with_column(name, "20", "21", "22", "23")
+def test_a_name_that_is_nearly_a_known_one_is_warned_of(make, name, known):
+    folder = make(with_column(name, "20", "21", "22", "23"))
     with pytest.warns(GtpinWarning, match=f"'{name}' is not '{known}'"):
         dataset = Dataset.read(folder)
     assert name in dataset.covariates
 
 
 @pytest.mark.parametrize("name", ["temp_room", "humidity", "tool", "approach2", "operator"])
-def test_a_name_of_its_own_is_not_taken_for_a_misspelt_one(with_column, name, recwarn):
-    Dataset.read(with_column(name, "1", "-1", "1", "-1"))
+def test_a_name_of_its_own_is_not_taken_for_a_misspelt_one(make, name, recwarn):
+    Dataset.read(make(with_column(name, "1", "-1", "1", "-1")))
     assert not [w for w in recwarn if "is not" in str(w.message)]
 
 

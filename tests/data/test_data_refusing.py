@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_dataset import HEADER, LINES, TOML
+from small_dataset import HEADER, LINES, TOML, table, with_column, without
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.csv_file import TOGETHER, read_csv
@@ -16,24 +16,10 @@ from gtpin.data.parquet_file import read_parquet
 from gtpin.errors import DatasetError
 
 
-def table(*lines):
-    return "\n".join((HEADER, *lines, ""))
-
-
 def with_cell(line, column, cell):
     cells = LINES[line - 2].split(",")
     cells[HEADER.split(",").index(column)] = cell
     return table(*(",".join(cells) if i == line - 2 else text for i, text in enumerate(LINES)))
-
-
-def with_column(name, *cells):
-    return "\n".join((f"{HEADER},{name}", *(f"{line},{cell}" for line, cell in zip(LINES, cells, strict=True))))
-
-
-def without(*names):
-    rows = [line.split(",") for line in (HEADER, *LINES)]
-    kept = [i for i, name in enumerate(rows[0]) if name not in names]
-    return "\n".join(",".join(row[i] for i in kept) for row in rows)
 
 
 def with_line(line, new):

@@ -8,7 +8,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Conditions, Dataset, Instrument
-from gtpin.data.duplicates import counted_once, rounded_to, with_rounding
+from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, counted_once, with_rounding
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
@@ -183,7 +183,7 @@ def measured() -> gtpin.Dataset:
 @pytest.mark.parametrize("step", [1e-2, 1e-3, 5e-4, 1e-4])
 def test_the_noise_of_rounded_positions_is_what_rounding_makes_it(measured: gtpin.Dataset, step: float) -> None:
     rounded = replace(measured, position=np.round(measured.position / step) * step)
-    assert rounded_to(rounded) == step
+    assert coarsest_step(rounded.position, POSITION_STEPS) == step
     with pytest.warns(GtpinWarning, match="positions are rounded to"):
         found = with_rounding(rounded)
     declared = measured.instrument.position_sigma
@@ -193,7 +193,7 @@ def test_the_noise_of_rounded_positions_is_what_rounding_makes_it(measured: gtpi
 
 
 def test_full_or_fine_digits_change_nothing(measured: gtpin.Dataset) -> None:
-    assert rounded_to(measured) is None
+    assert coarsest_step(measured.position, POSITION_STEPS) is None
     assert with_rounding(measured) is measured
     fine = replace(measured, position=np.round(measured.position, 6))
     assert with_rounding(fine) is fine

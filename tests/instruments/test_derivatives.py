@@ -127,46 +127,31 @@ def test_poses_near_those_that_were_read_leave_no_orientation() -> None:
         assert np.abs(one.minus(_near(one, poses, u), u)[:, 3:]).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_by_the_pose_are_those_of_the_prediction(name: str) -> None:
-    one, poses, u = instrument(name)
-    if isinstance(one, Tracker) and one.turned:
-        poses = _near(one, poses, u)
-    expected = np.empty((COUNT, len(one.components), 6))
-    for i in range(6):
-        step = np.zeros(6)
-        step[i] = STEP
-        ways = (replace(poses, T=poses.T + s * step[:3], R=exp(s * step[3:]) @ poses.R) for s in (-1.0, 1.0))
-        both = [one.minus(way, u) for way in ways]
-        expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
-    assert np.abs(one.by_pose(poses, u) - expected).max() < 2e-8
+def moved(by: str, poses: Poses, u: Floats, i: int, size: float) -> tuple[Poses, Floats]:
+    """Poses and unknowns with the i-th coordinate of what is derived by larger by ``size``."""
+    if by == "by_unknown":
+        return poses, u + size * np.eye(len(u))[i]
+    if by == "by_joints":
+        joint = list(poses.joints)[i]
+        return replace(poses, joints={**poses.joints, joint: poses.joints[joint] + size}), u
+    step = size * np.eye(6)[i]
+    return replace(poses, T=poses.T + step[:3], R=exp(step[3:]) @ poses.R), u
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_derivatives_by_measured_joints_are_those_of_the_prediction(name: str) -> None:
-    one, poses, u = instrument(name)
-    if isinstance(one, Tracker) and one.turned:
-        poses = _near(one, poses, u)
-    expected = np.empty((COUNT, len(one.components), len(poses.joints)))
-    for i, (joint, x) in enumerate(poses.joints.items()):
-        both = [one.minus(replace(poses, joints={**poses.joints, joint: x + s * STEP}), u) for s in (-1.0, 1.0)]
-        expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
-    assert np.abs(one.by_joints(poses, u) - expected).max() < 2e-8
-    assert expected.any() == isinstance(one, Encoder)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_by_unknowns_are_those_of_the_prediction(name: str) -> None:
+@pytest.mark.parametrize("by", ["by_pose", "by_joints", "by_unknown"])
+def test_derivatives_are_those_of_the_prediction(name: str, by: str) -> None:
     one, poses, u = instrument(name)
     if isinstance(one, Tracker) and one.turned:
         poses = _near(one, poses, u)
     assert len(u)
-    expected = np.empty((COUNT, len(one.components), len(u)))
-    for i in range(len(u)):
-        step = np.zeros(len(u))
-        step[i] = STEP
-        expected[:, :, i] = (one.minus(poses, u - step) - one.minus(poses, u + step)) / (2.0 * STEP)
-    assert np.abs(one.by_unknown(poses, u) - expected).max() < 2e-8
+    found = getattr(one, by)(poses, u)
+    expected = np.empty((COUNT, len(one.components), {"by_pose": 6, "by_joints": len(poses.joints)}.get(by, len(u))))
+    for i in range(expected.shape[2]):
+        both = [one.minus(*moved(by, poses, u, i, s * STEP)) for s in (-1.0, 1.0)]
+        expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
+    assert np.abs(found - expected).max() < 2e-8
+    assert by != "by_joints" or expected.any() == isinstance(one, Encoder)
 
 
 def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:

@@ -7,14 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from readable import check_as_they_stand
 from virtual_five_bar import SIGMA, FiveBar, commands, drawn, encoder, table, urdf, written
 
 import gtpin
-from gtpin.calibration.checks.of_readings import ReadingChecks
-from gtpin.calibration.checks.readable_readings import Misfit, check_readable
-from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.errors import DatasetError, RobotError
-from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
@@ -89,12 +86,8 @@ def test_a_robot_without_loops_has_no_joint_to_read() -> None:
 
 def named(folder: Path, q: Floats, read: Floats) -> None:
     """Check readings that no fit explains as they stand, and any fit with the mistake corrected."""
-    dataset = gtpin.Dataset.read(written(folder, [encoder("elbow1")], {"elbow1": table(q, reading=read)}))
-    geometry = gtpin.Geometry.nominal(measuring(robot_of(dataset), dataset))
-    checks = ReadingChecks(dataset, gtpin.Model(geometry))
-    given, (_, _, near) = checks.problem.measured, checks.rows
-    fits = lambda some, i, rough=False: None if some is given else Misfit.of(some, near, i)  # noqa: E731
-    check_readable(dataset, given, near, reach_of(geometry), fits)
+    path = written(folder, [encoder("elbow1")], {"elbow1": table(q, reading=read)})
+    check_as_they_stand(gtpin.Dataset.read(path))
 
 
 Change = Callable[[Floats, np.random.Generator], Floats]

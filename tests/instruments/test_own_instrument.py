@@ -32,10 +32,6 @@ class Sum(gtpin.Instrument):
     def _unknowns(self):
         return [gtpin.Unknown(f"{self.name}.length", "m", 0.0, 1e-2)]
 
-    def measured(self):
-        """(M, 1) what was read."""
-        return self.read.numbers["reading"][:, None]
-
     def predicted(self, poses, u):
         """(M, 1) what would be read."""
         return (read_string(poses.T) + u[0])[:, None]

@@ -150,10 +150,9 @@ def written(
 
 @dataclass(frozen=True)
 class Measured:
-    """A drawn five-bar, and what its two encoders read."""
+    """A drawn five-bar, its deviations and the zeros of its two encoders, and what these read."""
 
     deviations: dict[str, float]
-    zeros: dict[str, float]
     dataset: gtpin.Dataset
 
 
@@ -167,4 +166,4 @@ def measured(folder: Path, rng: np.random.Generator, count: int = 60, **said: ob
     }
     tables = {joint: table(q, reading=values) for joint, values in readings.items()}
     path = written(folder, [encoder(joint, **said) for joint in readings], tables)
-    return Measured(deviations, {f"{joint}.zero": value for joint, value in zeros.items()}, gtpin.Dataset.read(path))
+    return Measured(deviations | {f"{joint}.zero": value for joint, value in zeros.items()}, gtpin.Dataset.read(path))

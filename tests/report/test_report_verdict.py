@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from report_findings import Found
 
-from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.calibration.observability import Remedy
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate

@@ -13,8 +13,6 @@ OWN = ("robot", "kinematics", "bench")
 ASKING = frozenset(
     {
         "calibration/cart_tracks.py",  # the models of the paper are of carts on tracks
-        "calibration/checks/recognise.py",
-        "calibration/free_target.py",
         "calibration/paper_models.py",
         "diagnosis/hypotheses/hypothesis_set.py",
         "diagnosis/hypotheses/smooth_terms.py",

@@ -37,7 +37,6 @@ makes machines and judges answers; no layer but the commands knows it."""
 ASKING = {
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
-    "calibration/result.py": 1,
     "data/dataset.py": 2,
     "diagnosis/against/check.py": 2,
     "diagnosis/against/measured.py": 1,

@@ -22,12 +22,11 @@ from gtpin.bench.blind.truth import (
     digest_of_files,
     files_of,
 )
-from gtpin.data.description import describe, read_toml, write_description
+from gtpin.data.description import SECOND, Description, describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
-from gtpin.data.instrument_tables import written
+from gtpin.data.instrument_tables import InstrumentTable, written
 from gtpin.data.names import POSITION
-from gtpin.data.read_instruments import is_second
-from gtpin.data.second_schema import SecondDescription, describe_second
+from gtpin.data.second_schema import describe_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.results import writing
@@ -111,7 +110,7 @@ def _check(file: Path, content: _TruthFile, dataset: Path) -> None:
     """Raise an error for known effects at sites that the robot does not have, and for an effect that is listed twice."""
     robot: Robot | None = None
     with contextlib.suppress(GtpinError):  # the diagnosis reports a dataset that can't be read
-        said = _described(dataset / "dataset.toml").common
+        said, _ = _described(dataset / "dataset.toml")
         robot = load_robot(_path_of(dataset, said.robot) or said.robot, said.tcp, said.actuators)
     for number, effect in enumerate(content.effects):
         where = f"effects.{number}.site"
@@ -137,10 +136,10 @@ def kind_of(effects: list[str]) -> Kind:
     return kinds.get((known, len(effects) - known), "many")
 
 
-def _described(file: Path) -> SecondDescription:
-    """The content of a dataset.toml; without instruments where it is of schema 1."""
+def _described(file: Path) -> tuple[Description, tuple[InstrumentTable, ...]]:
+    """The content of a dataset.toml, and its instruments; none where it is of schema 1."""
     values = read_toml(file)
-    return describe_second(values, file, {}) if is_second(values) else SecondDescription(describe(values, file), ())
+    return describe_second(values, file, {}) if values.get("schema") == SECOND else (describe(values, file), ())
 
 
 def _path_of(folder: Path, robot: str) -> Path | None:
@@ -185,12 +184,12 @@ def take_in(case: Given, place: Path) -> None:
         for name, content in files_of(case.folder).items():
             (place / name).write_bytes(content)
         try:
-            said = _described(case.folder / "dataset.toml")
-            urdf = _path_of(case.folder, said.common.robot)
+            said, instruments = _described(case.folder / "dataset.toml")
+            urdf = _path_of(case.folder, said.robot)
             if urdf is not None:
                 of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
                 (place / ROBOT).write_bytes(RobotDescription.read(urdf).xml.encode() if of_two else read_bytes(urdf))
-                moved = said.common.model_copy(update={"robot": ROBOT})
-                write_description(place / "dataset.toml", moved, [written(one) for one in said.instruments])
+                moved = said.model_copy(update={"robot": ROBOT})
+                write_description(place / "dataset.toml", moved, [written(one) for one in instruments])
         except GtpinError:
             return  # its diagnosis reports the error

@@ -38,9 +38,8 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     it: r - J dx, with dx from the normal equations with the tolerances as priors.
     """
     measured = fit.problem.poses
-    if measured.R is None or len(measured.T) < LEAST:
-        return [], NONE, NONE
-    if measured.q.shape[1] == 1:  # about one axis conventions differ only in how they scale noise about other axes
+    # About one axis conventions differ only in how they scale noise about other axes.
+    if measured.R is None or len(measured.T) < LEAST or measured.q.shape[1] == 1:
         return [], NONE, NONE
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     some = measured.take(rows)
@@ -78,7 +77,6 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
 
 @cache
 def _readings() -> tuple[RotationReading, ...]:
-    """All ways to read rotations otherwise than they are written."""
     as_written = next(position_readings(turned=True))
     known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
     return tuple(reading for reading in known if reading.looks)

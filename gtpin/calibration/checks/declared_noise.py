@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 
 from gtpin.calibration.fit_state import FitState
-from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data.read_instruments import SIGMAS as COLUMNS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
+from gtpin.noise.estimate import ENOUGH
 from gtpin.typing import Floats
 
 Sigma = Literal["position_sigma", "orientation_sigma"]
@@ -60,10 +60,9 @@ class Declared:
 
 
 def settled_or_explained(fit: RobustFit) -> FitState:
-    """Run the robust fit; if it does not converge, find out whether the reason is a declared sigma that is far too small.
+    """Run the robust fit; if it does not converge because a declared sigma is far too small, a `DatasetError` says so.
 
-    Raises `DatasetError` if the fit converges only when the noise is estimated, and a declared sigma is less than a tenth
-    of it. `ConvergenceError` if the fit does not converge for another reason.
+    So small is less than a tenth of the noise that is estimated by a fit that then converges.
     """
     readings = fit.whole.measured
     declared = _declared(readings)
@@ -91,7 +90,7 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     Raises `DatasetError` if a sigma is more than ten times what the data show.
     """
     readings = fit.whole.measured
-    suspects = [one for one in _declared(readings) if _ratio(settled, one) < SUSPECT and _chance(settled, one) < CHANCE]
+    suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:
         return fit, settled
     undeclared = _undeclared(fit, suspects)
@@ -159,37 +158,29 @@ def _own(settled: FitState, one: Declared) -> Floats:
     """Residuals of the numbers with this declared sigma, in units of it."""
     problem, point = settled.fit.problem, settled.fit.point
     readings = problem.measured
-    sigma = np.where(
-        np.isfinite(readings.row_sigma) == one.by_row, readings.row_sigma if one.by_row else one.value, np.nan
-    )
-    own = (readings.group == one.group) & np.isfinite(sigma)
-    return np.asarray(problem.left(point, point.poses)[own] / sigma[own])
+    own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
+    sigma = readings.row_sigma[own] if one.by_row else one.value
+    return np.asarray(problem.left(point, point.poses)[own] / sigma)
 
 
-def _ratio(settled: FitState, one: Declared) -> float:
-    """Root mean square of the residuals over a declared sigma."""
-    left = _own(settled, one)
-    return float(np.sqrt((left**2).mean())) if left.size else np.inf
-
-
-def _chance(settled: FitState, one: Declared) -> float:
-    """Probability, by chi-square, of residuals as small as these if the declared sigma is true."""
+def _overstated(settled: FitState, one: Declared) -> bool:
+    """Whether residuals are smaller than a declared sigma, and by chi-square no accident if it were true."""
     fit, left = settled.fit, _own(settled, one)
+    if not left.size or (left**2).mean() >= SUSPECT**2:
+        return False
     taken = 0.0
     for rows in fit.problem.chunks():
         J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
         own = fit.problem.measured.group[rows] == one.group
         taken += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
     free = left.size - taken
-    return float(chi2.cdf(float((left**2).sum()), free)) if free >= 1.0 else 1.0  # too few say nothing of noise
+    return free >= 1.0 and bool(chi2.cdf(float((left**2).sum()), free) < CHANCE)  # too few say nothing of noise
 
 
 def _text(readings: Readings, one: Declared, seen: float) -> str:
-    ratio = one.value / seen
+    ratio, name = one.value / seen, readings.instruments[one.instrument].name
     times = f"{ratio:.2g} times less" if ratio > 1.0 else f"{1.0 / ratio:.2g} times more"
-    name = readings.instruments[one.instrument].name
-    verb = "are" if one.by_row else "is"
-    of = f"{one.key} of {name}" if name else one.key
+    of, verb = f"{one.key} of {name}" if name else one.key, "are" if one.by_row else "is"
     return f"{of} {verb} {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
 
 

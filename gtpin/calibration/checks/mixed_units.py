@@ -52,10 +52,7 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
 
 
 def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float, float] | None:
-    """The rows in another unit, the name of the unit, and its length in metres; None where there is no such part.
-
-    The last two numbers are the median distances of these rows from where they should be, m: read in metres, and in the unit.
-    """
+    """The rows in another unit, its name, its length in metres, and the rows' median errors, m, as metres and in it."""
     least = max(FEWEST, int(np.ceil(SHARE * len(T))))
     if len(T) < 2 * least:
         return None
@@ -63,9 +60,8 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float,
     seen = _seen(T, poses, near) if free else poses.T
     off = _off(T, seen)
     fits = off[0] <= near
-    for (unit, factor), left in sorted(
-        zip(UNITS, off[1:], strict=True), key=lambda pair: -int((pair[1] <= near).sum())
-    ):
+    tried = zip(UNITS, off[1:], strict=True)
+    for (unit, factor), left in sorted(tried, key=lambda pair: -int((pair[1] <= near).sum())):
         rows = (left <= near) & (off[0] > BETTER * left)
         if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= REST:
             return rows, unit, factor, float(np.median(off[0][rows])), float(np.median(left[rows]))
@@ -88,14 +84,10 @@ def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     U, _, Vt = np.linalg.svd(np.einsum("kni,knj->kij", b - centre_b[:, None], a - centre_a[:, None]))
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     R = U @ Vt
-    tried = [
-        poses.T @ turn.T + shift for turn, shift in zip(R, centre_b - np.einsum("kij,kj->ki", R, centre_a), strict=True)
-    ]
-    off = [_off(T, seen) for seen in tried]
-    best = max(
-        range(TRIPLES), key=lambda k: (int((off[k].min(axis=0) <= near).sum()), -float(np.median(off[k].min(axis=0))))
-    )
-    good = off[best][0] <= near
+    shift = centre_b - np.einsum("kij,kj->ki", R, centre_a)
+    tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(TRIPLES)]
+    off = max(tried, key=lambda off: (int((off.min(axis=0) <= near).sum()), -float(np.median(off.min(axis=0)))))
+    good = off[0] <= near
     if good.sum() < FEWEST:  # no frame
         return np.full_like(everywhere.T, np.inf)
     # Three rows determine a frame roughly; all rows that fit in it determine it well.

@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
-from gtpin.calibration.checks.instrument_steps import FrameScan, nominal_problem
+from gtpin.calibration.checks.moved_rows import FrameScan, nominal_problem
 from gtpin.calibration.checks.suspected import refuse
-from gtpin.calibration.noise_estimator import ENOUGH
 from gtpin.calibration.problem import Measured, Problem, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
+from gtpin.noise.estimate import ENOUGH
+from gtpin.typing import Mask
 
 FEWEST = 6
 """Fewest rows from which the frame of a session is determined. Assumed."""
@@ -87,10 +88,7 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
 
 
 def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
-    """Suspect an instrument that moved by ``least`` m or more; ``moved``: distances from the first session, m.
-
-    The motion is at least `CLEAR` times what is left with a frame for each session, or is the reason why a fit failed.
-    """
+    """Suspect an instrument that moved by ``least`` m or more; ``moved``: distances from the first session, m."""
     first, *others = moved or [""]
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
@@ -106,7 +104,7 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
     refuse(error, dataset)
 
 
-def _sessions(dataset: Dataset) -> tuple[npt.NDArray[np.str_], list[str]]:
+def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:
     """The session of each row, and the names of the sessions with at least `FEWEST` rows, the largest first."""
     if "session" not in dataset.covariates:
         return np.full(len(dataset), ""), []
@@ -137,15 +135,14 @@ def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -
     return moved if max(moved.values()) > clear else {}
 
 
-def _tells_frame(measured: Measured, poses: Poses, own: npt.NDArray[np.bool_]) -> bool:
+def _tells_frame(measured: Measured, poses: Poses, own: Mask) -> bool:
     """Whether a session's rows determine a frame: by orientations, or by positions that do not lie on a line."""
     if measured.R is not None:
         return True
-    wide = [
-        np.linalg.svd(part - part.mean(axis=0), compute_uv=False) / np.sqrt(len(part))
-        for part in (poses.T, poses.T[own])
-    ]
-    return bool(wide[1][1] > LINE * wide[0][0])
+    all_, mine = (
+        np.linalg.svd(T - T.mean(axis=0), compute_uv=False) / np.sqrt(len(T)) for T in (poses.T, poses.T[own])
+    )
+    return bool(mine[1] > LINE * all_[0])
 
 
 def _expected(nominal: Model, measured: Measured, poses: Poses) -> float:

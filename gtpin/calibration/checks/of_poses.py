@@ -11,11 +11,16 @@ import numpy as np
 
 from gtpin.calibration.checks.convention import other_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.instrument_steps import check_instrument_steps, nominal_problem
+from gtpin.calibration.checks.moved_rows import (
+    check_instrument_steps,
+    check_stretch,
+    far_from_nominal,
+    nominal_problem,
+    stretch,
+)
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.shifted_rows import check_stretch, far_from_nominal, stretch
 from gtpin.calibration.checks.suspected import BEYOND, refuse, suspect
 from gtpin.calibration.checks.usable_rows import check_size, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
@@ -56,11 +61,7 @@ NINE_TENTHS = 0.9
 
 @dataclass(frozen=True)
 class PoseChecks:
-    """The checks of poses that one tracker measured.
-
-    ``given``: the dataset. ``nominal``: the nominal model. ``doubt``: whether the declared noise, frame and tolerances are
-    checked against the fit too.
-    """
+    """The checks of poses that one tracker measured; with ``doubt``, also of the declared noise, frame and tolerances."""
 
     given: Dataset
     nominal: Model
@@ -116,23 +117,18 @@ class PoseChecks:
                     warn(f"{coarse}; give commands with more digits")
             _check_used(kept, measured, settled)
             if not settled.used.all():
-                named = ", ".join(dict.fromkeys(str(pose) for pose in kept.pose[~settled.used]))
-                warn(f"set aside as gross errors: poses {named}")
+                warn(f"set aside as gross errors: poses {', '.join(kept.names_of(~settled.used))}")
             _check_fit(kept, settled, seen)
             return _unstrained(*with_credible_noise(fit, settled)) if self.doubt else settled
 
 
 @contextlib.contextmanager
 def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) -> Iterator[None]:
-    """Context of a fit: if it fails because of sessions with different frames, or of coarse commands, the error says so.
-
-    So does a stretch of rows that is shifted, among those ``far`` (N,) from the nominal machine. Errors that name rows are left
-    as they are.
-    """
+    """Context of a fit: if it fails because of moved sessions, coarse commands or shifted rows, the error says so."""
     try:
         yield
     except (ConvergenceError, DatasetError) as error:
-        if error.row is not None:
+        if error.row is not None:  # it names what is wrong already
             raise
         check_stretch(dataset, measured, fit.whole.start.seen(fit.near), far)
         check_sessions_linear(dataset, fit.whole, fit.near)
@@ -145,13 +141,7 @@ def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) 
 
 
 def _settled_in_doubt(dataset: Dataset, fit: RobustFit) -> FitState:
-    """Calibrate, and raise an error if the instrument moved, or if a declared sigma keeps the fit from converging.
-
-    ``dataset``: the rows of the fit.
-
-    Raises `DatasetError` if the instrument moved, or a declared sigma keeps the fit from converging. `ConvergenceError` if
-    the fit does not converge for another reason.
-    """
+    """Calibrate; an error says if the instrument moved, or if a declared sigma keeps the fit from converging."""
     try:
         settled = settled_or_explained(fit)
     except ConvergenceError:
@@ -166,10 +156,7 @@ def _settled_in_doubt(dataset: Dataset, fit: RobustFit) -> FitState:
 
 
 def _check_used(kept: Dataset, measured: Measured, settled: FitState) -> None:
-    """Raise `DatasetError` if the fit set aside a sequence of rows, or a large part of them, that no effect can explain.
-
-    The fit then does not describe the whole machine. Where an effect can explain these rows, this is a warning.
-    """
+    """Refuse a fit that set aside a sequence of rows, or a large part of them; a warning where an effect can explain these."""
     if settled.used.all():
         return
     aside = ~settled.used
@@ -179,10 +166,10 @@ def _check_used(kept: Dataset, measured: Measured, settled: FitState) -> None:
     if np.nanmedian(off[aside]) < WHOLE:
         return
     found = stretch(aside)
-    lines = kept.row[aside] if found is None else kept.row[found.rows]
     if found is None and aside.mean() < MOST:
         return
-    where = f"rows {lines.min()} to {lines.max()}" if found is not None else f"{aside.sum()} of {len(aside)} rows"
+    lines = kept.row[aside if found is None else found]
+    where = f"{aside.sum()} of {len(aside)} rows" if found is None else f"rows {lines.min()} to {lines.max()}"
     left = float(np.nanmedian(off[aside]))
     error = DatasetError(
         f"{where} do not fit the others, by {1e3 * left:.3g} mm in the median",
@@ -197,10 +184,7 @@ def _check_used(kept: Dataset, measured: Measured, settled: FitState) -> None:
 
 
 def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
-    """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame.
-
-    A warning names what was assumed wrongly.
-    """
+    """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame."""
     found = strain(settled)
     strayed = np.abs(settled.deviation).max(initial=0.0) > STRAYED
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
@@ -262,8 +246,8 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
         found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), WHOLE))
         row = None
         if found is not None:  # the others fit: these rows are the reason
-            row = int(lines[found.rows].min())
-            what = f"rows {row} to {int(lines[found.rows].max())} do not fit the others; {what}"
+            row = int(lines[found].min())
+            what = f"rows {row} to {int(lines[found].max())} do not fit the others; {what}"
         refuse(DatasetError(what, file=kept.file, row=row, hint=hint), kept)
     if left < SMALLEST and kept.instrument.position_sigma is None:
         warn(
@@ -285,11 +269,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
 
 
 def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
-    """A message, if commands that were rounded or truncated explain the residuals; else None.
-
-    ``model``: the nominal model. ``measured``, ``poses``: the N measured poses, and those that the model predicts at their
-    commands, base frame.
-    """
+    """A message, if commands that were rounded or truncated explain the residuals from ``poses`` (N), base frame; else None."""
     step = coarsest_step(measured.q, COARSE)
     if step is None:
         return None

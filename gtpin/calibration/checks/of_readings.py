@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.readable_readings import (
@@ -22,11 +20,11 @@ from gtpin.calibration.checks.readable_readings import (
 from gtpin.calibration.checks.suspected import refuse
 from gtpin.calibration.checks.usable_rows import reach_of
 from gtpin.calibration.fit_state import FitState
-from gtpin.calibration.instrument_unknowns import with_unknowns
 from gtpin.calibration.observability import UNSEEN, Observability
-from gtpin.calibration.problem import Problem
+from gtpin.calibration.problem import Problem, with_unknowns
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset, check_commands
+from gtpin.data.files import warn_of
 from gtpin.data.sane import sane_rows
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -55,10 +53,7 @@ NAMED = 5
 
 @dataclass(frozen=True)
 class ReadingChecks:
-    """The checks of readings of any instruments.
-
-    ``given``: the dataset. ``nominal``: the nominal model, with the passive joints measured that encoders read.
-    """
+    """The checks of readings of any instruments; ``nominal``: with the passive joints measured that encoders read."""
 
     given: Dataset
     nominal: Model
@@ -82,7 +77,7 @@ class ReadingChecks:
             (poses.reached, "for the robot can't reach them", *_UNREACHED),
         ):
             if (usable & ~good).any():
-                warn(f"set aside, {why}: {_poses_of(whole.pose[usable & ~good])}")
+                warn(f"set aside, {why}: {_poses_of(whole, usable & ~good)}")
             usable &= good
             if not usable.any():
                 raise DatasetError(what, file=whole.file, hint=hint)
@@ -137,13 +132,7 @@ _UNREACHED = ("the robot reaches none of these commands", "check q1 .. qn")
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
-    """Refuse an instrument with most of its rows set aside; warn of rows of other instruments that were set aside.
-
-    ``kept``, ``readings``: the rows that were fitted. ``used``: (N,) the rows that are no gross errors.
-
-    Raises `DatasetError` if there is such an instrument; the error names it. Warns: names the poses with such rows, and a
-    station, plane, socket or target with most of its readings set aside.
-    """
+    """Refuse an instrument with most of its rows set aside; warn of others, and of a station, plane, socket or target."""
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i
         share = float((~used[mine]).mean()) if mine.any() else 0.0
@@ -156,21 +145,21 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
             refuse(error, kept)
     for i in range(len(readings.instruments)):
         for text in _off_together(readings, used, i):
-            warn(text)
+            warn_of(readings.rows.files[i], text)
     if not used.all():
-        warn(f"set aside as gross errors: {_poses_of(kept.pose[~used])}")
+        warn(f"set aside as gross errors: {_poses_of(kept, ~used)}")
 
 
-def _poses_of(ids: npt.NDArray[np.object_]) -> str:
+def _poses_of(dataset: Dataset, rows: Mask) -> str:
     """Text for a message with the names of the first poses."""
-    names = list(dict.fromkeys(map(str, ids)))
+    names = dataset.names_of(rows)
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return f"poses {', '.join(names[:SHOWN])}{more}"
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
     """Texts for warnings: ids of an instrument of which most readings were set aside."""
-    rows, file = readings.rows, readings.rows.files[index]
+    rows = readings.rows
     mine = rows.rows_of(index)
     for column in rows.tables[index].ids:
         if len(rows.known[index].get(column, ())) < 2:
@@ -180,18 +169,15 @@ def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
             own = np.unique(rows.line[mine[ids == name]])
             lost = np.unique(rows.line[mine[(ids == name) & ~used[mine]]])
             if len(own) >= SEVERAL and len(lost) > MOST * len(own):
-                where = "" if file is None else f"{Path(file)}: "
-                text = (
-                    f"{len(lost)} of {len(own)} readings of {rows.tables[index].name} with {column} {name} do not fit"
+                of = f"{rows.tables[index].name} with {column} {name}"
+                yield (
+                    f"{len(lost)} of {len(own)} readings of {of} do not fit the others: check what dataset.toml declares "
+                    "of it, and these rows"
                 )
-                yield f"{where}{text} the others: check what dataset.toml declares of it, and these rows"
 
 
 def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
-    """Warn of parameters and unknowns that are farther from their nominal or declared values than their priors allow.
-
-    ``readings``: the readings, with the fitted values of the unknowns.
-    """
+    """Warn of parameters and fitted unknowns that are farther from what is declared than their priors allow."""
     x, geometry, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.geometry, settled.observability
     if names := _far(x, geometry.names):
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
@@ -206,10 +192,8 @@ def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
 
 
 def _whole_chance(x: Floats, seen: Observability) -> float:
-    """Probability, by chi-square, of deviations from nominal at least as large as x (p,), in units of the tolerances.
-
-    Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
-    """
+    """Probability, by chi-square, of deviations from nominal at least as large as x (p,), in units of the tolerances."""
+    # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
     told = seen.variance_reduction > UNSEEN
     along = seen.directions[:, told].T @ x
     return float(chi2.sf(float((along**2 / seen.variance_reduction[told]).sum()), max(int(told.sum()), 1)))

@@ -8,15 +8,15 @@ import numpy as np
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import counted_once
+from gtpin.data.files import warn_of
 from gtpin.data.sane import check_extremes
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import log
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
-from gtpin.typing import Floats
 
 SAME = 1e-12
 """1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
@@ -29,22 +29,14 @@ def check_actuators(robot: Robot, dataset: Dataset) -> None:
 
     Raises `DatasetError` if the number of its commands is not the number of actuators.
     """
-    if dataset.n_actuators != robot.n_actuators:
-        raise DatasetError(
-            f"{_counted(dataset.n_actuators, 'command')} a pose, but {robot.name} has "
-            + _counted(robot.n_actuators, "actuator"),
-            file=dataset.file,
-            hint=f"give {'q1' if robot.n_actuators == 1 else f'q1 .. q{robot.n_actuators}'} ({', '.join(robot.sites)})"
-            + (
-                ", or name those that were commanded: actuators = [...]"
-                if dataset.n_actuators < robot.n_actuators
-                else ""
-            ),
+    given, needed = dataset.n_actuators, robot.n_actuators
+    if given != needed:
+        commands, actuators = (
+            f"{n} {what}{'s' if n != 1 else ''}" for n, what in ((given, "command"), (needed, "actuator"))
         )
-
-
-def _counted(count: int, thing: str) -> str:
-    return f"{count} {thing}{'s' if count != 1 else ''}"
+        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(robot.sites)})"
+        hint += ", or name those that were commanded: actuators = [...]" if given < needed else ""
+        raise DatasetError(f"{commands} a pose, but {robot.name} has {actuators}", file=dataset.file, hint=hint)
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
@@ -54,10 +46,11 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """
     check_extremes(dataset)
     dataset = counted_once(with_positions(dataset, nominal.robot))
-    if dataset.orientation is None or not _same(dataset.orientation) or not _turns(dataset, nominal):
+    wxyz = dataset.orientation
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any() or not _turns(dataset, nominal):
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
-    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    warn_of(dataset.file, text)
     return replace(dataset, orientation=None)
 
 
@@ -78,10 +71,6 @@ def with_positions(dataset: Dataset, robot: Robot | None = None) -> Dataset:
     return replace(dataset, position=T)
 
 
-def _same(orientation: Floats) -> bool:
-    return len(orientation) > 1 and bool((1.0 - np.abs(orientation @ orientation[0]) < SAME).all())
-
-
 def _turns(dataset: Dataset, nominal: Model) -> bool:
     if dataset.n_actuators != nominal.robot.n_actuators:
         return False
@@ -91,13 +80,9 @@ def _turns(dataset: Dataset, nominal: Model) -> bool:
 
 
 def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:
-    """The noise of measured poses from declared sigmas, or from those of a model.
+    """The noise of measured poses from sigmas per axis, m and rad, and the repeatability of the actuators, m or rad.
 
-    ``position``, ``orientation``: the instrument's standard deviations per axis, m and rad; None where neither the data nor
-    a model states them. Orientation may be None where only positions were measured. ``repeatability``: repeatability of the
-    actuators, m or rad.
-
-    Raises `DatasetError` if a sigma that the data need is not known.
+    Raises `DatasetError` if a sigma that the data need is not known (None).
     """
     if position is None or (orientation is None and dataset.orientation is not None):
         raise DatasetError(

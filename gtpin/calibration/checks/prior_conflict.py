@@ -82,16 +82,16 @@ class _Linear:
         fit, problem = settled.fit, settled.fit.problem
         p = problem.n_geometry
         wider = problem.start.geometry.tolerance / settled.geometry.tolerance
-        whole = np.zeros((0, 0))
-        moment: Floats = np.zeros(0)
+        size = p + 6 + problem.start.robot.n_actuators
+        whole, moment = np.zeros((size, size)), np.zeros(size)
         for rows in problem.chunks():
             weight = np.sqrt(fit.weight[rows])
             own = problem.jacobian(fit.point, rows)[:, :, :p] / wider
             J = np.concatenate([own, motions(problem, fit.point, rows)], axis=2)
             flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
             y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ settled.deviation
-            whole = flat.T @ flat + (whole if whole.size else 0.0)
-            moment = flat.T @ y + (moment if moment.size else 0.0)
+            whole += flat.T @ flat
+            moment += flat.T @ y
         # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.
         return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
 
@@ -103,39 +103,29 @@ class _Linear:
         prior[:p] = 1.0
         if problem.free_frame:
             prior[p : p + 6] = NO_PRIOR
-        base = self._evidence(prior)
-        own = list(range(p, p + 6))
+        base, place = self._evidence(prior), np.arange(len(prior))
         if not problem.free_frame:
-            gain, variance = self._best(prior, own, SCALES)
-            shift = self._mean(variance)[own] * FRAME_UNIT
+            own = (place >= p) & (place < p + 6)
+            tried = [np.where(own, size**2, prior) for size in SCALES]
+            gains = [self._evidence(variance) for variance in tried]
+            best = int(np.argmax(gains))
+            shift = self._mean(tried[best])[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
-            yield PriorConflict("frame", "frame", gain - base, size, turn)
+            yield PriorConflict("frame", "frame", gains[best] - base, size, turn)
         zeros = self._alone(prior, slice(p + 6, None), SCALES)
         for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
             yield PriorConflict("zero", site, float(gain), float(mean) * FRAME_UNIT)
         parts = self._alone(prior, slice(len(names)), FACTORS)
         for name, gain, mean in zip(names, *parts, strict=True):
             yield PriorConflict("part", name, float(gain), float(mean))
-        gains = [self._evidence(np.where(np.arange(len(prior)) < p, f**2, prior)) for f in FACTORS]
+        gains = [self._evidence(np.where(place < p, f**2, prior)) for f in FACTORS]
         best = int(np.argmax(gains))
         yield PriorConflict("tolerances", "", gains[best] - base, FACTORS[best])
 
-    def _best(self, prior: Floats, own: list[int], sizes: tuple[float, ...]) -> tuple[float, Floats]:
-        """Largest log marginal likelihood with some variances larger, and the variances."""
-        tried = []
-        for size in sizes:
-            variance = prior.copy()
-            variance[own] = size**2
-            tried.append((self._evidence(variance), variance))
-        return max(tried, key=lambda pair: pair[0])
-
     def _alone(self, prior: Floats, own: slice, sizes: tuple[float, ...]) -> tuple[Floats, Floats]:
-        """For some unknowns, each with its variance alone larger: the largest gain in log marginal likelihood, and its mean
-        then.
-
-        With V = I + B P B' and e its column of the derivative, a variance larger by v changes V by v e e': all follows from
-        e' V^-1 e and e' V^-1 y.
-        """
+        """For some unknowns, each with its variance alone larger: largest gain in log marginal likelihood, and the mean."""
+        # With V = I + B P B' and e its column of the derivative, a variance larger by v changes V by v e e': all follows from
+        # e' V^-1 e and e' V^-1 y.
         s = np.sqrt(prior)
         root, _ = self._root(s)
         half = root @ (s[:, None] * self.A[:, own])
@@ -157,9 +147,8 @@ class _Linear:
         inner = np.eye(len(s)) + s[:, None] * self.A * s
         try:
             lower = np.linalg.cholesky(inner)
-        except (
-            np.linalg.LinAlgError
-        ):  # a rounding error in a direction without a prior: without rounding, no eigenvalue is below 1
+        except np.linalg.LinAlgError:
+            # A rounding error in a direction without a prior: without rounding, no eigenvalue is below 1.
             values, vectors = np.linalg.eigh(inner)
             values = np.maximum(values, 1.0)
             return (vectors / np.sqrt(values)).T, float(np.log(values).sum())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 
 from gtpin.data.instrument_rows import InstrumentRows
-from gtpin.data.instrument_tables import EncoderTable, InstrumentTable, PlaneTable, RangeTable, TiltTable, TrackerTable
+from gtpin.data.instrument_tables import (
+    EncoderTable,
+    InstrumentTable,
+    PlaneOf,
+    PlaneTable,
+    RangeTable,
+    TiltTable,
+    TrackerTable,
+)
 from gtpin.data.names import ORIENTATION
 from gtpin.typing import Floats
 
@@ -62,24 +70,25 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
     """
     table = rows.tables[index]
     mine = rows.rows_of(index)
-    present = [
-        n for n in LENGTHS.get(type(table), ()) if n in rows.columns and np.isfinite(rows.columns[n][mine]).all()
-    ]
-    parts: list[tuple[str, str | None, str, Change]] = []
+    lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
+    present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
     for unit, factor in UNITS:
-        parts = []
+        parts: list[tuple[str, str | None, str, Change]] = []
         if present:
             parts.append((" ".join(present), " ".join(present), "", _scaled_columns(present, factor)))
-        parts += [(key, None, key, _scaled_places(key, factor)) for key in PLACES if getattr(table, key, None)]
+        keys = {key: key for key in PLACES if getattr(table, key, None)}
         if table.targets or isinstance(table.target, tuple):
             key = "targets" if table.targets else "target"
-            parts.append((f"the {key}", None, key, _scaled_target(factor)))
+            keys[key] = f"the {key}"
+        for key, name in keys.items():
+            parts.append((name, None, key, _with(**{key: _scaled(getattr(table, key), factor)})))
         for count in range(1, len(parts) + 1):
             for some in combinations(parts, count):
-                names, columns, keys, changes = zip(*some, strict=True)
+                names = tuple(part[0] for part in some)
                 verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
                 looks = f"{' and '.join(names)} {verb} like {unit}"
-                yield Otherwise(looks, f"multiply by {factor:g}", _all(changes), columns[0], keys[0])
+                changes = tuple(part[3] for part in some)
+                yield Otherwise(looks, f"multiply by {factor:g}", _all(changes), *some[0][1:3])
     if "height" in present:
         hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
         looks = "heights are of the other side of the plane"
@@ -90,7 +99,8 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
         yield from _readings(unit_of_reading)
     if isinstance(table, TrackerTable) and "qw" in rows.columns:
         hint = "give qw qx qy qz, the real part first"
-        yield Otherwise("quaternions look like xyzw", hint, _real_part_first, " ".join(ORIENTATION))
+        change = _renamed(("qx", "qy", "qz", "qw"), ORIENTATION)
+        yield Otherwise("quaternions look like xyzw", hint, change, " ".join(ORIENTATION))
 
 
 def _tilts() -> Iterator[Otherwise]:
@@ -98,22 +108,12 @@ def _tilts() -> Iterator[Otherwise]:
     for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
         hint = f"multiply by {factor:.6g}"
         yield Otherwise(f"tilts look like {unit}", hint, _scaled_columns(list(both), factor), " ".join(both))
+    hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
     for looks, columns, signs in TILTS:
-        hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
-
-        def change(
-            table: InstrumentTable,
-            numbers: Numbers,
-            columns: tuple[str, str] = columns,
-            signs: tuple[float, float] = signs,
-        ) -> tuple[InstrumentTable, Numbers]:
-            return table, {name: s * numbers[of] for name, of, s in zip(both, columns, signs, strict=True)}
-
-        yield Otherwise(looks, hint, change, " ".join(both))
+        yield Otherwise(looks, hint, _renamed(both, columns, signs), " ".join(both))
 
 
 def _readings(unit: str) -> Iterator[Otherwise]:
-    """Other ways to read an encoder."""
     units = (("degrees", np.pi / 180.0),) if unit == "rad" else UNITS
     for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
         for name, factor in units:
@@ -124,45 +124,33 @@ def _readings(unit: str) -> Iterator[Otherwise]:
     hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
     yield Otherwise("readings have the other sign", hint, _scaled_columns(["reading"], -1.0), "reading")
     hint = "subtract the offset from the readings, or declare a larger zero_sigma"
-    yield Otherwise("the zero is farther off than zero_sigma says", hint, _any_zero, None, "zero_sigma")
+    yield Otherwise(
+        "the zero is farther off than zero_sigma says", hint, _with(zero_sigma=ANY_ZERO), None, "zero_sigma"
+    )
 
 
-def _any_zero(table: InstrumentTable, _: Numbers) -> tuple[InstrumentTable, Numbers]:
-    return table.model_copy(update={"zero_sigma": ANY_ZERO}), {}
+def _renamed(names: Sequence[str], columns: Sequence[str], signs: Sequence[float] = (1.0,) * 4) -> Change:
+    """Columns in the place of others, with signs."""
+    read = list(zip(names, columns, signs, strict=False))
+    return lambda table, numbers: (table, {name: sign * numbers[of] for name, of, sign in read})
 
 
-def _real_part_first(table: InstrumentTable, numbers: Numbers) -> tuple[InstrumentTable, Numbers]:
-    return table, dict(zip(("qx", "qy", "qz", "qw"), (numbers[name] for name in ORIENTATION), strict=True))
+def _scaled_columns(names: Sequence[str], factor: float) -> Change:
+    return _renamed(names, names, [factor] * len(names))
 
 
-def _scaled_columns(names: list[str], factor: float) -> Change:
-    return lambda table, numbers: (table, {name: numbers[name] * factor for name in names})
+def _with(**keys: Any) -> Change:
+    """Other keys of dataset.toml."""
+    return lambda table, _: (table.model_copy(update=keys), {})
 
 
-def _scaled_places(key: str, factor: float) -> Change:
-    def change(table: InstrumentTable, _: Numbers) -> tuple[InstrumentTable, Numbers]:
-        places = getattr(table, key)
-        new: dict[str, Any] = {}
-        for name, at in places.items():
-            new[name] = (
-                at.model_copy(update={"point": _scaled(at.point, factor)}) if key == "planes" else _scaled(at, factor)
-            )
-        return table.model_copy(update={key: new}), {}
-
-    return change
-
-
-def _scaled_target(factor: float) -> Change:
-    def change(table: InstrumentTable, _: Numbers) -> tuple[InstrumentTable, Numbers]:
-        targets = {name: _scaled(at, factor) for name, at in table.targets.items()}
-        one = _scaled(table.target, factor) if isinstance(table.target, tuple) else table.target
-        return table.model_copy(update={"targets": targets, "target": one}), {}
-
-    return change
-
-
-def _scaled(at: tuple[float, ...], factor: float) -> tuple[float, ...]:
-    return tuple(factor * v for v in at)
+def _scaled(at: Any, factor: float) -> Any:
+    """A point, a plane, or several by their names in another unit; anything else as it is."""
+    if isinstance(at, dict):
+        return {name: _scaled(one, factor) for name, one in at.items()}
+    if isinstance(at, PlaneOf):
+        return at.model_copy(update={"point": _scaled(at.point, factor)})
+    return tuple(factor * v for v in at) if isinstance(at, tuple) else at
 
 
 def _all(changes: tuple[Change, ...]) -> Change:

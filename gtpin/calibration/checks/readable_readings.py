@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.calibration.checks.read_otherwise import UNITS, Otherwise, ways
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
-from gtpin.calibration.instrument_unknowns import with_unknowns
+from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
@@ -63,11 +63,8 @@ class Misfit:
         left = np.abs(readings.minus(poses)[mine])
         off = {component.unit: 0.0 for component in one.components}
         for k, component in enumerate(one.components):
-            own = (
-                left[rows.component[mine] == k, 0]
-                if readings.components == 1 and len(one.components) > 1
-                else left[:, k]
-            )
+            single = readings.components == 1 and len(one.components) > 1
+            own = left[rows.component[mine] == k, 0] if single else left[:, k]
             if len(own):
                 size = float(np.median(own))
                 off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
@@ -98,10 +95,9 @@ def check_readable(
 ) -> None:
     """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
-    ``dataset``: the data. ``readings``: the readings, with the unknowns' values that fit best. ``poses``: (N) nominal
-    poses, base frame. ``reach``: largest displacement of the TCP that deviations of the geometry within its tolerances
-    cause, m. ``fitted``: gives the misfit of an instrument, of readings and its index, after a fit of the geometry to all
-    readings (a rough one with ``rough=True``); None where it fails.
+    ``readings``: with the unknowns' values that fit best. ``poses``: (N) nominal poses, base frame. ``reach``: largest
+    displacement of the TCP by deviations within the tolerances, m. ``fitted``: gives the misfit of an instrument, of
+    readings and its index, after a fit of the geometry (a rough one with ``rough=True``); None where it fails.
 
     Raises `DatasetError` if such readings can't be fitted; it names the unit or the sign with which they can, where there
     is one. Warns: if they can be fitted as they are.
@@ -110,11 +106,17 @@ def check_readable(
         now = Misfit.of(readings, poses, i)
         if not now.suspicious(reach):
             continue
-        tried = ((_read(readings, poses, i, other), other) for other in ways(readings.rows, i, one.components[0].unit))
-        found, other = _best([(None if read is None else (read, Misfit.of(read, poses, i)), o) for read, o in tried])
         file = readings.rows.files[i]
-        read, best = (None, None) if found is None else found
-        if read is not None and best is not None and other is not None and _explains(best, now, reach):
+        tried: list[tuple[Misfit, Readings, Otherwise]] = []
+        for other in ways(readings.rows, i, one.components[0].unit):
+            read = _read(readings, poses, i, other)
+            if read is not None:
+                tried.append((Misfit.of(read, poses, i), read, other))
+        least = min((misfit.size for misfit, *_ in tried), default=np.inf)
+        # The first way that is about as good as the best: the usual and simple ones come first.
+        found = next((way for way in tried if way[0].size <= ALIKE * least), None)
+        if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / BETTER:
+            best, read, other = found
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
             what = f"{one.name}: {other.looks} (as it stands, readings are {by})"
             error = DatasetError(what, file=file, column=other.column, hint=other.hint)
@@ -137,10 +139,7 @@ def check_readable(
 
 @contextlib.contextmanager
 def explained(readings: Readings, poses: Poses) -> Iterator[None]:
-    """Context of a fit: if it fails, the error names the instrument whose readings had large errors before the fit, if any.
-
-    Parameters are those of :func:`check_readable`.
-    """
+    """Context of a fit: if it fails, the error names the instrument whose readings had large errors before the fit, if any."""
     try:
         yield
     except ConvergenceError as error:
@@ -163,13 +162,7 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
 
 
 def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse readings with large errors relative to the fitted robot: the fit has not found their minimum.
-
-    ``dataset``: the data. ``readings``, ``poses``: the readings that the fit used, with the fitted unknowns, and the fitted
-    poses (N), base frame. ``reach``: as in :func:`check_readable`.
-
-    Raises `DatasetError` if there are such readings; it names the instrument.
-    """
+    """Refuse readings with large errors at the fitted poses (N), base frame: the fit has not found their minimum."""
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
         if now.exceeds(LEFT * reach):
@@ -177,26 +170,11 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
             refuse(DatasetError(what, file=readings.rows.files[i], hint=LOOK), dataset)
 
 
-def _explains(best: Misfit, now: Misfit, reach: float) -> bool:
-    return not best.exceeds(reach) and best.size < now.size / BETTER
-
-
 def _size(misfit: Misfit | None) -> Size:
     """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
     if misfit is None or misfit.strain > FAR_PRIORS:
         return NO_FIT
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
-
-
-Found = tuple[Readings, Misfit]
-"""Readings that are read in another way, and the misfit of their instrument."""
-
-
-def _best(tried: list[tuple[Found | None, Otherwise]]) -> tuple[Found | None, Otherwise | None]:
-    """The first way to read an instrument that is about as good as the best: the usual and simple ones come first."""
-    least = min((found[1].size for found, _ in tried if found is not None), default=np.inf)
-    alike = (pair for pair in tried if pair[0] is not None and pair[0][1].size <= ALIKE * least)
-    return next(alike, (None, None))
 
 
 def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Readings | None:
@@ -246,12 +224,9 @@ def check_sockets(dataset: Dataset, robot: Robot) -> None:
 
 
 def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse known distances of sockets that are far from those of the nominal robot.
+    """Refuse known distances of sockets that are far from those of the nominal robot; the error names a unit that fits.
 
-    ``dataset``: the data. ``readings``: the readings, with the sockets' points from the nominal robot. ``poses``,
-    ``reach``: as in :func:`check_readable`.
-
-    Raises `DatasetError` if there are such distances; it names the unit that fits, where there is one.
+    ``readings``: with the sockets' points from the nominal robot. ``poses``, ``reach``: as in :func:`check_readable`.
     """
     for i, one in enumerate(readings.instruments):
         if not isinstance(one, Socket):

@@ -9,9 +9,15 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.command_readings import command_readings
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.data.readings import Orientations, RotationReading, misread, orientation_readings, position_readings
+from gtpin.data.readings import (
+    Orientations,
+    RotationReading,
+    command_readings,
+    misread,
+    orientation_readings,
+    position_readings,
+)
 from gtpin.kinematics.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
@@ -100,7 +106,7 @@ def recognised(
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, free_target)
-    if not search.suspicious:
+    if search.size == 0.0 or search.misfit <= search.accepted:
         return None
     most = min(search.misfit / BETTER, search.accepted)
     tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
@@ -130,6 +136,7 @@ class Search:
 
     def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool = False) -> None:
         self.nominal, self.all, self.free, self.free_target = nominal, measured, free, free_target
+        self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), poses[there]
@@ -164,11 +171,6 @@ class Search:
         """Whether the poses are so nearly on a line that positions do not determine the rotation of a frame."""
         spread = np.linalg.svd(self.poses.T - self.poses.T.mean(axis=0), compute_uv=False)
         return bool(spread[1] < LINE * spread[0])
-
-    @property
-    def suspicious(self) -> bool:
-        """Whether the data do not fit without a correction."""
-        return self.size > 0.0 and self.misfit > self.fits and self.misfit > self.accepted
 
     @cached_property
     def expected(self) -> float:
@@ -241,7 +243,7 @@ class Search:
             seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
             rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
-            if not self.nominal.robot.rods:  # other axes of the target are a free target
+            if self.free_tool:  # other axes of the target are a free target
                 rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
             for o in rotations:
                 R = o.read(rotation)
@@ -257,7 +259,7 @@ class Search:
 
     def _commands(self) -> Iterator[Reading]:
         """Readings of the commands that the nominal model can reach."""
-        for command in command_readings(self.all.q, self.nominal.robot):
+        for command in command_readings(self.all.q, self.nominal.robot.revolute):
             poses = self.nominal.kinematics.forward(command.q)
             there = poses.reached
             if there.mean() > REACHED and there.sum() >= FEWEST:
@@ -270,25 +272,26 @@ class Search:
             return
         kinematics, q = self.nominal.kinematics, self.measured.q
         for j in range(q.shape[1]):
-            poses, shift = self.poses, 0.0
+            poses, shift, way = self.poses, 0.0, np.eye(q.shape[1])[j]
             for _ in range(STEPS):
                 seen = self._seen(poses, self.measured, turned)
-                J = kinematics.command_jacobian(q + shift * np.eye(q.shape[1])[j], poses)[:, :3, j]
-                along = ((self.measured.T - seen.T) * (J @ self._turn(poses, self.measured, turned).T)).sum(axis=1)
+                J = kinematics.command_jacobian(q + shift * way, poses)[:, :3, j]
+                turn = self._frame(poses, self.measured, turned).R
+                along = ((self.measured.T - seen.T) * (J @ turn.T)).sum(axis=1)
                 shift += float(np.median(along / np.maximum((J**2).sum(axis=1), 1e-12)))
-                poses = kinematics.forward(q + shift * np.eye(q.shape[1])[j])
+                poses = kinematics.forward(q + shift * way)
                 if not poses.reached.all():
                     break
             else:
                 looks = f"q{j + 1} looks shifted by {shift:+.3g} (the drive's zero)"
-                moved = replace(self.measured, q=q + shift * np.eye(q.shape[1])[j])
+                moved = replace(self.measured, q=q + shift * way)
                 yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, moved, poses)
 
     def _targets(self, turned: bool) -> Iterator[Reading]:
         """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""
         if self.lost or self.free_target:
             return
-        if not self.nominal.robot.rods:
+        if self.free_tool:
             yield self._free_target(turned)
             return
         frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
@@ -310,7 +313,7 @@ class Search:
             yield Reading("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
 
     def _free_target(self, turned: bool) -> Reading:
-        """The reading by which the target of a robot without rods is anywhere on the platform."""
+        """The reading by which the target is anywhere on the platform, where the TCP's place is a parameter."""
         T, R = self.measured.T, self.measured.R
         place = frame_and_target(self.poses, T, R, free_frame=turned)
         there = Poses(self.poses.T + self.poses.R @ place.at, self.poses.R @ place.mount)
@@ -330,9 +333,6 @@ class Search:
     def _seen(self, poses: Poses, measured: Measured, turned: bool) -> Poses:
         frame = self._frame(poses, measured, turned)
         return poses.moved(frame.T, frame.R)
-
-    def _turn(self, poses: Poses, measured: Measured, turned: bool) -> Floats:
-        return self._frame(poses, measured, turned).R
 
     @staticmethod
     def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:

@@ -45,19 +45,20 @@ SMALLEST: Size = (1e-6, 1e-6)
 def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *, exact: bool = False) -> None:
     """Raise the error of a suspected mistake, or warn of it.
 
-    ``error``: the error that names the mistake. ``dataset``: the data. With ``dataset.trusted`` every error becomes a
-    warning. ``before``, ``after``: what a fit leaves of the data as they are, and with the mistake corrected. ``exact``:
-    whether residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few
-    free numbers that no effect looks like.
+    ``before``, ``after``: what a fit leaves of the data as they are, and with the mistake corrected. ``exact``: whether
+    residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few free
+    numbers that no effect looks like.
 
-    Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected. Warns: otherwise, if
-    the correction makes the residuals smaller.
+    Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected; not for trusted data.
+    Warns: otherwise, if the correction makes the residuals smaller.
     """
-    if not dataset.trusted and (certain(dataset, before, after) or (exact and _exactly(dataset, before, after))):
+    now, then = _ratios(dataset, before, after)
+    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
+    certain = now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
+    if not dataset.trusted and (certain or (exact and _exactly(dataset, before, after))):
         raise error
     left = ""
     if np.isfinite(before).all():
-        now, then = _ratios(dataset, before, after)
         if then > NO_BETTER * now:
             return
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
@@ -82,13 +83,6 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
     if not dataset.trusted:
         raise error
     warn(str(error))
-
-
-def certain(dataset: Dataset, before: Size, after: Size) -> bool:
-    """Whether data can't be fitted as they are, and can be fitted once a mistake is corrected."""
-    now, then = _ratios(dataset, before, after)
-    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
-    return now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
 
 
 def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Mask
 
 ROWS = 150
 """Number of rows that are enough. Assumed."""
@@ -47,8 +47,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     robot, geometry = nominal.robot, nominal.geometry
     outside = geometry.outside_tracks(dataset.q)
     if outside.any():
-        named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[outside]))
-        warn(f"set aside, outside the measured tracks: poses {named}")
+        warn(f"set aside, outside the measured tracks: poses {', '.join(dataset.names_of(outside))}")
         if outside.all():
             raise DatasetError(
                 "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
@@ -70,8 +69,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
                 _check_readings(dataset, nominal, poses, ~outside)
                 _check_readings(alone, nominal, poses, ~outside)
                 return
-        left = (left_in(rows, nominal, measured_poses(rows)) for rows in (dataset, corrected))
-        suspect(error, dataset, *left, exact=turned)
+        before, after = (left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
+        suspect(error, dataset, before, after, exact=turned)
 
     try:
         check_commands(
@@ -100,7 +99,7 @@ def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) 
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
     free = dataset.instrument.frame == "free" or looks.elsewhere
     read = dataset.instrument.model_copy(update={"frame": "free"}) if free else dataset.instrument
-    before = left_in(dataset, nominal, measured_poses(dataset.take(rows)))
+    before = left_after_fit(nominal, measured_poses(dataset.take(rows)), dataset.instrument)
     suspect(error, dataset, before, left_after_fit(nominal, looks.corrected(nominal, free), read))
 
 
@@ -168,25 +167,10 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: Instrument) -
             x, poses = found.point.x, found.point.poses
     except (ConvergenceError, np.linalg.LinAlgError):
         return NO_FIT
-    if _absurd(found.problem, found.point.x):
-        return NO_FIT
-    return size_of(measured.minus(found.point.model.seen(poses)))
-
-
-def _absurd(problem: Problem, x: Floats) -> bool:
-    """Whether a fitted parameter is so far from nominal that the robot is another one."""
-    geometry = problem.start.geometry
-    x = np.abs(x[: problem.n_geometry])
-    farthest = np.array([FAR.get(p.unit, np.inf) for p in geometry.parameters])
-    return bool(((x > FAR_TOLERANCES) & (x * geometry.tolerance > farthest)).any())
-
-
-def left_in(dataset: Dataset, nominal: Model, measured: Measured) -> Size:
-    """As :func:`left_after_fit`, for a dataset's own instrument."""
-    return left_after_fit(nominal, measured, dataset.instrument)
-
-
-def size_of(left: Floats) -> Size:
-    """Robust standard deviations of residuals (N, 3 or 6): positions, m, and rotations, rad (0 without)."""
-    position, rotation = (np.linalg.norm(part, axis=1) for part in (left[:, :3], left[:, 3:]))
-    return float(np.median(position)) / MEDIAN, float(np.median(rotation)) / MEDIAN
+    off = np.abs(found.point.x[: found.problem.n_geometry])
+    farthest = np.array([FAR.get(p.unit, np.inf) for p in nominal.geometry.parameters])
+    if ((off > FAR_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
+        return NO_FIT  # another robot
+    left = measured.minus(found.point.model.seen(poses))
+    position, rotation = (float(np.median(np.linalg.norm(part, axis=1))) for part in (left[:, :3], left[:, 3:]))
+    return position / MEDIAN, rotation / MEDIAN

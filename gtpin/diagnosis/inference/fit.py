@@ -32,7 +32,7 @@ from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.model.model import Model
-from gtpin.noise.repeats import LEAST_CONTRASTS
+from gtpin.noise.estimate import LEAST_CONTRASTS
 
 
 @dataclass(frozen=True)

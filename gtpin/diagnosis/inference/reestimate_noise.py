@@ -12,9 +12,8 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import Priors
-from gtpin.noise.estimate import likeliest
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest, stops
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, stops
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 from gtpin.typing import Floats
 

@@ -21,8 +21,8 @@ from gtpin.diagnosis.preparation.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
 from gtpin.errors import warn
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, from_repeats, stops, tamed
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.noise.repeats import LEAST_CONTRASTS, contrasts, from_repeats, stops, tamed
 from gtpin.typing import Floats
 
 LOOKED_AT = 1000

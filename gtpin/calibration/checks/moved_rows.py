@@ -1,7 +1,8 @@
-"""An instrument that moved once, or for a while, during the measurement: steps of its frame are searched for along the rows.
+"""Sequences of rows with the commands of others, or during which the instrument had moved.
 
-The computation is that of :mod:`gtpin.calibration.checks.prior_conflict`, with a motion of the frame from some row on, and
-back from a later one. Rows are in the order of the file, and also in the order of time where it was recorded.
+A large motion shows against the nominal machine. A smaller one is searched for after the fit as steps of the frame along the
+rows, in the order of the file and of time, by the computation of :mod:`gtpin.calibration.checks.prior_conflict`: a motion from
+some row on, and back from a later one.
 """
 
 from __future__ import annotations
@@ -11,19 +12,31 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks.prior_conflict import motions
-from gtpin.calibration.checks.shifted_rows import FEWEST, own_session
 from gtpin.calibration.checks.suspected import Size, suspect
-from gtpin.calibration.noise_estimator import ENOUGH
-from gtpin.calibration.problem import Point, Problem
+from gtpin.calibration.problem import Measured, Point, Problem, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.kinematics.poses import Poses
+from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices, Mask
 
+FEWEST = 8
+"""Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""
+SHARE = 0.1
+"""Share of rows with large errors from which a stretch is searched for: the largest share that scattered gross errors have."""
+WITHIN = 0.6
+"""Smallest share of a stretch's rows that have large errors, and of all rows with large errors that are in it."""
+MENDED = 0.1
+"""Largest share of a stretch's error that remains after the correction. Assumed: a neighbour's command or a moved frame
+explains the whole error or nothing."""
+OWN = 0.8
+"""Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
+NEIGHBOURS = (1, -1)
+"""Shifts of the commands, in rows, that are tried."""
 SIZE = 30.0
 """Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
 GRID = 60
@@ -43,6 +56,89 @@ motions in proportion to time (to its third power), temperatures, payload or ano
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
+def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
+    """Suspect data in which a stretch of rows is shifted relative to its commands, or was measured from another place.
+
+    ``measured``, ``predicted``: (N) measured poses, and poses that a model predicts at the commands of the same rows, both
+    in the instrument's frame. ``far``: (N,) rows with large errors. ``bumps``: whether a motion of the instrument is
+    searched for too: not before a fit, since a nominal robot that is far off looks like one.
+
+    Raises `DatasetError` if one of the two explains a stretch; it names the rows by their lines in the file.
+    """
+    part = stretch(far)
+    if part is None:
+        return
+    first, last = part.start, part.stop - 1
+    off = _off(measured.T, predicted.T)
+    usual = float(np.nanmedian(off[~far])) if not far.all() else 0.0
+    rows = f"rows {dataset.row[first]} to {dataset.row[last]}"
+    for by in NEIGHBOURS:
+        neighbour = np.roll(predicted.T, by, axis=0)
+        inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
+        left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
+        if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
+            error = DatasetError(
+                f"the commands look one row off in {rows}: what was measured there fits the commands of the row "
+                f"{'before' if by > 0 else 'after'}",
+                file=dataset.file,
+                row=int(dataset.row[first]),
+                hint="move the commands of these rows, or export the table anew",
+            )
+            return suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
+    if not bumps:
+        return
+    moved = rough_frame(predicted[part], measured.take(part))
+    left = np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T))
+    if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, part):
+        error = DatasetError(
+            f"{rows} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
+            "instrument was bumped or set up anew",
+            file=dataset.file,
+            row=int(dataset.row[first]),
+            hint="give these rows a session of their own in the column session, or leave them out",
+        )
+        suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
+
+
+def stretch(far: Mask) -> slice | None:
+    """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
+    count = int(far.sum())
+    if count < max(FEWEST, SHARE * len(far)):
+        return None
+    # The run of largest sum where a far row counts one and another one takes one away (Kadane).
+    best, here, start, found = 0, 0, 0, slice(0, 1)
+    for i, value in enumerate(np.where(far, 1, -1)):
+        if here <= 0:
+            here, start = 0, i
+        here += int(value)
+        if here > best:
+            best, found = here, slice(start, i + 1)
+    inside = far[found]
+    if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
+        return None
+    return found
+
+
+def far_from_nominal(measured: Measured, nominal: Poses, reach: float) -> Mask:
+    """(N,) True for rows that are farther from the nominal machine than its tolerances can displace it (``reach``, m)."""
+    return np.asarray(_off(measured.T, nominal.T) > reach)
+
+
+def _off(one: Floats, two: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(one - two, axis=1))
+
+
+def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
+    """Whether some rows have sessions of their own, so that effects of sessions can account for them."""
+    if "session" not in dataset.covariates:
+        return False
+    inside = np.zeros(len(dataset), dtype=bool)
+    inside[rows] = True
+    session = np.unique(dataset.covariates["session"], return_inverse=True)[1]
+    share = np.bincount(session, inside) / np.bincount(session)
+    return bool(len(share) > 1 and np.median(share[session[inside]]) > OWN)
+
+
 @dataclass(frozen=True)
 class FrameScan:
     """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
@@ -55,7 +151,7 @@ class FrameScan:
     - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
     """
 
-    rows: npt.NDArray[np.intp]
+    rows: Indices
     J: Floats
     F: Floats
     y: Floats
@@ -76,7 +172,7 @@ class FrameScan:
         rows = np.arange(len(y))
         return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
 
-    def ordered(self, rows: npt.NDArray[np.intp]) -> FrameScan:
+    def ordered(self, rows: Indices) -> FrameScan:
         """The same for the rows with these indices, in this order."""
         return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
 
@@ -138,16 +234,15 @@ class FrameScan:
 
     @cached_property
     def _absorbed(self) -> tuple[Floats, Floats]:
-        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals: L^-1 S J' F and
-        L^-1 S J' y with L L' = I + S J' J S, S the scales. The sums of squares are the power that the geometry absorbs.
-        """
+        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals."""
+        # L^-1 S J' F and L^-1 S J' y with L L' = I + S J' J S, S the scales: their sums of squares are the power absorbed.
         s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
         factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
         by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
         absorbed = solve_triangular(factor, by_step.T, lower=True)
         return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
 
-    def _normal(self, steps: npt.NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def _normal(self, steps: Indices) -> tuple[Floats, Floats]:
         """(S, 6 k) and (S, 6 k, 6 k) scaled normal equations of S sets of k steps (S, k), after the geometry was fitted."""
         sets, size = len(steps), 6 * steps.shape[1]
         absorbed, absorbed_y = self._absorbed
@@ -161,7 +256,7 @@ class FrameScan:
         """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
         return float(self._lefts(np.array([steps], dtype=np.intp))[0])
 
-    def _lefts(self, steps: npt.NDArray[np.intp]) -> Floats:
+    def _lefts(self, steps: Indices) -> Floats:
         """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
         power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
         b, inner = self._normal(steps)
@@ -176,13 +271,9 @@ def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
 
 
 def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
-    """Suspect data during which the instrument moved by much more than its noise.
+    """Suspect data during which the instrument moved by much more than its noise; an error names the rows.
 
-    ``dataset``: the rows of the problem. ``problem``, ``point``: the fitted problem, and the point about which it is
-    linearised. ``noise``: noise of these rows, without repeatability, since a step between visits of one pose looks like
-    it.
-
-    Raises `DatasetError` if one or two steps of the frame explain the residuals; it names the rows.
+    ``dataset``, ``noise``: the rows of the problem, and their noise. ``point``: about which the problem is linearised.
     """
     if len(dataset) < 4 * EDGE:
         return
@@ -224,9 +315,8 @@ def _size(scan: FrameScan, noise: ReadingNoise, steps: list[int]) -> Size:
     return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
 
 
-def _alternatives(dataset: Dataset, rows: npt.NDArray[np.intp]) -> Floats:
-    """(M, k) alternatives to steps of the frame: powers of the rows' order, and all numeric columns but directions and
-    speeds."""
+def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
+    """(M, k) alternatives to steps: powers of the rows' order, and all numeric columns but directions and speeds."""
     t = np.linspace(-1.0, 1.0, len(rows))
     columns = [t, t**2, t**3]
     for name, values in dataset.covariates.items():
