@@ -12,9 +12,8 @@ import numpy as np
 from gtpin.errors import DatasetError
 from gtpin.report.ball_bar import Circle, Layer, circles
 from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import Drawing, alone
-from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
-from gtpin.report.residual_columns import scale_of
+from gtpin.report.figure import ACCENT, FIT, LIGHT, LINE, ZERO, Drawing, alone, round_below
+from gtpin.report.residual_plots import scale_of
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import quantity, typeset
 
@@ -117,7 +116,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
     zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
     traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
     for trace in circle.traces:
-        color = COLORS[trace.direction]
+        told = f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>"
         traces.append(
             {
                 "type": "scatterpolar",
@@ -125,9 +124,9 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
                 "name": trace.direction,
                 "theta": np.rad2deg(trace.angle),
                 "r": factor * trace.deviation[layer],
-                "line": {"color": color, "width": 1.5},
+                "line": {"color": COLORS[trace.direction], "width": 1.5},
                 "text": residuals.names[trace.rows],
-                "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
+                "hovertemplate": told,
             }
         )
     named = set[str]()
@@ -140,7 +139,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
     """The axes of a plot; the circle of zero deviation is at two thirds of the plot's radius."""
     _, _, top = _scale(circle, layer, layers)
-    step = _division(top)
+    step = round_below(top / 2.0)  # the largest deviation has two to five steps
     first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
     one, two = circle.axes
     grid = {"gridcolor": LINE, "linecolor": LINE}
@@ -165,7 +164,7 @@ def _name(circle: Circle) -> str:
 def _words(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
     """The size of a division of a layer's plot, and its quantities of ISO 230-4, of each direction and of both together."""
     _, unit, top = _scale(circle, layer, layers)
-    words = [f"{LAYERS[layer]}, {_division(top):g} {unit} a division"]
+    words = [f"{LAYERS[layer]}, {round_below(top / 2.0):g} {unit} a division"]
     for direction in circle.directions:
         low, high = (f"{'+' if value > 0.0 else ''}{quantity(value, 'm')}" for value in circle.radial(layer, direction))
         words.append(
@@ -183,9 +182,3 @@ def _scale(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> tuple[float
     values = np.concatenate([t.deviation[one] for t in circle.traces for one in alike])
     factor, unit = scale_of(values, "m")
     return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
-
-
-def _division(top: float) -> float:
-    """Step of a plot's divisions: 1, 2 or 5 times a power of ten, so that the largest deviation has two to five steps."""
-    power = 10.0 ** np.floor(np.log10(top / 2.0))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

@@ -9,7 +9,7 @@ from monte_carlo import assert_chi2
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, measured
 
 import gtpin
-from gtpin.report.calibration_page import calibration_page
+from gtpin.report.calibration import calibration_page
 from gtpin.report.calibration_text import calibration_text
 
 SHIFT = 4e-4
@@ -61,11 +61,11 @@ def test_it_is_in_the_files_next_to_the_keys_that_were_there(found):
 
 
 def test_it_stands_in_the_reports_with_the_word_zero(found):
-    _, dataset, calibration = found[0]
+    calibration = found[0][2]
     text = calibration_text(calibration)
     assert "zero of a drive" in text
     assert f"{calibration.zeros[1].value:+.7f}" in text
-    assert "Zeros of the drives" in calibration_page(calibration, dataset)
+    assert "Zeros of the drives" in calibration_page(calibration)
 
 
 def test_joints_that_no_calibration_may_move_have_no_zero():

@@ -15,7 +15,7 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.certificate.certify import between
-from gtpin.certificate.response import At, ModelPosterior
+from gtpin.certificate.held_against import At, ModelPosterior
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
 if not EXAMPLES.is_dir():

@@ -13,8 +13,7 @@ from readings_of_circles import read_ranges
 from gtpin.errors import DatasetError
 from gtpin.report.figure import has_plotly
 from gtpin.report.maps import workspace_figure
-from gtpin.report.residual_columns import leading, view
-from gtpin.report.residual_plots import components, residual_figure
+from gtpin.report.residual_plots import components, leading, residual_figure, view
 from gtpin.report.residuals import Residuals
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,7 +55,7 @@ def test_a_range_is_the_distance_from_the_drawn_station_to_the_drawn_target() ->
     drawn, one, u = fitted(table, station=("B", "A"))
     places = InstrumentPlaces.of([drawn])
     assert set(places.stations) == {"w A", "w B"}
-    assert places.wires == (("w A", "w"), ("w B", "w"))
+    assert places.wires == [("w A", "w"), ("w B", "w")]
     pose = pose_with_target_at(np.array([0.5, 0.5, 0.5]), np.zeros(3))
     end = pose.T[0] + pose.R[0] @ places.targets["w"]
     assert one.predicted(pose, u)[0, 0] == pytest.approx(np.linalg.norm(end - places.stations["w B"]), abs=1e-12)
@@ -181,15 +181,10 @@ def test_the_command_writes_a_picture_of_readings(tmp_path: Path, monkeypatch: p
 
 
 @pytest.fixture
-def scene(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> Iterator[Scene]:
-    pytest.importorskip("viser", reason="viser is not installed")
-    from gtpin.view.scene import Scene
-
+def scene(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]], served: Callable[..., Scene]) -> Scene:
     planes = {"bed": {"point": (-1.3, -4.3, 0.0), "normal": (0.0, 0.0, 1.0)}}
     bed = FittedInstrument(PlaneTable(name="bed", kind="plane", planes=planes))
-    served = Scene(NOMINAL, shown[0], port=0, instruments=(*shown[1], bed))
-    yield served
-    served.stop()
+    return served(NOMINAL, shown[0], instruments=(*shown[1], bed))
 
 
 def test_wires_go_from_stations_to_targets_and_follow_the_platform(scene: Scene) -> None:
@@ -240,19 +235,9 @@ def test_the_page_tells_which_instrument_is_off_and_by_how_much(scene: Scene) ->
 
 
 def test_a_model_with_instruments_is_shown_with_them(
-    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
+    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]], served: Callable[..., Scene]
 ) -> None:
-    pytest.importorskip("viser", reason="viser is not installed")
-    from gtpin.view.scene import Scene
-
-    served = Scene(replace(NOMINAL, instruments=shown[1]), None, port=0)
-    try:
-        assert served.instruments is not None
-        assert "/instruments/stations/wire" in served.instruments.drawn
-    finally:
-        served.stop()
-    plain = Scene(NOMINAL, None, port=0)
-    try:
-        assert plain.instruments is None
-    finally:
-        plain.stop()
+    instruments = served(replace(NOMINAL, instruments=shown[1])).instruments
+    assert instruments is not None
+    assert "/instruments/stations/wire" in instruments.drawn
+    assert served(NOMINAL).instruments is None

@@ -31,10 +31,6 @@ ASKING = frozenset(
         "export/loss.py",
         "export/springs.py",
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
-        "report/diagnosis_json.py",
-        "report/effect_curves.py",  # words and axes of rods, carts and joints
-        "report/phrases.py",
-        "view/scene.py",  # drawings
     }
 )
 """Files that ask a robot for its rods: a list that only becomes shorter."""
