@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -32,34 +31,25 @@ LAYERS: dict[Layer, str] = {
 }
 
 
-@dataclass(frozen=True)
-class CircularTest:
-    """A circle on a page: its key among the page's plots, its title, and one plot for each layer."""
-
-    key: str
-    title: str
-    plots: tuple[Plot, ...]
-
-
-def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
-    """The circles along which readings were taken, with their plots.
+def circular_tests(residuals: Residuals, causes: bool) -> list[tuple[str, list[Plot]]]:
+    """The titles of the circles along which readings were taken, each with one plot for each layer.
 
     ``causes``: whether there are causes: a last layer then shows the residuals with them.
     """
     layers, found = _layers(causes), []
     for number, circle in enumerate(circles(residuals)):
-        key, title = f"circle-{number}", _name(circle)
-        plots = tuple(
+        title = _name(circle)
+        plots = [
             Plot(
-                f"{key}-{layer}",
+                f"circle-{number}-{layer}",
                 f"{title}: {LAYERS[layer].lower()}",
                 partial(_alone, residuals, circle, layer, layers),
                 caption=". ".join([*_words(circle, layer, layers), ""]).rstrip(),
                 height=300,
             )
             for layer in layers
-        )
-        found.append(CircularTest(key, title, plots))
+        ]
+        found.append((title, plots))
     return found
 
 

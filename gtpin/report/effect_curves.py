@@ -111,9 +111,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     if "session" in own:
         sessions = np.array(active.references.sessions, dtype=object)
         return "session", [_Level("", at(session=sessions), sessions, every)]
-    columns = {
-        name: np.asarray(residuals.column(name), dtype=float) for name in own if residuals.column(name) is not None
-    }
+    columns = {name: np.asarray(residuals.columns[name], dtype=float) for name in own if name in residuals.columns}
     swept = [name for name in columns if not name.startswith("approach")]
     if not swept:
         return "", []
@@ -151,7 +149,7 @@ def _swept(
 ) -> Iterator[EffectCurve]:
     at_poses = {motion.name: motion for motion in motions(active, there)}
     by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
-    sessions, column = x_name == "session", np.asarray(residuals.column(x_name))
+    sessions, column = x_name == "session", np.asarray(residuals.columns[x_name])
     along = column.astype(str).astype(object) if sessions else column.astype(float)
     title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
     for name, first in by_level[0].items():

@@ -14,53 +14,31 @@ from gtpin.errors import GtpinError
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-LIGHT = {
-    "paper": "#ffffff",
-    "panel": "#f5f6f8",
-    "ink": "#1b1f24",
-    "soft": "#5a6472",
-    "line": "#d9dee5",
-    "accent": "#1f5fa8",
-    "data": "#5b6b7f",
-    "fit": "#c2410c",
-    "band": "rgba(194, 65, 12, .18)",
-    "band2": "rgba(31, 95, 168, .18)",
-    "band3": "rgba(26, 127, 75, .18)",
-    "zero": "#9aa4b0",
-    "good": "#1a7f4b",
-    "warn": "#9a6700",
-    "bad": "#b42318",
-    "mystery": "#6d3fc0",
-    "low": "#eef2f7",
-    "mid": "#7ba3d0",
-    "high": "#b42319",
-    "shade": "rgba(27, 31, 36, .28)",
+COLORS = {
+    "paper": ("#ffffff", "#14171b"),
+    "panel": ("#f5f6f8", "#1d2127"),
+    "ink": ("#1b1f24", "#e8ebef"),
+    "soft": ("#5a6472", "#a0aab6"),
+    "line": ("#d9dee5", "#343b45"),
+    "accent": ("#1f5fa8", "#74aef0"),
+    "data": ("#5b6b7f", "#9db0c6"),
+    "fit": ("#c2410c", "#ff9a57"),
+    "band": ("rgba(194, 65, 12, .18)", "rgba(255, 154, 87, .22)"),
+    "band2": ("rgba(31, 95, 168, .18)", "rgba(116, 174, 240, .2)"),
+    "band3": ("rgba(26, 127, 75, .18)", "rgba(86, 201, 138, .2)"),
+    "zero": ("#9aa4b0", "#66707d"),
+    "good": ("#1a7f4b", "#56c98a"),
+    "warn": ("#9a6700", "#e2b340"),
+    "bad": ("#b42318", "#ff7b6e"),
+    "mystery": ("#6d3fc0", "#b79bff"),
+    "low": ("#eef2f7", "#2a313b"),
+    "mid": ("#7ba3d0", "#5f93cf"),
+    "high": ("#b42319", "#ff7b6e"),
+    "shade": ("rgba(27, 31, 36, .28)", "rgba(232, 235, 239, .32)"),
 }
-"""Colours of figures and of light pages, as CSS, by name. All values differ, because a page finds a colour's name by its
-value."""
-DARK = {
-    "paper": "#14171b",
-    "panel": "#1d2127",
-    "ink": "#e8ebef",
-    "soft": "#a0aab6",
-    "line": "#343b45",
-    "accent": "#74aef0",
-    "data": "#9db0c6",
-    "fit": "#ff9a57",
-    "band": "rgba(255, 154, 87, .22)",
-    "band2": "rgba(116, 174, 240, .2)",
-    "band3": "rgba(86, 201, 138, .2)",
-    "zero": "#66707d",
-    "good": "#56c98a",
-    "warn": "#e2b340",
-    "bad": "#ff7b6e",
-    "mystery": "#b79bff",
-    "low": "#2a313b",
-    "mid": "#5f93cf",
-    "high": "#ff7b6e",
-    "shade": "rgba(232, 235, 239, .32)",
-}
-"""Colours of dark pages, with the same names; such a page replaces the colours of its figures by these."""
+"""Colours by name, in light and in dark, as CSS. All light values differ, because a page finds a colour's name by its value; a
+dark page replaces the colours of its figures by the dark ones."""
+LIGHT, DARK = ({name: both[k] for name, both in COLORS.items()} for k in (0, 1))
 INK, LINE, ZERO, DATA, FIT = (LIGHT[name] for name in ("ink", "line", "zero", "data", "fit"))
 ACCENT, GOOD, WARN, BAD, MYSTERY, SOFT = (LIGHT[n] for n in ("accent", "good", "warn", "bad", "mystery", "soft"))
 LOW, MID, HIGH = (LIGHT[name] for name in ("low", "mid", "high"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.names import command_names
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Column as Values
 from gtpin.errors import DatasetError
@@ -132,18 +133,14 @@ def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float
     return max(residuals.axes, key=lambda axis: axes.get(axis, 0.0))
 
 
-def commanded(residuals: Residuals) -> dict[str, Floats]:
-    """The commands by name: q1 .. qn."""
-    return {f"q{j + 1}": residuals.dataset.q[:, j] for j in range(residuals.dataset.n_actuators)}
-
-
 def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[ColumnFit]:
     """Each command and covariate that varies: first those on which a cause depends, then those with the strongest correlation.
 
     ``share``: strength of the residuals' correlation with each, by name. ``causes``: whether there are causes.
     """
-    varying = [name for name, values in residuals.dataset.covariates.items() if bool((values != values[0]).any())]
-    found = [column(residuals, name, causes) for name in (*commanded(residuals), *varying)]
+    commands = command_names(residuals.dataset.n_actuators)
+    varying = [n for n, values in residuals.columns.items() if n in commands or bool((values != values[0]).any())]
+    found = [column(residuals, name, causes) for name in varying]
     return sorted(found, key=lambda one: (one.line is None, -share.get(one.name, 0.0)))
 
 
@@ -152,7 +149,7 @@ def column(residuals: Residuals, name: str, causes: bool = True) -> ColumnFit:
 
     Raises `DatasetError` if the dataset has no such column.
     """
-    known = {**commanded(residuals), **residuals.dataset.covariates}
+    known = residuals.columns
     if name not in known:
         raise DatasetError("this column is not there", column=name, hint=f"there are {', '.join(known)}")
     values = known[name]
@@ -171,7 +168,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
 
     If they also depend on a coordinate with few values, such as a direction of approach, there is one line for each value.
     """
-    model, column = residuals.model, residuals.column(name)
+    model, column = residuals.model, residuals.columns.get(name)
     own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
     if column is None or not own or not residuals.of_poses:
         return None
@@ -203,7 +200,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
 def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known: Mapping[str, Values]) -> Floats:
     """(N, c) displacement of the poses by some effects alone."""
     with_them, plain = (replace(residuals.model, effects=effects) for effects in (own, ()))
-    return with_them.predict(q, known).minus(plain.predict(q))[:, : residuals.components]
+    return with_them.predict(q, known).minus(plain.predict(q))[:, : residuals.before.shape[1]]
 
 
 def _levels(
@@ -212,7 +209,7 @@ def _levels(
     """Values of the first other coordinate on which causes depend, if they are few, and the poses of each value."""
     others = [other for e in own for other in e.effect.coordinates(residuals.model.robot, e.site) if other != name]
     for other in others:
-        values = residuals.column(other)
+        values = residuals.columns.get(other)
         levels = [] if values is None else list(dict.fromkeys(values.tolist()))
         if 1 < len(levels) <= LEVELS:
             return [({other: level}, np.asarray(values == level)) for level in levels]
@@ -287,7 +284,7 @@ def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], co
     """Residuals over two commands, in colour, for a dependence on both."""
 
     def draw(component: str) -> Drawing:
-        seen, q = views[component], commanded(residuals)
+        seen, q = views[component], residuals.columns
         rows = _drawn(seen)
         marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}, "colorscale": DIVERGING, "cmid": 0}
         marker |= {"color": seen.after[rows], "showscale": True, "colorbar": colorbar(seen.title)}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browsers import Opened, launched
-from readings_of_circles import MIDDLE, NOMINAL, RADIUS, commands_to, way
+from known_readings import MIDDLE, NOMINAL, RADIUS, commands_to, way, write_table
 
 import gtpin
 from gtpin.calibration.result import Calibration
@@ -39,17 +39,15 @@ def write(folder: Path) -> None:
     )
     T = np.vstack([way(plane, angle) for plane in ("XY", "ZX") for angle in (UP, UP[::-1])])
     ranges = np.linalg.norm(T - MIDDLE, axis=1) + NOISE * rng.standard_normal(len(T))
-    lines = ["pose,q1,q2,q3,range,time"]
-    for i, (q, value) in enumerate(zip(commands_to(T), ranges, strict=True)):
-        lines.append(f"b{i},{','.join(f'{v:.17g}' for v in q)},{value:.17g},{i}")
-    (folder / "bar.csv").write_text("\n".join(lines) + "\n")
-    lines = ["pose,q1,q2,q3,station,range,time"]
+    rows = [[f"b{i}", *q, value, i] for i, (q, value) in enumerate(zip(commands_to(T), ranges, strict=True))]
+    write_table(folder / "bar.csv", "pose,q1,q2,q3,range,time", rows)
+    rows = []
     for i, q in enumerate(rng.uniform(-0.3, 0.3, (50, 3))):
         at = NOMINAL.kinematics.forward(q[None]).T[0]
         for key, station in STATIONS.items():
             value = float(np.linalg.norm(at - station)) + NOISE * rng.standard_normal()
-            lines.append(f"w{i},{','.join(f'{v:.17g}' for v in q)},{key},{value:.17g},{1000 + i}")
-    (folder / "wire.csv").write_text("\n".join(lines) + "\n")
+            rows.append([f"w{i}", *q, key, value, 1000 + i])
+    write_table(folder / "wire.csv", "pose,q1,q2,q3,station,range,time", rows)
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from gtpin.report import page, sections
 from gtpin.report.calibration import calibration_page
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
-from gtpin.report.figure import DARK, DATA, FIT, LIGHT, Drawing
+from gtpin.report.figure import DATA, FIT, LIGHT, Drawing
 from gtpin.report.page import render
 from gtpin.report.phrases import reason_words
 
@@ -214,7 +214,6 @@ def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
 
 def test_a_page_finds_every_colour_of_its_figures_by_its_value():
     assert len(set(LIGHT.values())) == len(LIGHT)
-    assert set(LIGHT) == set(DARK)
 
 
 @pytest.mark.slow

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
 
-from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
-from gtpin.report.calibration_text import grouped
-from gtpin.report.phrases import parameter, size_words
 from gtpin.report.verdict import verdict
-from gtpin.report.words import quantity
+
+pytestmark = pytest.mark.slow  # two diagnoses
 
 
 def words(found) -> str:
@@ -22,14 +19,12 @@ def words(found) -> str:
     return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
 
 
-@pytest.mark.slow
 def test_without_a_cause_nothing_is_to_be_compensated(findings):
     said = words(findings["none"])
     assert said.startswith("Nothing but noise is left")
     assert "no compensation is needed" in said
 
 
-@pytest.mark.slow
 def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(none):
     lacks = replace(none.candidates[0], testable=False, reason=Untestable("missing", "approach1"))
     supposed = replace(none, noise_source="residuals", candidates=(lacks, *none.candidates[1:]))
@@ -40,7 +35,6 @@ def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(non
     assert "approach1" in " ".join(said.advice)
 
 
-@pytest.mark.slow
 def test_without_positions_only_what_was_read_needs_no_compensation(none):
     """A fit of touches leaves directions of the geometry open that a tracker would show."""
     baseline = none.baseline
@@ -52,16 +46,6 @@ def test_without_positions_only_what_was_read_needs_no_compensation(none):
     assert "Use it as it is" not in said
 
 
-def test_directions_that_nothing_shows_are_one_sentence():
-    tilt = Remedy("tilts", "", 12)
-    assert grouped(("a", "b", "c"), (None, tilt, None)) == (
-        "b",
-        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
-    )
-    assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
-
-
-@pytest.mark.slow
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     found = findings["none"]
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
@@ -70,7 +54,6 @@ def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     assert "no compensation is needed" not in said
 
 
-@pytest.mark.slow
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     found = findings["explained"]
     said = verdict(found)
@@ -83,7 +66,6 @@ def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     assert "poses that it was not fitted to" in words(found)
 
 
-@pytest.mark.slow
 def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     said = verdict(findings["ambiguous"]).headline.replace("\u00a0", " ")
     assert said.startswith("Drive error at cart2 (open; ")
@@ -91,13 +73,11 @@ def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
     assert "(60 %), or smooth, rms 12.3 µm (40 %)." in said
 
 
-@pytest.mark.slow
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"]).headline
     assert said == ("Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name.")
 
 
-@pytest.mark.slow
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     found = findings["unknown"]
     lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
@@ -105,7 +85,6 @@ def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     assert "don't compensate it by name" in verdict(lost).headline
 
 
-@pytest.mark.slow
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     found = replace(findings["unknown"], causes=findings["explained"].causes)
     first, second = verdict(found).headline.splitlines()
@@ -114,7 +93,6 @@ def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     assert verdict(found).badge == "1 certain, 1 unknown"
 
 
-@pytest.mark.slow
 def test_two_causes_are_both_named(findings):
     found = findings["explained"]
     half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
@@ -126,16 +104,6 @@ def test_two_causes_are_both_named(findings):
     assert "The shares overlap" in words(two)
 
 
-def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
-    half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
-    assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
-    assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
-    assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
-    assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
-    assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"
-
-
-@pytest.mark.slow
 def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     found = findings["explained"]
     said = words(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)))
@@ -143,7 +111,6 @@ def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     assert "of the gap's power beyond noise" not in said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
 def test_every_verdict_has_a_badge_and_advice(findings, kind):
     said = verdict(findings[kind])
@@ -152,7 +119,6 @@ def test_every_verdict_has_a_badge_and_advice(findings, kind):
     assert said.headline.endswith(".")
 
 
-@pytest.mark.slow
 def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
     found = findings["explained"]
     cause = found.causes[0]
@@ -170,7 +136,6 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     assert "makes no difference" not in advice
 
 
-@pytest.mark.slow
 def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     found = findings["explained"]
     cause = found.causes[0]
@@ -183,7 +148,6 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert "20 %" not in said
 
 
-@pytest.mark.slow
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"]
     lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
@@ -194,7 +158,6 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     assert "could be" not in " ".join(verdict(found).advice)
 
 
-@pytest.mark.slow
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
     found = findings["none"]
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +14,15 @@ import pytest
 
 import gtpin
 from gtpin import load_robot
+from gtpin.calibration.unseen_remedies import Remedy
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.effect import Effect
 from gtpin.effects.untestable import Kind, Untestable, as_untestable
-from gtpin.report.phrases import REASONS, clause, reason_words, sentence
+from gtpin.estimate import Estimate
+from gtpin.report.calibration_text import grouped
+from gtpin.report.phrases import REASONS, clause, parameter, reason_words, sentence, size_words
 from gtpin.report.provenance import provenance, versions
 from gtpin.report.sections.causes import meaning
 from gtpin.report.verdict import beyond_noise
@@ -197,3 +201,21 @@ class Silent(Linearity):
 
 def test_an_effect_without_a_description_of_its_own_says_nothing_of_another():
     assert meaning(Silent(), gtpin.load_robot("ur5")) == ()
+
+
+def test_directions_that_nothing_shows_are_one_sentence():
+    tilt = Remedy("tilts", "", 12)
+    assert grouped(("a", "b", "c"), (None, tilt, None)) == (
+        "b",
+        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
+    assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
+
+
+def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
+    half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
+    assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
+    assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
+    assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
+    assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
+    assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from gtpin.data.names import command_names
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
-from gtpin.report.residual_plots import commanded, over_two
+from gtpin.report.residual_plots import over_two
 from gtpin.report.sections import Reported, section
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
@@ -76,7 +77,7 @@ def what_is_left(r: Reported) -> Section | None:
         content.append("Correlations of the residuals with smooth terms at every site:")
         content.append(Table(("site", "coordinates", "p-value under noise alone"), rows, (2,)))
         commands = found.correlates[0][1].split(" ")[0].split(",")
-        if len(commands) == 2 and all(name in commanded(r.residuals) for name in commands):
+        if len(commands) == 2 and {*commands} <= {*command_names(r.dataset.n_actuators)}:
             content.append(Plots([over_two(r.residuals, commands[0], commands[1], *r.components)]))
     return Section("left", "What is left", content)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.result import InstrumentFit
+from gtpin.diagnosis.linear.cross_validation import InstrumentGap
 from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.maps import MapScale, maps
 from gtpin.report.page import Block, Heading, Plots, Section, Table
@@ -27,13 +29,12 @@ def instruments(r: Reported) -> Section | None:
     c, d = r.calibration, r.diagnosis
     if d is None:
         head = ["instrument", "kind", "readings", "error, nominal", "calibrated", "noise alone"]
-        named = [(one, [one.name, one.kind, str(one.readings)]) for one in c.by_instrument if one.name]
+        rows = [[one.name, one.kind, str(one.readings), *_errors(one)] for one in c.by_instrument if one.name]
     else:
         head = ["instrument", "kind", "error, left-out readings", "with the causes", "noise alone"]
-        named = [(one, [one.name, one.kind]) for one in d.gap.by_instrument]
-    if not named:
+        rows = [[one.name, one.kind, *_errors(one)] for one in d.gap.by_instrument]
+    if not rows:
         return None
-    rows = [[*names, *(quantity(v, b.unit) for v in (b.before, b.after, b.floor))] for b, names in named]
     content: list[Block] = [Table(head, rows, range(2, len(head)))]
     values = {name: value for one in (d or c).model.instruments for name, value in one.unknowns.items()}
     unknowns = []
@@ -47,15 +48,19 @@ def instruments(r: Reported) -> Section | None:
     return Section("instruments", "The instruments", content)
 
 
+def _errors(one: InstrumentFit | InstrumentGap) -> list[str]:
+    return [quantity(value, one.unit) for value in (one.before, one.after, one.floor)]
+
+
 @section(50)
 def circles(r: Reported) -> Section | None:
     """The circular tests with their plots; None where nothing lies on circles."""
     tests = circular_tests(r.residuals, r.causes)
     if not tests:
         return None
-    content: list[Block] = [Plots(tests[0].plots, CIRCLES, legend=True, drawn=False)]
-    for test in tests:
-        content += [Heading(test.title), Plots(test.plots)]
+    content: list[Block] = [Plots(tests[0][1], CIRCLES, legend=True, drawn=False)]
+    for title, plots in tests:
+        content += [Heading(title), Plots(plots)]
     return Section("circles", "Circular tests", content)
 
 
