@@ -11,7 +11,7 @@ from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.sensitivity import Sensitivity
 from gtpin.accuracy.workspace import Workspace
 from gtpin.output.figure import new_figure, write_figures
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from gtpin.accuracy.expected import ErrorResponse, expected_of
+from gtpin.certificate.held_against import At, ModelPosterior, by_commands
 from gtpin.certificate.quantity import Missing
-from gtpin.certificate.response import At, ModelPosterior, by_commands
 from gtpin.distributions import norm, t, truncated
 from gtpin.effects.sites import turning_joint
 from gtpin.model.model import root_of
@@ -25,63 +25,31 @@ DRAWS = 1000
 """Number of machines that are drawn to compute the radius."""
 
 
-@dataclass(frozen=True)
-class Excess:
-    """The observed mean square length of errors between poses, and the parts that are expected; m^2 or rad^2.
+def unexplained(observed: float, noise: float, posterior: float, freedom: float) -> float:
+    """The unexplained mean square of errors between poses, m^2 or rad^2, enlarged so that coverage factor 2 gives 95 % although
+    it is estimated from few errors.
+
+    Errors are assumed to be isotropic normal vectors: the relative standard deviation of a mean square with f degrees of
+    freedom is sqrt(2 / f). With a flat prior on values above 0, the unexplained variance has a truncated normal posterior
+    with mean m and standard deviation d. It has nu = 2 (m / d)^2 degrees of freedom (JCGM 100, E.4.3 and G.4.2), and its
+    sum with the model's variance v has nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t for these
+    degrees of freedom would replace the coverage factor 2 (G.3.2). To keep the factor 2, the sum is multiplied by (t /
+    2)^2, and the increase is added to the unexplained part.
 
     ``observed``: mean square length of the errors at poses that were not fitted. ``noise``, ``posterior``: expected parts,
     by the scatter of visits and by the model's uncertainty: mean traces of their covariances. ``freedom``: degrees of
     freedom of ``observed``: three for each different pose, less the effective number of fitted parameters. Repeated visits
     of a pose add none.
     """
-
-    observed: float
-    noise: float
-    posterior: float
-    freedom: float
-
-    @property
-    def power(self) -> float:
-        """The unexplained mean square, enlarged so that coverage factor 2 gives 95 % although it is estimated from few errors.
-
-        Errors are assumed to be isotropic normal vectors: the relative standard deviation of a mean square with f degrees of
-        freedom is sqrt(2 / f). With a flat prior on values above 0, the unexplained variance has a truncated normal posterior
-        with mean m and standard deviation d. It has nu = 2 (m / d)^2 degrees of freedom (JCGM 100, E.4.3 and G.4.2), and its
-        sum with the model's variance v has nu ((v + m) / m)^2 (Welch and Satterthwaite, G.4.1). Student's quantile t for these
-        degrees of freedom would replace the coverage factor 2 (G.3.2). To keep the factor 2, the sum is multiplied by (t /
-        2)^2, and the increase is added to the unexplained part.
-        """
-        mean, sd = truncated(self.observed - self.noise - self.posterior, self.doubt)
-        whole = self.posterior + mean
-        factor = float(t.isf(norm.sf(COVERAGE), 2.0 * (whole / sd) ** 2)) / COVERAGE
-        return whole * factor**2 - self.posterior
-
-    @property
-    def doubt(self) -> float:
-        """Standard uncertainty of the observed mean square."""
-        return self.observed * float(np.sqrt(2.0 / self.freedom))
+    mean, sd = truncated(observed - noise - posterior, observed * float(np.sqrt(2.0 / freedom)))
+    whole = posterior + mean
+    factor = float(t.isf(norm.sf(COVERAGE), 2.0 * (whole / sd) ** 2)) / COVERAGE
+    return whole * factor**2 - posterior
 
 
 def mean_trace(covariance: Floats) -> float:
     """Mean trace of covariances (N, 3, 3)."""
     return float(np.trace(covariance, axis1=1, axis2=2).mean())
-
-
-@dataclass(frozen=True)
-class Spreads:
-    """Contributions that are not in the model's posterior, as standard deviations; None where not known.
-
-    - ``repeatability``: repeatability of each actuator, m or rad.
-    - ``unexplained``: errors that the model does not explain, per axis: of position, m, and of orientation, rad (0 where
-      not measured).
-    - ``instrument``: systematic error of the instrument, per axis, m, from its certificate.
-    - ``why``: why the repeatability is not known; None where it is.
-    """
-
-    repeatability: float | None
-    unexplained: tuple[float, float]
-    instrument: float | None
-    why: Missing | None = None
 
 
 @dataclass(frozen=True)
@@ -119,7 +87,7 @@ class Contribution:
         """
         if self.covariance is None:
             return None
-        power = float(np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean())
+        power = mean_trace(self.covariance[:, :3, :3])
         return float(np.sign(power) * np.sqrt(abs(power)))
 
     @property
@@ -189,15 +157,27 @@ class Budget:
         """Share of a contribution in the position's variance, mean over the poses; None where not known. Shares sum to 1."""
         if row.covariance is None:
             return None
-        whole = np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean()
-        return float(np.trace(row.covariance[:, :3, :3], axis1=1, axis2=2).mean() / max(float(whole), 1e-300))
+        whole = mean_trace(self.covariance[:, :3, :3])
+        return mean_trace(row.covariance[:, :3, :3]) / max(whole, 1e-300)
 
 
-def budget(posterior: ModelPosterior, at: At, spreads: Spreads, *, orientation: bool, seed: int = 0) -> Budget:
+def budget(
+    posterior: ModelPosterior,
+    at: At,
+    repeatability: float | Missing,
+    left: tuple[float, float],
+    instrument: float | None,
+    *,
+    orientation: bool,
+    seed: int = 0,
+) -> Budget:
     """Propagate all contributions to the TCP at N commands, to first order.
 
-    ``posterior``: uncertainty of the model's unknowns. ``at``: the commands. ``spreads``: the other contributions.
-    ``orientation``: whether orientation was measured. ``seed``: seed of the machines that are drawn for ``radius``.
+    ``posterior``: uncertainty of the model's unknowns. ``at``: the commands. ``repeatability``: that of each actuator, m or
+    rad, or why it is not known. ``left``: errors that the model does not explain, per axis: of position, m, and of
+    orientation, rad (0 where not measured). ``instrument``: systematic error of the instrument, per axis, m, from its
+    certificate; None where not known. ``orientation``: whether orientation was measured. ``seed``: seed of the machines that
+    are drawn for ``radius``.
     """
     model, count, p = posterior.model, len(at.q), len(posterior.model.geometry.parameters)
     D, root = posterior.derivatives(at), posterior.root
@@ -222,28 +202,24 @@ def budget(posterior: ModelPosterior, at: At, spreads: Spreads, *, orientation: 
         F = posterior.frame.motions(model, at)
         rows.append(Contribution("frame", F @ posterior.frame.covariance @ np.swapaxes(F, 1, 2)))
         fixed.append(F @ root_of(posterior.frame.covariance))
-    J, r = by_commands(model, at), spreads.repeatability
-    if r is None:
-        rows.append(Contribution("repeatability", None, missing=spreads.why))
+    if isinstance(repeatability, str):
+        rows.append(Contribution("repeatability", None, missing=repeatability))
     else:
+        J = by_commands(model, at)
         unit = "rad" if all(turning_joint(model.robot, site) for site in model.robot.sites) else "m"
-        rows.append(Contribution("repeatability", r**2 * J @ np.swapaxes(J, 1, 2), r, unit))
-        fresh.append(J * r)
-    position, turns = spreads.unexplained
-    left = np.broadcast_to(np.diag([position] * 3 + [turns] * 3), (count, 6, 6))
-    rows.append(Contribution("unexplained", left**2, position, "m"))
-    fresh.append(left)
-    if spreads.instrument is None:
+        rows.append(Contribution("repeatability", repeatability**2 * J @ np.swapaxes(J, 1, 2), repeatability, unit))
+        fresh.append(J * repeatability)
+    size = np.broadcast_to(np.diag([left[0]] * 3 + [left[1]] * 3), (count, 6, 6))
+    rows.append(Contribution("unexplained", size**2, left[0], "m"))
+    fresh.append(size)
+    if instrument is None:
         rows.append(Contribution("instrument", None, kind="B", missing="not_stated"))
     else:
-        size = np.diag([spreads.instrument] * 3 + [0.0] * 3)
-        rows.append(
-            Contribution("instrument", np.broadcast_to(size**2, (count, 6, 6)), spreads.instrument, "m", kind="B")
-        )
-        fixed.append(np.broadcast_to(size, (count, 6, 6)))
-    expected = expected_of(
-        ErrorResponse(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2)), draws=DRAWS, seed=seed
-    )
+        size = np.broadcast_to(np.diag([instrument] * 3 + [0.0] * 3), (count, 6, 6))
+        rows.append(Contribution("instrument", size**2, instrument, "m", kind="B"))
+        fixed.append(size)
+    response = ErrorResponse(np.concatenate(fixed, axis=2), np.concatenate(fresh, axis=2))
+    expected = expected_of(response, draws=DRAWS, seed=seed)
     return Budget(at.q, tuple(rows), _directions(posterior, D), expected.position.p95, orientation)
 
 

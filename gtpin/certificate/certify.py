@@ -9,8 +9,7 @@ from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget
 from gtpin.certificate.evaluate import Evaluation
-from gtpin.certificate.held_against import HeldAgainst
-from gtpin.certificate.response import At, ModelPosterior
+from gtpin.certificate.held_against import At, HeldAgainst, ModelPosterior
 from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
@@ -100,7 +99,7 @@ def certify(
     return Certificate(
         model=held.model,
         quantities=evaluation.quantities(),
-        budget=budget(posterior, at, evaluation.spreads(instrument), orientation=turned, seed=seed),
+        budget=budget(posterior, at, *evaluation.spreads(), instrument, orientation=turned, seed=seed),
         noise=noise,
         basis=basis,
         one_way=evaluation.one_way,

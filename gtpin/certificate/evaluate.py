@@ -9,11 +9,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.certificate.budget import Excess, Spreads, mean_trace
-from gtpin.certificate.held_against import HeldAgainst, approaches
+from gtpin.certificate.budget import mean_trace, unexplained
+from gtpin.certificate.held_against import HeldAgainst, ModelPosterior, approaches, by_commands
 from gtpin.certificate.pose_accuracy import (
     Scatter,
-    VisitScatter,
     accuracy,
     left_out_accuracy,
     means_of_visits,
@@ -23,7 +22,6 @@ from gtpin.certificate.pose_accuracy import (
 )
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
-from gtpin.certificate.response import ModelPosterior, by_commands
 from gtpin.data import Dataset
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.typing import Floats
@@ -67,55 +65,58 @@ class Evaluation:
         Groups are the visits of a pose with the same directions of approach where these have enough repeats; else the visits of
         a pose.
         """
-        visits = self.rows.visits
         if self.approach is not None:
-            key = np.column_stack([visits, self.approach])
+            key = np.column_stack([self.rows.visits, self.approach])
             groups = np.unique(key, axis=0, return_inverse=True)[1].ravel()
-            if Scatter.of(groups, self.nominal.errors).covariance is not None:
+            if Scatter.of(groups, self.nominal.errors) is not None:
                 return groups, True
-        return visits, False
+        return self.rows.visits, False
 
     @property
     def one_way(self) -> bool:
         """Whether a repeatability compares only visits with the same directions of approach."""
         return self._one_way[1]
 
-    def scatter(self, held: HeldAgainst, part: slice) -> VisitScatter:
+    @cached_property
+    def _scatter(self) -> Scatter | None:
+        return Scatter.of(self.rows.visits, self.corrected.errors)
+
+    def scatter(self, held: HeldAgainst, part: slice) -> Scatter:
         """Scatter of single visits to a pose, from any direction: from repeated visits, else the declared noise, else none.
 
         ``held``: the errors to take. ``part``: their columns, of the position or the orientation.
         """
         noise, pooled = self.corrected.noise, Scatter.of(self.rows.visits, held.errors)
-        if pooled.covariance is not None:
-            return VisitScatter(pooled.covariance[part, part], pooled.repeats)
-        if self.noise_known == "no":
-            return VisitScatter(np.zeros((3, 3)), np.inf)
+        if pooled is not None:
+            return pooled.part(part)
         sigma = noise.position_sigma if part.start == 0 else noise.orientation_sigma
-        return VisitScatter(sigma**2 * np.eye(3), np.inf)
+        return Scatter((0.0 if self.noise_known == "no" else sigma**2) * np.eye(3), np.inf)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """All quantities of the certificate."""
-        groups, _ = self._one_way
-        pooled = Scatter.of(groups, self.nominal.errors)
-        repeatability = (
-            standard_repeatability(groups, self.nominal.measured.T),
-            *pooled_repeatability(pooled, self.corrected.noise.position_sigma),
+        groups, nominal = self._one_way[0], self.nominal
+        pooled = pooled_repeatability(groups, nominal.errors, self.corrected.noise.position_sigma)
+        return (
+            *self._accuracy(),
+            standard_repeatability(groups, nominal.measured.T),
+            *pooled,
+            *self._positioning(),
         )
-        return (*self._accuracy(), *repeatability, *self._positioning())
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
         """The source of the noise of a visit: see :class:`~gtpin.certificate.result.Certificate`."""
         if self.rows.instrument.position_sigma is not None:
             return "declared"
-        return "no" if Scatter.of(self.rows.visits, self.corrected.errors).covariance is None else "visits"
+        return "no" if self._scatter is None else "visits"
 
-    def spreads(self, instrument: float | None) -> Spreads:
-        """Contributions that are not in the model's posterior: see :class:`~gtpin.certificate.budget.Spreads`.
+    def spreads(self) -> tuple[float | Missing, tuple[float, float]]:
+        """Contributions that are not in the model's posterior: repeatability of each actuator, m or rad, or why it is unknown;
+        and per axis the unexplained errors, of position, m, and of orientation, rad.
 
         What repeats is not what is right: unexplained errors are those between poses, beyond the scatter of visits and the
         model's uncertainty. Repeatability is that of repeated visits; where these are few, it is limited to what all errors
-        show. ``instrument``: as for :func:`gtpin.certify`.
+        show.
         """
         held = self.corrected
         J = by_commands(held.model, held.at)
@@ -123,19 +124,17 @@ class Evaluation:
         gain = [mean_trace((J @ np.swapaxes(J, 1, 2))[:, part, part]) for _, _, part in ORDER]
         declared = self.noise_known == "declared"
         r = held.repeatability(self.rows.visits) if declared else None
-        excess = []
+        left = [0.0, 0.0]
         for kind, (_, _, part) in enumerate(ORDER[: held.errors.shape[1] // 3]):
             observed, share = self._between[kind]
-            expected = mean_trace(covariance[:, part, part])
             if kind == 0 and r is not None:
                 most = max(observed - share * instrument_noise[0], 0.0) / share
                 r = min(r, float(np.sqrt(most / gain[0])))
             noise = share * (instrument_noise[kind] + (r or 0.0) ** 2 * gain[kind])
-            excess.append(Excess(observed, noise, expected, self._freedom).power)
-        left = np.sqrt(np.maximum(excess, 0.0) / 3.0)
-        turns = float(left[1]) if len(left) == 2 else 0.0
-        why: Missing | None = None if r is not None else "few_visits" if declared else "not_declared"
-        return Spreads(r, (float(left[0]), turns), instrument, why)
+            power = unexplained(observed, noise, mean_trace(covariance[:, part, part]), self._freedom)
+            left[kind] = float(np.sqrt(max(power, 0.0) / 3.0))
+        why: Missing = "few_visits" if declared else "not_declared"
+        return why if r is None else r, (left[0], left[1])
 
     @cached_property
     def _left_out(self) -> tuple[Floats, float]:
@@ -144,7 +143,6 @@ class Evaluation:
 
     @property
     def _freedom(self) -> float:
-        """Degrees of freedom of the mean square error between poses: see :class:`~gtpin.certificate.budget.Excess`."""
         poses = len(np.unique(self.rows.visits))
         taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
         return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))
@@ -171,10 +169,9 @@ class Evaluation:
         noise = self.corrected.noise
         if self.noise_known == "declared":
             return 3.0 * noise.position_sigma**2, 3.0 * noise.orientation_sigma**2
-        scatter = Scatter.of(self.rows.visits, self.corrected.errors).covariance
-        if scatter is None:
+        if self._scatter is None:
             return 0.0, 0.0
-        return float(np.trace(scatter[:3, :3])), float(np.trace(scatter[3:, 3:]))
+        return self._scatter.part(slice(3)).trace, self._scatter.part(slice(3, 6)).trace
 
     def _after(self, kind: int) -> float:
         """Root mean square error of single visits of left-out poses, m (kind 0) or rad (1), if a diagnosis made the model."""

@@ -45,12 +45,30 @@ def standard_accuracy(visits: npt.NDArray[np.intp], errors: Floats) -> Quantity:
 
 
 @dataclass(frozen=True)
-class VisitScatter:
-    """Covariance (3, 3), m^2 or rad^2, of a visit, and the number of repeats from which it is estimated; infinite if
-    declared."""
+class Scatter:
+    """Scatter of single visits about the mean of their pose.
+
+    ``covariance``: (c, c) covariance of a visit, m and rad, including the instrument's noise. ``repeats``, ``poses``: number
+    of visits beyond the first of each pose from which it is estimated, infinite if declared; and of poses with two visits or
+    more.
+    """
 
     covariance: Floats
     repeats: float
+    poses: int = 0
+
+    @staticmethod
+    def of(visits: npt.NDArray[np.intp], values: Floats) -> Scatter | None:
+        """The scatter of ``values`` (N, c), m and rad, pooled over poses; None with too few repeats. visits (N,): index of each
+        row's pose."""
+        found, _ = contrasts(visits, values)
+        if len(found) < LEAST_CONTRASTS:
+            return None
+        return Scatter(found.T @ found / len(found), len(found), int((np.bincount(visits) > 1).sum()))
+
+    def part(self, part: slice) -> Scatter:
+        """The scatter of some of the components."""
+        return Scatter(self.covariance[part, part], self.repeats, self.poses)
 
     @property
     def trace(self) -> float:
@@ -62,9 +80,14 @@ class VisitScatter:
         """Trace of the covariance's square. The variance of the square length of a normal vector is twice this."""
         return float(np.trace(self.covariance @ self.covariance))
 
+    @property
+    def variance(self) -> float:
+        """Variance of the trace that is estimated from k repeats: 2 tr(S^2) / k (Wishart)."""
+        return 2.0 * self.squared / self.repeats
+
 
 def accuracy(
-    symbol: str, unit: str, visits: npt.NDArray[np.intp], errors: Floats, scatter: VisitScatter
+    symbol: str, unit: str, visits: npt.NDArray[np.intp], errors: Floats, scatter: Scatter
 ) -> tuple[Quantity, Quantity]:
     """AP over all poses, with any number of visits each: the root mean square (``_rms``), and the largest (``_max``).
 
@@ -81,7 +104,7 @@ def accuracy(
     own = 2.0 * scatter.squared / counts**2
     # Squares of measured means contain their noise: 4 m' S m / n is on average larger by 4 tr(S^2) / n^2.
     through = np.maximum(4.0 * np.einsum("pi,ij,pj->p", means, S, means) / counts - 2.0 * own, 0.0)
-    doubt = np.sqrt((through + own).sum() / P**2 + _of_scatter(scatter, float((1.0 / counts).mean())))
+    doubt = np.sqrt((through + own).sum() / P**2 + scatter.variance * float((1.0 / counts).mean()) ** 2)
     largest = int(np.argmax(squares))
     of_largest = np.sqrt(float(means[largest] @ S @ means[largest]) / counts[largest] / squares[largest])
     return (
@@ -91,20 +114,15 @@ def accuracy(
 
 
 def left_out_accuracy(
-    symbol: str, unit: str, after: float, scatter: VisitScatter, poses: int, rows: int, freedom: float
+    symbol: str, unit: str, after: float, scatter: Scatter, poses: int, rows: int, freedom: float
 ) -> Quantity:
     """AP of the corrected machine: the root mean square error ``after``, m or rad, on left-out poses, less the scatter.
 
     Errors are assumed to be isotropic normal vectors: the relative standard deviation of their mean square with f degrees of
     ``freedom`` is sqrt(2 / f).
     """
-    doubt = np.sqrt(after**4 * 2.0 / freedom + _of_scatter(scatter, 1.0))
+    doubt = np.sqrt(after**4 * 2.0 / freedom + scatter.variance)
     return _root_mean_square(symbol, unit, after**2 - scatter.trace, float(doubt), poses, rows)
-
-
-def _of_scatter(scatter: VisitScatter, share: float) -> float:
-    """Variance of the scatter's trace, 2 tr(S^2) / k with k repeats (Wishart), times the square of its share."""
-    return 2.0 * scatter.squared / scatter.repeats * share**2
 
 
 def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
@@ -116,33 +134,6 @@ def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses:
         return Quantity(f"{symbol}_rms", float(np.sqrt(max(power, 0.0))), unit, None, poses, rows)
     rms = float(np.sqrt(truncated(power, doubt)[0]))
     return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Scatter of single visits about the mean of their pose, pooled over poses.
-
-    ``covariance``: (c, c) covariance of a visit, m and rad, including the instrument's noise; None with fewer than eight
-    repeats. ``repeats``, ``poses``: number of visits beyond the first of each pose, and of poses with two visits or more.
-    """
-
-    covariance: Floats | None
-    repeats: int
-    poses: int
-
-    @staticmethod
-    def of(visits: npt.NDArray[np.intp], values: Floats) -> Scatter:
-        """The scatter of ``values`` (N, c), m and rad; visits (N,): index of each row's pose."""
-        found, _ = contrasts(visits, values)
-        poses = int((np.bincount(visits) > 1).sum())
-        enough = len(found) >= LEAST_CONTRASTS
-        return Scatter(found.T @ found / len(found) if enough else None, len(found), poses)
-
-
-def spread_of_length(covariance: Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the length of normal vectors of mean zero with a covariance (3, 3)."""
-    mean = float(mean_length(covariance[None])[0])
-    return mean, float(np.sqrt(max(float(np.trace(covariance)) - mean**2, 0.0)))
 
 
 def repeatability_of(position: Floats) -> float:
@@ -179,48 +170,38 @@ def standard_repeatability(visits: npt.NDArray[np.intp], position: Floats) -> Qu
     return Quantity("RP_l", value, "m", sigma, len(often), int(counts[often].sum()))
 
 
-def pooled_repeatability(scatter: Scatter, position_sigma: float) -> list[Quantity]:
+def pooled_repeatability(visits: npt.NDArray[np.intp], values: Floats, position_sigma: float) -> list[Quantity]:
     """RP_l, and the repeatabilities about the axes, that many visits to a pose would have with the pooled scatter.
 
     ``RP_l_pooled`` includes the instrument's noise. ``RP_l_machine`` does not: ``position_sigma`` (m, per axis) is subtracted.
-    It is blank where the scatter exceeds the noise by less than two standard deviations of the scatter.
+    It is blank where the scatter exceeds the noise by less than two standard deviations of the scatter. ``visits``, ``values``:
+    as for :meth:`Scatter.of`.
     """
-    covariance, k = scatter.covariance, scatter.repeats
-    symbols = ("RP_l_pooled", "RP_l_machine")
-    if covariance is None:
-        return [blank(symbol, "m", "few_visits", have=k) for symbol in symbols] + [
-            blank(f"{angle}_pooled", "rad", "few_visits", have=k) for angle in ANGLES
-        ]
-    block = covariance[:3, :3]
-    seen = _length(symbols[0], block, block, scatter)
-    own = block - position_sigma**2 * np.eye(3)
-    # The trace of a covariance S that is estimated from k repeats has the variance 2 tr(S^2) / k (Wishart).
-    doubt = float(np.sqrt(2.0 * np.trace(block @ block) / k))
-    if np.trace(own) > 2.0 * doubt:
+    scatter, repeats = Scatter.of(visits, values), len(visits) - len(np.unique(visits))
+    names = [f"{angle}_pooled" for angle in ANGLES]
+    if scatter is None:
+        lengths = [blank(symbol, "m", "few_visits", have=repeats) for symbol in ("RP_l_pooled", "RP_l_machine")]
+        return lengths + [blank(name, "rad", "few_visits", have=repeats) for name in names]
+    position, rows = scatter.part(slice(3)), repeats + scatter.poses
+    own = position.covariance - position_sigma**2 * np.eye(3)
+    machine = blank("RP_l_machine", "m", "within_noise", have=repeats)
+    if np.trace(own) > 2.0 * float(np.sqrt(position.variance)):
         values, vectors = np.linalg.eigh(own)
-        own = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        machine = _length(symbols[1], own, block, scatter)
-    else:
-        machine = blank(symbols[1], "m", "within_noise", have=k)
-    return [seen, machine, *_angles(scatter)]
+        machine = _length("RP_l_machine", (vectors * np.maximum(values, 0.0)) @ vectors.T, position, rows)
+    angles = [blank(name, "rad", "no_orientation") for name in names]
+    if len(scatter.covariance) == 6:
+        found = 3.0 * np.sqrt(np.diag(scatter.covariance)[3:])
+        angles = [
+            Quantity(name, float(v), "rad", float(v / np.sqrt(2.0 * repeats)), scatter.poses, rows)
+            for name, v in zip(names, found, strict=True)
+        ]
+    return [_length("RP_l_pooled", position.covariance, position, rows), machine, *angles]
 
 
-def _length(symbol: str, covariance: Floats, seen: Floats, scatter: Scatter) -> Quantity:
-    """RP_l of a covariance. Its relative uncertainty is half that of the covariance's trace, whose uncertainty is that of the
-    trace of the measured covariance ``seen``."""
-    mean, sd = spread_of_length(covariance)
-    value = mean + 3.0 * sd
-    doubt = float(np.sqrt(2.0 * np.trace(seen @ seen) / scatter.repeats))
-    sigma = value * doubt / (2.0 * float(np.trace(covariance)))
-    return Quantity(symbol, value, "m", sigma, scatter.poses, scatter.repeats + scatter.poses)
-
-
-def _angles(scatter: Scatter) -> list[Quantity]:
-    covariance, k = scatter.covariance, scatter.repeats
-    if covariance is None or len(covariance) < 6:
-        return [blank(f"{angle}_pooled", "rad", "no_orientation") for angle in ANGLES]
-    found = 3.0 * np.sqrt(np.diag(covariance)[3:])
-    return [
-        Quantity(f"{angle}_pooled", float(v), "rad", float(v / np.sqrt(2.0 * k)), scatter.poses, k + scatter.poses)
-        for angle, v in zip(ANGLES, found, strict=True)
-    ]
+def _length(symbol: str, covariance: Floats, seen: Scatter, rows: int) -> Quantity:
+    """RP_l of a covariance: mean and three standard deviations of the length of normal vectors of mean zero. Its relative
+    uncertainty is half that of the covariance's trace, whose uncertainty is that of the trace of the measured scatter."""
+    mean, trace = float(mean_length(covariance[None])[0]), float(np.trace(covariance))
+    value = mean + 3.0 * float(np.sqrt(max(trace - mean**2, 0.0)))
+    sigma = value * float(np.sqrt(seen.variance)) / (2.0 * trace)
+    return Quantity(symbol, value, "m", sigma, seen.poses, rows)

@@ -106,8 +106,7 @@ def mean_reversal(
     actuators.
 
     ``deviations``: (N, n) deviations of each actuator's travel, m or rad, from a model without backlash; None where not
-    determined. ``approach``: (N, n) directions of approach (+1 or -1); None where not recorded. ``sites``, ``units``: names
-    and units of the n actuators.
+    determined. The others: as for :func:`positioning`.
     """
     symbol = "B_mean"
     if deviations is None or approach is None:

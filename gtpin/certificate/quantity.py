@@ -21,37 +21,7 @@ Missing = Literal[
     "no_effects",
     "frame_is_base",
 ]
-"""Why a number is blank:
-
-``few_cycles``
-    No pose was visited as often as ISO 9283 requires.
-``few_visits``
-    Too few repeated visits to estimate a scatter.
-``few_targets``
-    Not enough targets on a line, each approached often enough from both sides, as ISO 230-2 requires.
-``within_noise``
-    The scatter is no larger than the instrument's own noise.
-``no_orientation``
-    Orientation was not measured.
-``no_approach``
-    The directions of approach were not recorded, or were all the same.
-``free_target``
-    The position of the target on the platform is not known, so that the uncorrected machine's error is not known either.
-``too_many_drives``
-    The measured components of a pose do not determine the travel of each actuator.
-``known_in_mean``
-    Errors at left-out poses are known as a mean square only.
-``fitted_poses``
-    The model was fitted to these poses.
-``not_declared``
-    The instrument's noise was not declared, so that the machine's scatter is not known by itself.
-``not_stated``
-    The user has not stated the instrument's uncertainty.
-``no_effects``
-    The model has no effects.
-``frame_is_base``
-    The instrument measures in the base frame.
-"""
+"""Why a number is blank; in words: ``WHY`` in ``gtpin/report/certificate_terms.py``."""
 
 
 @dataclass(frozen=True)

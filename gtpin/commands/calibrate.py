@@ -24,7 +24,7 @@ from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
-from gtpin.report.geometry_table import UNTESTED, controller_words
+from gtpin.report.sections.parameters import UNTESTED, controller_words
 
 
 def calibrate(

@@ -30,10 +30,10 @@ from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
-from gtpin.report.diagnosis_page import sure_corrections
-from gtpin.report.geometry_table import controller_words, doubt_of
-from gtpin.report.health import HealthPresentation
+from gtpin.report.health import HealthCheckPresentation
 from gtpin.report.history import history as history_of
+from gtpin.report.sections.causes import sure_corrections
+from gtpin.report.sections.parameters import controller_words, doubt_of
 
 
 def diagnose(
@@ -129,7 +129,7 @@ def changed_since(
             refuse_readings(read)
         with progress_of("checking") as progress:
             found = run_diagnosis(read, against=earlier, progress=progress, **options)
-        shown = HealthPresentation(found)
+        shown = HealthCheckPresentation(found)
         result = shown.write(folder)
         if add is not None:
             add(found)

@@ -28,7 +28,7 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.noise.noise import Noise
 from gtpin.output.results import results_folder
-from gtpin.report.plan import PlanPresentation
+from gtpin.report.plan import PosePlanPresentation
 
 FILES = ("commands.csv", "plan.json")
 """Names of the files that the command writes."""
@@ -96,7 +96,7 @@ def plan(
         result = found.to_json()
         write_json(folder / "plan.json", result)
     written = f"Written: {', '.join(str(output / name) for name in FILES)}"
-    tell(result, rendered(PlanPresentation(found).terminal(), written), as_json)
+    tell(result, rendered(PosePlanPresentation(found).terminal(), written), as_json)
 
 
 def _noise(model: Model, position: float | None, orientation: float | None, positions_only: bool) -> Noise | None:

@@ -18,7 +18,7 @@ from rich.text import Text
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 
 
 def output_path(text: str) -> Path:

@@ -12,7 +12,7 @@ from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
 from gtpin.output.figure import new_figure, write_figures
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

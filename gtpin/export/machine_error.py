@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.accuracy.expected import placed_best
-from gtpin.certificate.held_against import prior_sizes
-from gtpin.certificate.response import At, ModelPosterior, by_unknowns
+from gtpin.certificate.held_against import At, ModelPosterior, by_unknowns, prior_sizes
 from gtpin.compensation.controller import Box
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers

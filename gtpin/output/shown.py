@@ -69,9 +69,9 @@ PRESENTATIONS = {
     "Experiment": "next_experiment",
     "HealthCheck": "health",
     "PosePlan": "plan",
-    "Poses": "poses",
+    "Poses": "dataset",
 }
-"""For each kind of result its file in ``gtpin/report``: there, ``present`` makes its presentation."""
+"""For each kind of result its file in ``gtpin/report``, with a class ``...Presentation``."""
 
 
 def present(result: object) -> Any:
@@ -80,8 +80,8 @@ def present(result: object) -> Any:
     This is the only way from results to the report. The report is imported here, when a result is first shown, so that results
     do not depend on it.
     """
-    file = next(PRESENTATIONS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
-    return import_module(f"gtpin.report.{file}").present(result)
+    name = next(kind.__name__ for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
+    return getattr(import_module(f"gtpin.report.{PRESENTATIONS[name]}"), f"{name}Presentation")(result)
 
 
 class Shown:

@@ -96,8 +96,7 @@ def _rename(start: Path, end: Path, moves: list[Move]) -> None:
     moves.append((start, end))
 
 
-@contextlib.contextmanager
-def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
+def work_folder(folder: Path, key: str = "") -> contextlib.AbstractContextManager[Path]:
     """Give the work folder of a folder, or of the part ``key`` of it, and delete it at the end.
 
     Work folders that killed runs have left are cleared first; an interrupted move of results is finished.
@@ -106,27 +105,21 @@ def work_folder(folder: Path, key: str = "") -> Iterator[Path]:
     """
     _clear(folder)
     work = folder / (f"{NAME}-{hashlib.sha256(os.fsencode(key)).hexdigest()[:8]}" if key else NAME)
-    held = _hold(work, time.monotonic() + PATIENCE)
-    if held is None:
-        hint = f"wait for it, or name another place; if there is none, remove {work.name}"
-        raise GtpinError("another run of gtpin is writing here", file=folder, hint=hint)
-    try:
-        yield work
-    finally:
-        _release(work, held)
+    return _held(work, PATIENCE, "another run of gtpin is writing here", "wait for it, or name another place; ")
+
+
+def placing_lock(folder: Path) -> contextlib.AbstractContextManager[Path]:
+    """Wait until no other run moves results into a folder, because moving reads the folder's marker and writes it again."""
+    return _held(folder / f"{NAME}-placing", MOVING, "another run is moving results here")
 
 
 @contextlib.contextmanager
-def placing_lock(folder: Path) -> Iterator[None]:
-    """Wait until no other run moves results into a folder, because moving reads the folder's marker and writes it again."""
-    work = folder / f"{NAME}-placing"
-    held = _hold(work, time.monotonic() + MOVING)
+def _held(work: Path, patience: float, what: str, hint: str = "") -> Iterator[Path]:
+    held = _hold(work, time.monotonic() + patience)
     if held is None:
-        raise GtpinError(
-            "another run is moving results here", file=folder, hint=f"if there is none, remove {work.name}"
-        )
+        raise GtpinError(what, file=work.parent, hint=f"{hint}if there is none, remove {work.name}")
     try:
-        yield
+        yield work
     finally:
         _release(work, held)
 
@@ -148,7 +141,13 @@ def _clear(folder: Path) -> None:
 def _hold(work: Path, until: float) -> int | None:
     """Lock a work folder, which is made where it is missing; None where another process holds it until the time ``until``."""
     while True:
-        made = _made(work)
+        made = True
+        try:
+            work.mkdir()
+        except FileExistsError:
+            if not _is_own(work):
+                raise GtpinError("this is in the way", file=work, hint="move it aside") from None
+            made = False
         try:
             held = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         except FileNotFoundError:
@@ -156,9 +155,16 @@ def _hold(work: Path, until: float) -> int | None:
         except PermissionError:
             busy = True  # it is another user's
         else:
-            busy = not _locked(held, made)
-            if not busy and _is_there(held, work / LOCK):
-                return held
+            busy = False
+            try:
+                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                busy = True
+            except OSError:  # a file system without locks: the run that has made the folder holds it
+                busy = not made
+            with contextlib.suppress(FileNotFoundError):  # the run that held it before may have deleted it
+                if not busy and os.path.samestat(os.fstat(held), (work / LOCK).stat()):
+                    return held
             os.close(held)
         if busy:
             if time.monotonic() >= until:
@@ -174,34 +180,6 @@ def _is_own(work: Path) -> bool:
         return False
     except (FileNotFoundError, PermissionError):  # it is that of a run that has just ended, or another user's
         return True
-
-
-def _locked(held: int, made: bool) -> bool:
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks: the run that has made the folder holds it
-        return made
-    return True
-
-
-def _is_there(held: int, file: Path) -> bool:
-    """Whether an open file still has that name: the run that held it before may have deleted it."""
-    try:
-        return os.path.samestat(os.fstat(held), file.stat())
-    except FileNotFoundError:
-        return False
-
-
-def _made(work: Path) -> bool:
-    try:
-        work.mkdir()
-    except FileExistsError:
-        if not _is_own(work):
-            raise GtpinError("this is in the way", file=work, hint="move it aside") from None
-        return False
-    return True
 
 
 def _release(work: Path, held: int) -> None:

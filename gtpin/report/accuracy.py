@@ -11,13 +11,17 @@ import numpy as np
 import pandas as pd
 
 from gtpin.accuracy.analysis import Accuracy
-from gtpin.accuracy.figures import FILES, write_accuracy
+from gtpin.accuracy.figures import FILES, UNITS, write_accuracy
+from gtpin.accuracy.workspace import Workspace
+from gtpin.errors import ModelError
 from gtpin.output.shown import Presentation
+from gtpin.report.embedded import Plot, PlotChoice
+from gtpin.report.figure import SCALE, Drawing, alone, colorbar
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.provenance import provenance
+from gtpin.report.residual_plots import scale_of
 from gtpin.report.sketch import drawing
-from gtpin.report.words import quantity
-from gtpin.report.workspace_maps import slices, workspace_map
+from gtpin.report.words import quantity, typeset, with_unit
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
@@ -103,9 +107,6 @@ class AccuracyPresentation(Presentation):
         return workspace_map(self.accuracy, quantity)
 
 
-present = AccuracyPresentation
-
-
 def _where(found: Accuracy) -> str:
     return "over the ranges of the drives" if found.filling else "at the given commands"
 
@@ -128,26 +129,16 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
     volume = f", about {space.volume:.3g} m³ within reach" if space.volume else ""  # a planar robot has none
     within = WITHIN[space.filled].format(volume=volume, postures=len(space.q))
     legend = LEGEND["rx" in steps.parameters]
-    return report(
-        f"Accuracy of {model.robot.name}",
-        Lead(
-            f"Accuracy of {model.robot.name} · {values['poses']} poses",
-            headline,
-            [_greatest(found), *([MEASURED] if found.filling and found.model.covariance is not None else [])],
-            numbers,
-            sketch=drawing(model),
-        ),
-        [
-            Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
-            Section(
-                "parameters",
-                "What moves the TCP",
-                [f"Mean change of the TCP's position, µm, by a step of {steps.step} {legend}", _steps(found)],
-            ),
-            Section("dexterity", "Dexterity", [_dexterity(values["dexterity"], ONE_AT[space.dexterity.one_at])]),
-        ],
-        provenance(None, model.robot, seed),
-    )
+    advice = [_greatest(found), *([MEASURED] if found.filling and model.covariance is not None else [])]
+    about = f"Mean change of the TCP's position, µm, by a step of {steps.step} {legend}"
+    sections = [
+        Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
+        Section("parameters", "What moves the TCP", [about, _steps(found)]),
+        Section("dexterity", "Dexterity", [_dexterity(values["dexterity"], ONE_AT[space.dexterity.one_at])]),
+    ]
+    name = f"Accuracy of {model.robot.name}"
+    lead = Lead(f"{name} · {values['poses']} poses", headline, advice, numbers, sketch=drawing(model))
+    return report(name, lead, sections, provenance(None, model.robot, seed))
 
 
 def _mean_step(found: Accuracy) -> Floats:
@@ -156,7 +147,6 @@ def _mean_step(found: Accuracy) -> Floats:
 
 
 def _greatest(found: Accuracy) -> str:
-    """The parameter whose step moves the TCP most."""
     steps, by_step = found.sensitivity, np.nan_to_num(_mean_step(found), nan=0.0)
     p, i = np.unravel_index(int(np.argmax(by_step)), by_step.shape)
     parameter, step = steps.parameters[p], steps.step
@@ -189,3 +179,93 @@ def _dexterity(values: dict[str, Any], one_at: str) -> Table:
             shown = ["infinite" if value is None else f"{value:.3g}" for value in cells]
             rows.append([title if k is None else f"{title}, {k + 1}", *shown, unit])
     return Table(("measure", "least", "median", "most", "unit"), rows, (1, 2, 3))
+
+
+def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
+    """The choice of the quantity that determines the colours, and the slices, orthogonal to an axis of the base frame."""
+    values, space = _quantities(found), found.space
+    options = tuple((name, with_unit(name, unit)) for name, (_, unit) in values.items())
+    choice = PlotChoice("quantity", "Coloured by", options)
+
+    def plot(number: int, layer: int) -> Plot:
+        def draw(quantity: str) -> Drawing:
+            return Drawing([_slice(space, values[quantity][0], layer)], _layout(space))
+
+        title = _place(space, layer)
+        return Plot(f"slice-{number}", f"Slice of the workspace at {title}", draw, (choice,), title, 300)
+
+    return choice, [plot(number, layer) for number, layer in enumerate(space.layers)]
+
+
+def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
+    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
+
+    ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
+
+    Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that is
+    infinite everywhere has no map.
+    """
+    values, space = _quantities(found), found.space
+    if quantity not in values:
+        raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
+    at, unit = values[quantity]
+    layers, (across, up) = space.layers, _names(space)
+    bar = colorbar(with_unit(quantity, unit))
+    traces, layout = [], {}
+    for k, layer in enumerate(layers):
+        suffix, own = str(k + 1) if k else "", _layout(space)
+        x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
+        traces.append(
+            _slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar},
+        )
+        title = typeset(f"{across} (m), at {_place(space, layer)}")
+        layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
+        title = "" if k else f"{up} (m)"
+        layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x, "title": {"text": title}}
+    return alone(Drawing(traces, layout).figure(), f"{quantity.capitalize()} over the workspace")
+
+
+def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
+    """The maps by name: (M,) values at the reachable points, and their unit."""
+    relative = {"home": "as at home: 1", "best": "best posture: 1"}[found.space.dexterity.one_at]
+    units = {"condition number": "", "distance from singularity": relative}
+    values: dict[str, tuple[Floats, str]] = {}
+    for name, at in found.maps.items():
+        factor, unit = scale_of(at, UNITS[name]) if name in UNITS else (1.0, units[name])
+        values[name] = (factor * at, unit)
+    return values
+
+
+def _slice(space: Workspace, at: Floats, layer: int) -> dict[str, Any]:
+    a, b = _names(space)
+    table = space.on_grid(at)
+    finite = table[np.isfinite(table)]
+    return {
+        "type": "heatmap",
+        "x": space.axes["xyz".index(a)],
+        "y": space.axes["xyz".index(b)],
+        "z": table.take(layer, axis=space.across).T,
+        "zmin": float(finite.min()),
+        "zmax": float(finite.max()),
+        "colorscale": SCALE,
+        "colorbar": {"thickness": 9, "outlinewidth": 0},
+        "hovertemplate": f"{a} %{{x:.3f}} m, {b} %{{y:.3f}} m: %{{z:.3g}}<extra></extra>",
+    }
+
+
+def _names(space: Workspace) -> tuple[str, str]:
+    a, b = (name for i, name in enumerate("xyz") if i != space.across)
+    return a, b
+
+
+def _place(space: Workspace, layer: int) -> str:
+    return f"{'xyz'[space.across]} = {space.axes[space.across][layer]:.2f} m"
+
+
+def _layout(space: Workspace) -> dict[str, Any]:
+    a, b = _names(space)
+    return {
+        "xaxis": {"title": {"text": f"{a} (m)"}, "constrain": "domain"},
+        "yaxis": {"title": {"text": f"{b} (m)"}, "scaleanchor": "x", "constrain": "domain"},
+        "margin": {"t": 10},
+    }

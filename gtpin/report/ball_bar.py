@@ -152,7 +152,6 @@ def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]
 
 
 def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
-    """The runs, grouped by circle."""
     groups: list[list[Run]] = []
     for run in found:
         group = next((group for group in groups if _alike(run, group[0], away)), None)
@@ -164,7 +163,6 @@ def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
 
 
 def _alike(one: Run, two: Run, away: Floats) -> bool:
-    """Whether two runs are along one circle."""
     if abs(float(one.normal @ two.normal)) < SAME_PLANE:
         return False
     radii = [float(np.linalg.norm(away[run.rows], axis=1).mean()) for run in (one, two)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,8 @@ import numpy as np
 from gtpin.errors import DatasetError
 from gtpin.report.ball_bar import Circle, Layer, circles
 from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import Drawing, alone
-from gtpin.report.palette import ACCENT, FIT, LIGHT, LINE, ZERO
-from gtpin.report.residual_columns import scale_of
+from gtpin.report.figure import ACCENT, FIT, LIGHT, LINE, ZERO, Drawing, alone, round_below
+from gtpin.report.residual_plots import scale_of
 from gtpin.report.residuals import Residuals
 from gtpin.report.words import quantity, typeset
 
@@ -33,34 +31,25 @@ LAYERS: dict[Layer, str] = {
 }
 
 
-@dataclass(frozen=True)
-class CircularTest:
-    """A circle on a page: its key among the page's plots, its title, and one plot for each layer."""
-
-    key: str
-    title: str
-    plots: tuple[Plot, ...]
-
-
-def circular_tests(residuals: Residuals, causes: bool) -> list[CircularTest]:
-    """The circles along which readings were taken, with their plots.
+def circular_tests(residuals: Residuals, causes: bool) -> list[tuple[str, list[Plot]]]:
+    """The titles of the circles along which readings were taken, each with one plot for each layer.
 
     ``causes``: whether there are causes: a last layer then shows the residuals with them.
     """
     layers, found = _layers(causes), []
     for number, circle in enumerate(circles(residuals)):
-        key, title = f"circle-{number}", _name(circle)
-        plots = tuple(
+        title = _name(circle)
+        plots = [
             Plot(
-                f"{key}-{layer}",
+                f"circle-{number}-{layer}",
                 f"{title}: {LAYERS[layer].lower()}",
                 partial(_alone, residuals, circle, layer, layers),
                 caption=". ".join([*_words(circle, layer, layers), ""]).rstrip(),
                 height=300,
             )
             for layer in layers
-        )
-        found.append(CircularTest(key, title, plots))
+        ]
+        found.append((title, plots))
     return found
 
 
@@ -117,7 +106,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
     zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
     traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
     for trace in circle.traces:
-        color = COLORS[trace.direction]
+        told = f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>"
         traces.append(
             {
                 "type": "scatterpolar",
@@ -125,9 +114,9 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
                 "name": trace.direction,
                 "theta": np.rad2deg(trace.angle),
                 "r": factor * trace.deviation[layer],
-                "line": {"color": color, "width": 1.5},
+                "line": {"color": COLORS[trace.direction], "width": 1.5},
                 "text": residuals.names[trace.rows],
-                "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
+                "hovertemplate": told,
             }
         )
     named = set[str]()
@@ -140,7 +129,7 @@ def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:
     """The axes of a plot; the circle of zero deviation is at two thirds of the plot's radius."""
     _, _, top = _scale(circle, layer, layers)
-    step = _division(top)
+    step = round_below(top / 2.0)  # the largest deviation has two to five steps
     first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
     one, two = circle.axes
     grid = {"gridcolor": LINE, "linecolor": LINE}
@@ -165,7 +154,7 @@ def _name(circle: Circle) -> str:
 def _words(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[str]:
     """The size of a division of a layer's plot, and its quantities of ISO 230-4, of each direction and of both together."""
     _, unit, top = _scale(circle, layer, layers)
-    words = [f"{LAYERS[layer]}, {_division(top):g} {unit} a division"]
+    words = [f"{LAYERS[layer]}, {round_below(top / 2.0):g} {unit} a division"]
     for direction in circle.directions:
         low, high = (f"{'+' if value > 0.0 else ''}{quantity(value, 'm')}" for value in circle.radial(layer, direction))
         words.append(
@@ -183,9 +172,3 @@ def _scale(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> tuple[float
     values = np.concatenate([t.deviation[one] for t in circle.traces for one in alike])
     factor, unit = scale_of(values, "m")
     return factor, unit, factor * max(float(np.abs(values).max()), 1e-12)
-
-
-def _division(top: float) -> float:
-    """Step of a plot's divisions: 1, 2 or 5 times a power of ten, so that the largest deviation has two to five steps."""
-    power = 10.0 ** np.floor(np.log10(top / 2.0))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= top / 2.0))

@@ -1,4 +1,4 @@
-"""A calibration as text, table, figures and files."""
+"""A calibration as text, table, figures, page and files."""
 
 from __future__ import annotations
 
@@ -6,31 +6,41 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
 from gtpin.model.model_folder import write_model
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
-from gtpin.report.calibration_page import calibration_page
-from gtpin.report.calibration_text import calibration_summary, calibration_text
-from gtpin.report.geometry_table import geometry_tables
+from gtpin.report.calibration_text import (
+    calibration_summary,
+    calibration_text,
+    cannot_judge,
+    error_of,
+    scatters,
+    unseen_words,
+)
 from gtpin.report.maps import workspace_figure
-from gtpin.report.quality import error_of
+from gtpin.report.page import Lead, report
+from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import residual_figure
 from gtpin.report.residuals import Residuals
-from gtpin.report.unseen_words import unseen_words
-from gtpin.report.words import quantity
+from gtpin.report.sections import Reported, sections
+from gtpin.report.sections.parameters import geometry_tables
+from gtpin.report.sketch import drawing
+from gtpin.report.words import joined, quantity
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
 """Names of the files of a calibration's folder."""
+UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
+"""What the noise is called where it was neither declared nor shown by repeated visits."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +95,8 @@ class CalibrationPresentation(Presentation):
 
     def ball_bar(self, circle: int) -> Figure:
         """Deviations of the radius along a circle."""
-        residuals = Residuals.of(
-            with_positions(self.calibration.dataset, self.calibration.model.robot), self.calibration
-        )
-        return ball_bar_figure(residuals, circle, False)
+        dataset = with_positions(self.calibration.dataset, self.calibration.model.robot)
+        return ball_bar_figure(Residuals.of(dataset, self.calibration), circle, False)
 
     def workspace(self, view: str) -> Figure:
         """Position residuals, or errors of readings, over the workspace."""
@@ -105,18 +113,64 @@ class CalibrationPresentation(Presentation):
         write_model(c.model, folder / "model")
         (folder / "calibration.json").write_text(json_text(result), encoding="utf-8")
         (folder / "report.txt").write_text(calibration_text(c), encoding="utf-8")
-        (folder / "report.html").write_text(calibration_page(c, c.dataset), encoding="utf-8")
+        (folder / "report.html").write_text(calibration_page(c), encoding="utf-8")
         return result
 
     def unseen(self) -> tuple[str, ...]:
         """A sentence for each direction that the data hardly show."""
-        c = self.calibration
-        unseen = c.observability.variance_reduction < UNSEEN
-        directions, variance_reduction = (
-            c.observability.directions[:, unseen],
-            c.observability.variance_reduction[unseen],
-        )
-        return unseen_words(c.model.geometry, directions, variance_reduction, c.remedies)
+        c, found = self.calibration, self.calibration.observability
+        unseen = found.variance_reduction < UNSEEN
+        return unseen_words(c.model.geometry, found.directions[:, unseen], found.variance_reduction[unseen], c.remedies)
 
 
-present = CalibrationPresentation
+def calibration_page(c: Calibration) -> str:
+    """The whole report of a calibration as one self-contained HTML file: fit, parameters, unobservable directions."""
+    robot, reported = c.model.robot, Reported(c)
+    tone, badge, headline, advice = _verdict(c)
+    lead = Lead(
+        f"Calibration of {robot.name} · {len(c.names)} parameters from {c.poses} measurements",
+        headline,
+        advice,
+        _numbers(c),
+        badge,
+        tone,
+        drawing(c.model, reported.dataset.q.mean(axis=0)),
+    )
+    return report(f"Calibration of {robot.name}", lead, sections(reported), provenance(reported.dataset, robot))
+
+
+def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
+    changes, others = [], []
+    for one in c.by_instrument:
+        before, after, out = (quantity(value, one.unit) for value in (one.before, one.after, one.left_out))
+        changes.append(f"the {error_of(one)} from {before} to {after}")
+        others.append(out if len(c.by_instrument) == 1 else f"{out} ({error_of(one)})")
+    headline = (
+        f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
+        f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
+    )
+    if c.enlarged > 1.0:
+        advice = [
+            f"The mean residuals of the poses are {c.enlarged:.2f} times their noise: "
+            "geometry alone does not explain these data.",
+            "gtpin diagnose finds the causes of the rest. The sigmas below are enlarged accordingly.",
+        ]
+        return "warn", "not all explained", headline, advice
+    if why := cannot_judge(c):
+        advice = [f"Declare the sigmas. Of chi-square: {why}."]
+        return "accent", "fit not judged", headline, advice
+    if hidden := scatters(c):
+        advice = [hidden, "gtpin diagnose tests whether it has a cause."]
+        return "accent", "fits within its scatter", headline, advice
+    return "good", "fits", headline, ["The residuals agree with the noise of instrument and repeatability."]
+
+
+def _numbers(c: Calibration) -> list[tuple[str, str]]:
+    numbers = []
+    for one in c.by_instrument:
+        numbers.append((quantity(one.before, one.unit), f"{error_of(one)}, nominal"))
+        numbers.append((quantity(one.after, one.unit), "calibrated"))
+        numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
+        numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))
+    meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    return [*numbers, (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom{meaning}")]

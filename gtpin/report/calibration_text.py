@@ -1,12 +1,16 @@
-"""A calibration as plain text."""
+"""A calibration in words: its errors, its noise, the directions that it can't see, and the whole report as plain text."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from gtpin.calibration.result import Calibration
-from gtpin.report.quality import cannot_judge, error_of, noise_words, scatters
-from gtpin.report.unseen_words import grouped
+from gtpin.calibration.observability import Remedy
+from gtpin.calibration.result import Calibration, InstrumentFit
+from gtpin.report.words import joined, length, quantity
+from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats
 
 HEAVY = 1.5
 """Chi-square per degree of freedom above which heavy tails get a warning."""
@@ -16,6 +20,22 @@ the values above. Their common shift, as a shift of the zero (at drive position 
 """Explanation of the drives' zeros in the report."""
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
+SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
+SCATTERS = 0.5
+"""Ratio of repeatability to the instrument's sigma above which it may contain an effect."""
+NAMED = 3
+"""Largest number of parameters that a sentence names."""
+WHAT = {
+    "touches": "touches of a plane whose normal is along {axis}",
+    "distances": "distances from one station, by a draw wire or a ball bar,",
+    "tilts": "readings of a tilt sensor",
+    "positions": "positions, by a camera or a tracker,",
+    "poses": "positions and orientations, by a tracker,",
+}
+"""Measurements in words."""
+ALONG = 0.9
+"""Smallest absolute cosine between a direction and that in which all lengths grow in proportion, or a single parameter's
+direction, for which the sentence names this growth or this parameter alone. Assumed."""
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -80,7 +100,6 @@ def _noise(c: Calibration) -> str:
 
 
 def _unknowns(c: Calibration) -> list[str]:
-    """Rows of the instruments' unknowns, as those of parameters."""
     lines = ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
     for one, deviation in zip(c.unknowns, c.u, strict=True):
         e = c.unknown(one.name)
@@ -139,3 +158,126 @@ def _correlations(c: Calibration) -> str:
     if len(pairs) > SHOWN:
         lines.append(f"  and {len(pairs) - SHOWN} more in calibration.json")
     return "\n".join(lines)
+
+
+def error_of(one: InstrumentFit) -> str:
+    """What an error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
+    return f"error of {one.name}" if one.name else {"m": "position error", "rad": "orientation error"}[one.unit]
+
+
+def nominal_words(c: Calibration) -> str:
+    """Errors of the nominal geometry, RMS, in words."""
+    named = sum(bool(one.name) for one in c.by_instrument) > 1
+    errors = [one for one in c.by_instrument if one.name or one.unit == "m"]
+    return joined([f"{quantity(b.before, b.unit)}{f' ({b.name})' if named else ''}" for b in errors])
+
+
+def _measured_by(c: Calibration) -> list[str]:
+    several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
+    of_pose = {"m": "position", "rad": "orientation"}
+    return [
+        f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
+    ]
+
+
+def noise_words(c: Calibration) -> list[str]:
+    """The sigma of each kind of numbers, in words, and where it comes from."""
+    sigmas = zip(_measured_by(c), c.noise.sigma, c.sigmas, c.noise.estimated, strict=True)
+    return [
+        f"{what} {quantity(float(sigma), unit)}, {SOURCES[c.noise.source if estimated else 'declared']}"
+        for what, sigma, (_, unit), estimated in sigmas
+    ]
+
+
+def scatters(c: Calibration) -> str:
+    """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
+    if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
+        return ""
+    return (
+        f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
+        "backlash and other effects that vary between visits of one pose may be part of it. Diagnosis can test this if "
+        "directions of approach and speeds were recorded."
+    )
+
+
+def cannot_judge(c: Calibration) -> str:
+    """Why chi-square can't judge the fit of the geometry; empty if it can."""
+    if c.dof < 1.0:
+        return "there are too few measurements to judge the fit"
+    if c.noise_known:
+        return ""
+    if not c.noise.estimated.all():
+        taken, others = (
+            joined([what for what, e in zip(_measured_by(c), c.noise.estimated, strict=True) if e == estimated])
+            for estimated in (True, False)
+        )
+        return (
+            f"the noise of {taken} was taken from these residuals, that of {others} was declared: above 1, residuals are "
+            "larger than the declared noise"
+        )
+    if np.isfinite(c.freedom):
+        return "the noise was taken from these residuals, and outliers have full weight here: this can't judge the fit"
+    return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+
+
+def unseen_words(
+    geometry: Geometry, directions: Floats, variance_reduction: Floats, remedies: Sequence[Remedy | None]
+) -> tuple[str, ...]:
+    """One sentence for each unobservable direction, in their order.
+
+    ``geometry``: the geometry. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.
+    ``variance_reduction``: (m,) along each. ``remedies``: the measurement that would determine each; None where
+    none is known.
+    """
+    return tuple(
+        f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - variance_reduction[i])))} {_remedy(remedy)}"
+        for i, remedy in enumerate(remedies)
+    )
+
+
+def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[str, ...]:
+    """The sentences of the directions that a usual measurement would show, and one sentence for all others; ``words``: as
+    :func:`unseen_words` gives them."""
+    useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
+    if (others := len(words) - len(useful)) < 2:
+        return tuple(words)
+    return (
+        *useful,
+        f"{others} other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
+
+
+def _remedy(remedy: Remedy | None) -> str:
+    if remedy is None:
+        return "No usual measurement at these poses would show it: it hardly moves the platform there."
+    what = WHAT[remedy.what].format(axis=remedy.axis)
+    return f"{remedy.count} {what} would show it."
+
+
+def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
+    """A direction in words; ``sigma`` is its standard deviation in units of the tolerances."""
+    order = np.argsort(-np.abs(direction))
+    direction = direction * np.sign(direction[order[0]])
+    sizes = direction * geometry.tolerance * sigma
+    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:NAMED]]
+    listed = ", ".join(named)
+    if _is_growth(geometry, direction):
+        return f"The scale of the machine can't be told: all its lengths may grow together ({listed}, ...), 1 sigma."
+    if abs(direction[order[0]]) > ALONG:
+        return f"{named[0].replace(' by ', ' may be off by ')}, 1 sigma: these readings hardly show it."
+    return (
+        f"These can't be told apart: they may change together, {listed}, ..., 1 sigma; these readings hardly show it."
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    if unit == "m":
+        return f"{1e3 * value:+.2g} mm"
+    return f"{1e3 * value:+.2g} mrad" if unit == "rad" else f"{1e6 * value:+.2g} parts in a million"
+
+
+def _is_growth(geometry: Geometry, direction: Floats) -> bool:
+    """Whether in a direction all lengths grow in proportion to their nominal values."""
+    growth = np.array([p.nominal if p.unit == "m" else 0.0 for p in geometry.parameters]) / geometry.tolerance
+    norm = float(np.linalg.norm(growth))
+    return norm > 0.0 and abs(float(direction @ growth)) / norm > ALONG

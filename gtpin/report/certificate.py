@@ -16,7 +16,7 @@ from gtpin.certificate.budget import COVERAGE, Contribution
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
 from gtpin.model.model_folder import model_json, write_model
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.certificate_terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, WHY
 from gtpin.report.page import Block, Heading, Items, Lead, Section, Table, report
@@ -134,9 +134,6 @@ class CertificatePresentation(Presentation):
         }
 
 
-present = CertificatePresentation
-
-
 def certificate_page(c: Certificate) -> str:
     """The whole certificate as one self-contained HTML file."""
     first, *further = statement(c)
@@ -153,35 +150,22 @@ def certificate_page(c: Certificate) -> str:
             f"The model is {MODEL} in the folder of this page; its digest is at the end.",
         ]
     )
+    name, hint = c.model.robot.name, "To save this page as PDF, print it (Ctrl+P)."
+    bind = "Definitions are in our own words; the standards themselves bind."
+    sections = [
+        Section("statement", "What is certified", [certified]),
+        *_numbers(c),
+        _budget(c),
+        Section("blank", "What the data do not suffice for", [_blanks(c)]),
+        Section("sources", "Standards", [bind, Items(SOURCES)]),
+    ]
     origin = provenance(c.dataset, c.model.robot, c.seed)
-    return report(
-        f"Certificate of {c.model.robot.name}",
-        Lead(
-            f"Certificate of accuracy · {c.model.robot.name}",
-            headline(c),
-            [first],
-            numbers,
-            hint="To save this page as PDF, print it (Ctrl+P).",
-        ),
-        [
-            Section("statement", "What is certified", [certified]),
-            *_numbers(c),
-            _budget(c),
-            Section("blank", "What the data do not suffice for", [_blanks(c)]),
-            Section(
-                "sources",
-                "Standards",
-                ["Definitions are in our own words; the standards themselves bind.", Items(SOURCES)],
-            ),
-        ],
-        Table(origin.head, [*origin.rows, [MODEL, f"sha256 {digest(model_json(c.model).encode())}"]]),
-        contents=False,
-    )
+    digests = Table(origin.head, [*origin.rows, [MODEL, f"sha256 {digest(model_json(c.model).encode())}"]])
+    lead = Lead(f"Certificate of accuracy · {name}", headline(c), [first], numbers, hint=hint)
+    return report(f"Certificate of {name}", lead, sections, digests, contents=False)
 
 
 def _numbers(c: Certificate) -> tuple[Section, Section]:
-    """The numbers of poses, and those of single actuators."""
-
     def table(found: Iterable[Quantity]) -> Table:
         rows = []
         for q in found:
@@ -212,23 +196,16 @@ def _numbers(c: Certificate) -> tuple[Section, Section]:
 
 
 def _budget(c: Certificate) -> Section:
-    """The contributions to the corrected machine's uncertainty, their sum by axis, and what is least known."""
     b, rows = c.budget, []
     for row in b.rows:
         if row.position is None:
             rows.append([ROWS[row.source], row.kind, "", "", "", "", f"Blank: {why(row)}."])
             continue
-        rows.append(
-            [
-                ROWS[row.source],
-                row.kind,
-                "" if row.input is None else quantity(row.input, row.unit),
-                "" if row.sensitivity is None else f"{row.sensitivity:.3g}",
-                quantity(row.position, "m"),
-                _share(b.share(row) or 0.0),
-                HOW[row.source],
-            ]
-        )
+        size = "" if row.input is None else quantity(row.input, row.unit)
+        sensitivity = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
+        share = _share(b.share(row) or 0.0)
+        about = [ROWS[row.source], row.kind, size, sensitivity]
+        rows.append([*about, quantity(row.position, "m"), share, HOW[row.source]])
     combined = [
         [axis.replace("r", "about "), *(quantity(float(v), "m" if i < 3 else "rad") for v in values)]
         for i, (axis, *values) in enumerate(zip(AXES, b.combined, COVERAGE * b.combined, b.largest, strict=False))
@@ -273,7 +250,6 @@ def _blanks(c: Certificate) -> Table:
 
 
 def _row(q: Quantity) -> dict[str, Any]:
-    """A number as a row of tables and of the JSON."""
     return {key: getattr(q, key) for key in ("symbol", "site", "value", "sigma", "unit", "poses", "rows")} | {
         "reason": why(q)
     }
@@ -284,7 +260,6 @@ def _value(q: Quantity) -> str:
 
 
 def _name(q: Quantity) -> str:
-    """A number's name, with its symbol."""
     symbol = q.symbol.partition("_nominal")[0].partition("_corrected")[0]
     symbol = symbol.removesuffix("_pooled").removesuffix("_machine")
     return f"{DEFINITIONS[q.symbol].name}{f' of {q.site}' if q.site else ''}, {symbol}"

@@ -18,9 +18,8 @@ from gtpin.errors import DatasetError, GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import Drawing, alone, scatter, titled
+from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, alone, scatter, titled
 from gtpin.report.page import Lead, Plots, Section, Table, report
-from gtpin.report.palette import ACCENT, FIT, GOOD, INK, SOFT, WARN
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
@@ -90,9 +89,6 @@ class ComparisonPresentation(Presentation):
         return alone(made, f"Errors of the Euler angle {angle} on held-out poses")
 
 
-present = ComparisonPresentation
-
-
 def comparison_page(c: Comparison, dataset: Dataset, robot: Robot) -> str:
     """The whole report of a comparison as one self-contained HTML file."""
     poses = len(c.held[0].position)
@@ -116,24 +112,14 @@ def comparison_page(c: Comparison, dataset: Dataset, robot: Robot) -> str:
 
 
 def _errors(c: Comparison) -> Section:
-    """The position errors as a figure and as a table."""
     head = ["model", "what it is", "mean (µm)", "95 %", "rms (µm)", "largest (µm)", "orientation, rms (mrad)", "poses"]
     rows = []
     for held, ends in zip(c.held, c.intervals(), strict=True):
         f, (low, high) = held.figures(), ends["mean_um"] or UNKNOWN
-        turned = f["orientation_rms_mrad"]
-        rows.append(
-            [
-                str(held.model),
-                MODELS[held.model],
-                f"{f['mean_um']:.0f}",
-                whole(f"{low:.0f} to {high:.0f}"),
-                f"{f['rms_um']:.0f}",
-                f"{f['max_um']:.0f}",
-                "" if turned is None else f"{turned:.3f}",
-                str(len(held.position)),
-            ]
-        )
+        mean, rms, most = (f"{f[name]:.0f}" for name in FIGURES)
+        turned = "" if f["orientation_rms_mrad"] is None else f"{f['orientation_rms_mrad']:.3f}"
+        about = [str(held.model), MODELS[held.model], mean, whole(f"{low:.0f} to {high:.0f}")]
+        rows.append([*about, rms, most, turned, str(len(held.position))])
     how = (
         "Each model was fitted to one half of the poses and tested on the other, in both directions "
         f"({COST[c.cost]}). Intervals: 95 %, by resampling poses."
@@ -144,7 +130,6 @@ def _errors(c: Comparison) -> Section:
 
 
 def _verdict(c: Comparison) -> tuple[str, list[str]]:
-    """Which model predicts best, and whether the intervals show it."""
     intervals = {held.model: ends["mean_um"] for held, ends in zip(c.held, c.intervals(), strict=True)}
     means = {held.model: float(held.position.mean() * 1e6) for held in c.held}
     best, *others = sorted(means, key=lambda model: means[model])
@@ -168,22 +153,12 @@ def errors_drawing(comparison: Comparison) -> Drawing:
         values = np.array([figures[name] for name in FIGURES], dtype=float)
         between = np.array([ends[name] for name in FIGURES], dtype=float)
         # A resampled maximum never exceeds the measured one, and a figure need not be inside its interval.
-        bars = {
-            "type": "data",
-            "symmetric": False,
-            "array": np.maximum(between[:, 1] - values, 0.0),
-            "arrayminus": np.maximum(values - between[:, 0], 0.0),
-            "color": INK,
-            "thickness": 1.2,
-        }
-        color = {"color": COLORS[held.model]}
-        name = f"model {held.model}"
-        traces.append(
-            {"type": "bar", "name": name, "x": list(FIGURES.values()), "y": values, "error_y": bars, "marker": color}
-        )
-    return Drawing(
-        traces, {"barmode": "group", "yaxis": {"title": {"text": "position error (µm)"}, "rangemode": "tozero"}}
-    )
+        bars = {"type": "data", "symmetric": False, "array": np.maximum(between[:, 1] - values, 0.0)}
+        bars |= {"arrayminus": np.maximum(values - between[:, 0], 0.0), "color": INK, "thickness": 1.2}
+        trace = {"type": "bar", "name": f"model {held.model}", "x": list(FIGURES.values()), "y": values}
+        traces.append(trace | {"error_y": bars, "marker": {"color": COLORS[held.model]}})
+    yaxis = {"title": {"text": "position error (µm)"}, "rangemode": "tozero"}
+    return Drawing(traces, {"barmode": "group", "yaxis": yaxis})
 
 
 def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:

@@ -1,24 +1,33 @@
-"""A dataset as text, table and map."""
+"""Datasets and poses as text and table, and positions over the workspace."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.data.names import command_names
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.shown import Presentation
-from gtpin.report.poses import position_map
+from gtpin.report.embedded import escaped
+from gtpin.report.figure import DATA, SCALE, ZERO, Drawing, alone, colorbar, scatter, titled
 from gtpin.report.words import covariate_unit, with_unit
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
     from gtpin.data.dataset import Dataset
+    from gtpin.kinematics.poses import Poses
+
+VIEWS = ("xy", "xz", "yz")
+"""Pairs of axes of a map of positions."""
+FLAT = 0.3
+"""Smallest height of a map over its width, and smallest width over its height for more than one tick: others overlap."""
 
 
 @dataclass(frozen=True)
@@ -81,4 +90,78 @@ class DatasetPresentation(Presentation):
         )
 
 
-present = DatasetPresentation
+@dataclass(frozen=True)
+class PosesPresentation(Presentation):
+    """Poses; their table has positions and quaternions."""
+
+    poses: Poses
+
+    def short(self) -> str:
+        """The number of poses, and the box that they span."""
+        poses = self.poses
+        there = poses.T[poses.reached]
+        first = f"Poses: {len(poses)}"
+        if len(there) < len(poses):
+            first += f", of which {len(poses) - len(there)} could not be computed"
+        if not len(there):
+            return first
+        ends = zip("xyz", there.min(axis=0), there.max(axis=0), strict=True)
+        return f"{first}\n{', '.join(f'{axis} {low:.4f} to {high:.4f}' for axis, low, high in ends)} m"
+
+    def text(self) -> str:
+        """The text of :meth:`short`, and the table."""
+        return f"{self.short()}\n\n{self.table().to_string(max_rows=60)}\n"
+
+    def table(self) -> pd.DataFrame:
+        """The columns ``x y z qw qx qy qz``: m, and unit quaternions."""
+        values = np.hstack([self.poses.T, self.poses.quaternions])
+        return pd.DataFrame(values, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
+
+    def workspace(self, view: str) -> Figure:
+        """The positions in a plane of their frame."""
+        return position_map(self.poses.T, range(1, len(self.poses) + 1), view, "Positions of the TCP")
+
+
+def position_map(
+    T: Floats,
+    names: Sequence[object],
+    view: str,
+    title: str,
+    color: Floats | None = None,
+    color_title: str = "",
+) -> Figure:
+    """A map of positions (N, 3), m, over two of their axes.
+
+    ``names``: (N,) names of the poses. ``view``: the two axes: ``xy``, ``xz`` or ``yz``. ``color``: (N,) values that
+    determine the colours.
+    """
+    check_view(view)
+    marker = {"size": 6, "color": DATA, "line": {"color": ZERO, "width": 0.5}}
+    if color is not None:
+        marker |= {"color": color, "colorscale": SCALE, "showscale": True, "colorbar": colorbar(color_title)}
+    x, y = (T[:, "xyz".index(axis)] for axis in view)
+    told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
+    told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
+    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], map_layout(T, view)).figure(), title)
+
+
+def check_view(view: str) -> None:
+    """Refuse what is not a pair of axes of a map."""
+    if view not in VIEWS:
+        raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
+
+
+def map_layout(T: Floats, view: str, **more: Any) -> dict[str, Any]:
+    """The layout of a map of positions (N, 3), m, over the two axes of ``view``, in equal scales."""
+    layout = titled(f"{view[0]} (m)", f"{view[1]} (m)", **more)
+    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    layout["xaxis"]["constrain"] = "domain"
+    across, up = (T[:, "xyz".index(name)] for name in view)
+    wide, high = (float(np.ptp(values)) if len(T) else 0.0 for values in (across, up))
+    if high < FLAT * wide:
+        middle = float(up.max() + up.min()) / 2.0
+        layout["yaxis"] |= {"range": [middle - FLAT * wide / 2.0, middle + FLAT * wide / 2.0], "nticks": 3}
+    elif wide < FLAT * high:
+        middle = float(across.max() + across.min()) / 2.0
+        layout["xaxis"] |= {"tickvals": [middle], "ticktext": [f"{round(middle, 3) + 0.0:g}"]}
+    return layout

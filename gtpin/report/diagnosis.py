@@ -1,32 +1,45 @@
-"""A diagnosis as text, terminal text, table, figures, JSON and files."""
+"""A diagnosis as text, terminal text, table, figures, page, JSON and files."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from markupsafe import Markup
 from rich.console import Console, Group, RenderableType
 
+from gtpin.diagnosis.inference.findings import Cause
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.model.model_folder import write_model
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
-from gtpin.report.curve_plots import curve_drawing, drawn_curves
+from gtpin.report.calibration_text import nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
-from gtpin.report.diagnosis_page import diagnosis_page
-from gtpin.report.effect_curves import curves
+from gtpin.report.effect_curves import EffectCurve, curve_drawing, curves, drawn_curves, reach
 from gtpin.report.figure import alone
 from gtpin.report.maps import workspace_figure
 from gtpin.report.next_experiment import FOLDER, write_experiments
-from gtpin.report.page import Table
-from gtpin.report.phrases import cause_rows, interval, named, overlap, parameter, value
-from gtpin.report.residual_columns import leading
-from gtpin.report.residual_plots import residual_figure
+from gtpin.report.page import Lead, Table, report
+from gtpin.report.phrases import (
+    cause_rows,
+    interval,
+    named,
+    others,
+    overlap,
+    parameter,
+    size_words,
+    value,
+)
+from gtpin.report.provenance import provenance
+from gtpin.report.residual_plots import leading, residual_figure
 from gtpin.report.residuals import Residuals
+from gtpin.report.sections import Reported, sections
+from gtpin.report.sketch import drawing
 from gtpin.report.verdict import (
     also,
     assumed,
@@ -39,7 +52,7 @@ from gtpin.report.verdict import (
     questions,
     verdict,
 )
-from gtpin.report.words import chance, percent, site_words
+from gtpin.report.words import chance, percent, quantity, site_words
 from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -94,7 +107,6 @@ class DiagnosisPresentation(Presentation):
         return Group(*parts)
 
     def _gap(self) -> list[str]:
-        """The gap on left-out data, before and after the causes."""
         gap, size = self.diagnosis.gap, gap_words(self.diagnosis.gap)
         what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
         if not self.diagnosis.causes:
@@ -135,7 +147,7 @@ class DiagnosisPresentation(Presentation):
         """Position residuals, or errors of readings, over the workspace."""
         return workspace_figure(self._residuals, view, after=after)
 
-    def effect(self, number: int, quantity: str | None) -> Figure:
+    def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
         causes = self.diagnosis.causes
         if not 0 <= number < len(causes):
@@ -143,28 +155,22 @@ class DiagnosisPresentation(Presentation):
         cause = causes[number]
         active = next(e for e in self.diagnosis.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
         found = curves(active, self._residuals)
-        chosen = drawn_curves(found) if quantity is None else [curve for curve in found if curve.name == quantity]
+        chosen = drawn_curves(found) if name is None else [curve for curve in found if curve.name == name]
         if not chosen:
             known = ", ".join(dict.fromkeys(curve.name for curve in found))
-            raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {quantity!r}", hint=f"it has {known}")
+            raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {name!r}", hint=f"it has {known}")
         made = curve_drawing(chosen[0]).figure()
         made.update_layout(yaxis_title=made.layout.title.text)
         return alone(made, f"{named(self.diagnosis.effect(cause.effect), cause.site)}, 95 % interval")
 
     def parameters(self) -> Figure:
         """The causes' parameters."""
-        rows = [
-            [
-                self.diagnosis.effect(c.effect).title,
-                site_words(c.site),
-                chance(c.probability),
-                *parameter(name, e.value, e.unit, e.sigma),
-                *interval(name, e),
-                percent(c.explained_fraction),
-            ]
-            for c in self.diagnosis.causes
-            for name, e in c.parameters.items()
-        ]
+        rows = []
+        for c in self.diagnosis.causes:
+            about = [self.diagnosis.effect(c.effect).title, site_words(c.site), chance(c.probability)]
+            for name, e in c.parameters.items():
+                size = (*parameter(name, e.value, e.unit, e.sigma), *interval(name, e))
+                rows.append([*about, *size, percent(c.explained_fraction)])
         head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "takes away")
         return Table(head, rows).figure("Parameters of the causes")
 
@@ -179,7 +185,7 @@ class DiagnosisPresentation(Presentation):
         write_model(d.model, folder / "model")
         (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
         write_experiments(d, d.dataset, folder)
-        (folder / "report.html").write_text(diagnosis_page(d, d.dataset, seed=d.seed), encoding="utf-8")
+        (folder / "report.html").write_text(diagnosis_page(d), encoding="utf-8")
         return result
 
     def json(self) -> dict[str, Any]:
@@ -187,4 +193,74 @@ class DiagnosisPresentation(Presentation):
         return diagnosis_json(self.diagnosis)
 
 
-present = DiagnosisPresentation
+def diagnosis_page(d: Diagnosis) -> str:
+    """The whole report of a diagnosis as one self-contained HTML file: the verdict first, then the evidence for it."""
+    robot, reported = d.baseline.model.robot, Reported(d.baseline, d)
+    origin = provenance(reported.dataset, robot, d.seed)
+    return report(f"{robot.name}: {d.verdict}", _lead(d, reported), sections(reported), origin)
+
+
+def _lead(d: Diagnosis, reported: Reported) -> Lead:
+    told, q = verdict(d), reported.dataset.q.mean(axis=0)
+    caption = "No part of the machine stands out."
+    if d.verdict == "none":
+        sketch = drawing(d.model, q)
+    else:
+        sketch = drawing(d.model, q, d.where.site, d.where.rod, [c.site for c in d.causes])
+        caption = (
+            "Redder: a motion of this part alone would explain more of the gap. One scale for all parts; shares from 5 % are "
+            f"shown.{' Ringed or edged in blue: the sites of the causes.' if d.causes else ''}"
+        )
+    rows = [_cause_row(d, k, cause, reported.curves) for k, cause in enumerate(d.causes)]
+    head = ("cause", "at", "probability", "explains of the gap", "size", "could also be")
+    return Lead(
+        f"Diagnosis of {d.model.robot.name} · {len(reported.dataset)} measurements",
+        told.headline,
+        told.advice,
+        _numbers(d),
+        told.badge,
+        told.tone,
+        sketch,
+        caption,
+        [Table(head, rows, (2, 3), wide=(4, 5))] if rows else [],
+    )
+
+
+def _cause_row(
+    d: Diagnosis, k: int, cause: Cause, by_cause: Mapping[tuple[str, str], Sequence[EffectCurve]]
+) -> list[str]:
+    """A cause with its largest displacement, its nonlinear parameter, such as a period, and the others of its class."""
+    effect, also = d.effect(cause.effect), []
+    for m in others(cause):
+        size = size_words(m.parameters, 1 + d.effect(m.effect).has_nonlinear)
+        also.append(f"{', '.join(filter(None, (named(d.effect(m.effect), m.site), size)))} ({chance(m.probability)})")
+    sizes = [size_words(cause.parameters, 2)] if effect.has_nonlinear else []  # it is the first of the parameters
+    sizes.append(reach(by_cause.get((cause.effect, cause.site), ())))
+    return [
+        Markup('<a href="#cause-{}">{}</a>').format(k + 1, effect.title),
+        site_words(cause.site),
+        chance(cause.probability),
+        percent(cause.explained_fraction) if d.gap.before > d.gap.floor else "not estimable",
+        "; ".join(filter(None, sizes)),
+        "; ".join(also) or "nothing else",
+    ]
+
+
+def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
+    numbers = []
+    if len(d.gap.by_instrument) > 1:
+        for one in d.gap.by_instrument:
+            before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
+            words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
+            numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
+    else:
+        size, left = gap_words(d.gap), d.baseline.model.unexplained
+        numbers.append((nominal_words(d.baseline), "nominal geometry, RMS"))
+        numbers.append((size.before, "calibrated geometry, at left-out poses"))
+        numbers += [(size.after, "with the causes")] if d.causes else []
+        known = left is None or left.noise_known
+        numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
+    if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
+        between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
+        numbers.append((percent(d.gap.explained_fraction), f"of the power beyond noise is explained{between}"))
+    return numbers

@@ -7,53 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Member
+from gtpin.diagnosis.inference.findings import Cause, Member
 from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
 from gtpin.diagnosis.linear.hold_out import TOGETHER
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.effects.sites import joints
 from gtpin.report.phrases import reason_words
 from gtpin.report.words import number_word
 
 
 def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
-    none = d.verdict == "none"
+    none, where, left = d.verdict == "none", d.where, d.unexplained
+    regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
     return {
         "schema": "gtpin-diagnosis/1",
         "verdict": d.verdict,
-        "causes": [
-            {
-                "effect": c.effect,
-                "site": c.site,
-                "probability": c.probability,
-                "class": _class(c.members),
-                "parameters": {
-                    n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in c.parameters.items()
-                },
-                "shrinkage": c.explained_fraction,
-                "nature": c.nature,
-            }
-            for c in d.causes
-        ],
-        "also": [{"site": one.site, "rms": one.rms, "class": _class(one.members)} for one in d.also],
+        "causes": [_cause(c) for c in d.causes],
+        "also": [_of(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
         "candidates": [
-            {
-                "effect": c.effect,
-                "site": c.site,
-                "log_evidence": c.log_evidence,
-                "probability": c.probability,
-                "testable": c.testable,
-                "reason": reason_words(c.reason, c.site),
-            }
+            _of(c, "effect", "site", "log_evidence", "probability", "testable")
+            | {"reason": reason_words(c.reason, c.site)}
             for c in d.candidates
         ],
-        "where": {
-            "rod": d.where.rod,
-            "site": d.where.site,
-            "axis": d.where.axis,
-            "covariate": d.where.covariate,
-            "region": [{"box": np.asarray(box).tolist(), "share": share} for box, share in d.where.region],
-        },
+        "where": _of(where, "rod", "site", "axis", "covariate") | {"region": regions},
         "gap": {
             **_errors(d.gap),
             "shrinkage": None if none else d.gap.explained_fraction,
@@ -62,29 +39,17 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             **_turns(d),
         },
         "unexplained": {
-            "share": d.unexplained.share,
-            "p_value": d.unexplained.p_value,
-            "correlates": [
-                {"site": site, "covariate": coordinates, "p_value": p}
-                for site, coordinates, p in d.unexplained.correlates
-            ],
+            **_of(left, "share", "p_value"),
+            "correlates": [{"site": site, "covariate": over, "p_value": p} for site, over, p in left.correlates],
             "descriptions": [
-                {"effect": t.effect, "site": t.site, "over": list(t.over), "rms": t.rms, "probability": t.probability}
-                for t in d.unexplained.descriptions
+                _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
+                for t in left.descriptions
             ],
-            "could_be": [{"effect": effect, "site": site} for effect, site in d.unexplained.could_be],
+            "could_be": [{"effect": effect, "site": site} for effect, site in left.could_be],
             "questions": [
-                {
-                    "effect": q.effect,
-                    "site": q.site,
-                    "parameter": q.parameter,
-                    "value": q.value,
-                    "sigma": q.sigma,
-                    "unit": q.unit,
-                    "expected": [q.low if np.isfinite(q.low) else None, q.high if np.isfinite(q.high) else None],
-                    "why": q.why,
-                    "believed": q.believed,
-                }
+                _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
+                | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}
+                | _of(q, "why", "believed")
                 for q in d.questions
             ],
         },
@@ -93,36 +58,37 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     }
 
 
+def _of(one: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(one, name) for name in names}
+
+
 def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
-    return [{"effect": m.effect, "site": m.site, "probability": m.probability} for m in members]
+    return [_of(m, "effect", "site", "probability") for m in members]
+
+
+def _cause(c: Cause) -> dict[str, Any]:
+    return {
+        **_of(c, "effect", "site", "probability"),
+        "class": _class(c.members),
+        "parameters": {name: _of(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
+        "shrinkage": c.explained_fraction,
+        "nature": c.nature,
+    }
 
 
 def _errors(gap: Gap) -> dict[str, Any]:
     """Position errors, those of the first tracker where there are several instruments, and errors of each instrument."""
-    if not gap.by_instrument:
-        return {
-            "position_rms_before": gap.before,
-            "position_rms_after": gap.after,
-            "noise_floor": gap.floor,
-            "noise_inferred": gap.inferred,
+    known, by_instrument = ("before", "after", "floor", "inferred"), gap.by_instrument
+    keys = ("position_rms_before", "position_rms_after", "noise_floor", "noise_inferred")
+    whose = next((one for one in by_instrument if one.kind == "tracker"), None) if by_instrument else gap
+    found: dict[str, Any] = {key: getattr(whose, name, None) for key, name in zip(keys, known, strict=True)}
+    if by_instrument:
+        keys = ("rms_before", "rms_after", "noise_floor", "noise_inferred")
+        found["by_instrument"] = {
+            one.name: {key: getattr(one, name) for key, name in zip(keys, known, strict=True)} | {"unit": one.unit}
+            for one in by_instrument
         }
-    tracker = next((one for one in gap.by_instrument if one.kind == "tracker"), None)
-    return {
-        "position_rms_before": tracker.before if tracker else None,
-        "position_rms_after": tracker.after if tracker else None,
-        "noise_floor": tracker.floor if tracker else None,
-        "noise_inferred": tracker.inferred if tracker else None,
-        "by_instrument": {
-            one.name: {
-                "rms_before": one.before,
-                "rms_after": one.after,
-                "noise_floor": one.floor,
-                "noise_inferred": one.inferred,
-                "unit": one.unit,
-            }
-            for one in gap.by_instrument
-        },
-    }
+    return found
 
 
 def gap_method(gap: Gap) -> str:
@@ -138,17 +104,17 @@ def gap_method(gap: Gap) -> str:
         other = (
             f"what another session may show, by the uncertainty of what was fitted and how much the {gap.blocks} differ"
         )
-    only = f"; {ONE_SESSION}" if gap.sessions < 2 else ""
-    return f"{left_out[gap.hold_out]} left out in turn; interval: {other}{only}"
-
-
-ONE_SESSION = "the data are of one session, as far as they tell, so that the interval ignores what another day brings"
+    if gap.sessions < 2:
+        other += (
+            "; the data are of one session, as far as they tell, so that the interval ignores what another day brings"
+        )
+    return f"{left_out[gap.hold_out]} left out in turn; interval: {other}"
 
 
 def _turns(d: Diagnosis | HealthCheck) -> dict[str, float]:
     """Orientation errors on left-out poses, rad; only for robots without rods, whose wrists rotate the tool and hardly shift
     it."""
-    if d.gap.turns is None or d.model.robot.rods:
+    if d.gap.turns is None or not joints(d.model.robot):
         return {}
     return {
         "orientation_rms_before": d.gap.turns.before,

@@ -1,20 +1,29 @@
-"""Curves of an effect with their 95 % bands: a track's straightness, a rack's periodic error, a drift."""
+"""Curves of an effect with their 95 % bands, and their figures: a track's straightness, a rack's periodic error, a drift."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
+from gtpin.effects.sites import joints
 from gtpin.effects.situation import Situation
 from gtpin.estimate import WIDE
 from gtpin.report.effect_motions import Motion, motions
+from gtpin.report.embedded import Plot, escaped
+from gtpin.report.figure import CURVES, DATA, Drawing, scatter, titled
+from gtpin.report.residual_plots import POINTS, scale_of, shown
 from gtpin.report.residuals import Residuals, fine
-from gtpin.report.words import coordinate_words, covariate_unit, typeset, with_unit
+from gtpin.report.words import coordinate_words, covariate_unit, joined, quantity, typeset, with_unit
 from gtpin.typing import Floats
+
+MOST = 6
+"""Largest number of curves that are drawn per effect."""
 
 
 @dataclass(frozen=True)
@@ -83,68 +92,50 @@ def curves(active: ActiveEffect, residuals: Residuals) -> tuple[EffectCurve, ...
     coordinate, with all others at their means or medians. If it depends on forces, directions or positions, it is shown at the
     measured poses.
     """
-    own = _own_coordinates(active, residuals)
+    own = active.effect.coordinates(residuals.model.robot, active.site)
+    there = residuals.at(residuals.dataset.q, residuals.dataset.covariates, active.references)
     name, levels = _levels(active, residuals, own)
-    if levels:
-        return _swept(active, residuals, name, levels)
-    return _at_the_poses(active, residuals, own)
-
-
-def _own_coordinates(active: ActiveEffect, residuals: Residuals) -> tuple[str, ...]:
-    return active.effect.coordinates(residuals.model.robot, active.site)
+    return tuple(_swept(active, residuals, there, name, levels) if levels else _at_poses(active, residuals, there, own))
 
 
 def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[str, list[_Level]]:
     """Name of the coordinate along which curves are drawn, and situations along it, one for each value of a second
-    coordinate."""
+    coordinate; no situations where it can't be varied alone."""
+
+    def at(**given: npt.NDArray[np.generic]) -> Situation:
+        return residuals.at(*residuals.middle(given), active.references)
+
+    robot, every = residuals.model.robot, np.arange(len(residuals))
     if not own or own[0] in ("load", "direction", "position"):
         return "", []
     if "session" in own:
-        return "session", [_sessions(active, residuals)]
-    known = [name for name in own if _column(residuals, name) is not None]
-    swept = [name for name in known if not name.startswith("approach")]
+        sessions = np.array(active.references.sessions, dtype=object)
+        return "session", [_Level("", at(session=sessions), sessions, every)]
+    columns = {name: np.asarray(residuals.columns[name], dtype=float) for name in own if name in residuals.columns}
+    swept = [name for name in columns if not name.startswith("approach")]
     if not swept:
         return "", []
-    if active.site in residuals.model.robot.sites and len(swept) == residuals.model.robot.n_actuators > 1:
-        swept.sort(key=lambda name: name == _command_of(active, residuals))  # commands of other actuators first
+    if active.site in robot.sites and len(swept) == robot.n_actuators > 1:
+        its_own = f"q{robot.sites.index(active.site) + 1}"
+        swept.sort(key=lambda name: name == its_own)  # commands of other actuators first
     first = swept[0]
-    others = [name for name in known if name != first]
-    data = _column(residuals, first)
-    assert data is not None
-    grid = fine(data, active.effect.has_nonlinear)
+    grid = fine(columns[first], active.effect.has_nonlinear)
+    others = [name for name in columns if name != first]
     if not others:
-        return first, [_Level("", _situation(active, residuals, {first: grid}), grid, np.arange(len(residuals)))]
-    other = others[0]
-    values = _column(residuals, other)
-    assert values is not None
+        return first, [_Level("", at(**{first: grid}), grid, every)]
+    other, values = others[0], columns[others[0]]
     steps = [-1.0, 1.0] if other.startswith("approach") else np.quantile(values, (0.1, 0.9)).tolist()
     nearest = np.abs(values[:, None] - np.array(steps)).argmin(axis=1)
     unit = covariate_unit(other, _angular(residuals, other))
     return first, [
         _Level(
             typeset(f"{other} = {step:.3g} {unit}".rstrip()),
-            _situation(active, residuals, {first: grid, other: np.full(len(grid), step)}),
+            at(**{first: grid, other: np.full(len(grid), step)}),
             grid,
             np.flatnonzero(nearest == k),
         )
         for k, step in enumerate(steps)
     ]
-
-
-def _sessions(active: ActiveEffect, residuals: Residuals) -> _Level:
-    known = np.array(active.references.sessions, dtype=object)
-    at = _situation(active, residuals, {"session": known})
-    return _Level("", at, known, np.arange(len(residuals)))
-
-
-def _command_of(active: ActiveEffect, residuals: Residuals) -> str:
-    return f"q{residuals.model.robot.sites.index(active.site) + 1}"
-
-
-def _column(residuals: Residuals, name: str) -> Floats | None:
-    """A command or numeric covariate; None where the dataset does not have it."""
-    values = residuals.column(name)
-    return None if values is None or name == "session" else np.asarray(values, dtype=float)
 
 
 def _angular(residuals: Residuals, name: str) -> bool:
@@ -153,15 +144,14 @@ def _angular(residuals: Residuals, name: str) -> bool:
     return word in ("q", "speed") and bool(number) and residuals.model.robot.actuators[int(number) - 1].revolute
 
 
-def _situation(active: ActiveEffect, residuals: Residuals, given: Mapping[str, npt.NDArray[np.generic]]) -> Situation:
-    """Situations with some given coordinates and usual values for the others."""
-    return residuals.at(*residuals.middle(given), active.references)
-
-
-def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list[_Level]) -> tuple[EffectCurve, ...]:
-    found = []
-    at_poses = {motion.name: motion for motion in motions(active, _measured(active, residuals))}
+def _swept(
+    active: ActiveEffect, residuals: Residuals, there: Situation, x_name: str, levels: list[_Level]
+) -> Iterator[EffectCurve]:
+    at_poses = {motion.name: motion for motion in motions(active, there)}
     by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
+    sessions, column = x_name == "session", np.asarray(residuals.columns[x_name])
+    along = column.astype(str).astype(object) if sessions else column.astype(float)
+    title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
     for name, first in by_level[0].items():
         if name not in at_poses or any(name not in level for level in by_level):
             continue
@@ -172,34 +162,24 @@ def _swept(active: ActiveEffect, residuals: Residuals, x_name: str, levels: list
         lines = []
         for level, columns in zip(levels, parts, strict=True):
             y, sigma = _with_sigma(active, columns)
-            x = _x_of(residuals, x_name)[level.rows]
+            x = along[level.rows]
             lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
-        title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
-        sessions = x_name == "session"
         lever = _lever(residuals, at_poses[name])
-        found.append(EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever))
-    return tuple(found)
+        yield EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever)
 
 
-def _at_the_poses(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[EffectCurve, ...]:
-    at = _measured(active, residuals)
-    found = []
+def _at_poses(active: ActiveEffect, residuals: Residuals, at: Situation, own: tuple[str, ...]) -> Iterator[EffectCurve]:
     for number, motion in enumerate(motions(active, at)):
         (columns,) = _less_geometry([motion.columns], None)
         y, sigma = _with_sigma(active, columns)
         left, lever = residuals.along(residuals.after, motion.tcp), _lever(residuals, motion)
-        for x_name, unit, x in _places(active, at, motion, number, own):
+        for x_name, unit, x in _places(at, motion, number, own):
             order = np.argsort(x, kind="stable")
             line = CurveLine("", x[order], y[order], sigma[order], x[order], (y + left)[order])
-            found.append(
-                EffectCurve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever)
-            )
-    return tuple(found)
+            yield EffectCurve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever)
 
 
-def _places(
-    active: ActiveEffect, at: Situation, motion: Motion, number: int, own: tuple[str, ...]
-) -> list[tuple[str, str, Floats]]:
+def _places(at: Situation, motion: Motion, number: int, own: tuple[str, ...]) -> list[tuple[str, str, Floats]]:
     """Coordinates against which an effect of forces, directions or positions is shown."""
     if "load" in own and motion.carried is not None:
         return [(motion.carried.words, motion.carried.unit, motion.carried.at(at))]
@@ -213,24 +193,10 @@ def _places(
 
 
 def _lever(residuals: Residuals, motion: Motion) -> float | None:
-    robot = residuals.model.robot
-    return None if robot.rods else float(np.linalg.norm(motion.tcp[:, :3], axis=1).mean())
-
-
-def _measured(active: ActiveEffect, residuals: Residuals) -> Situation:
-    return residuals.at(residuals.dataset.q, residuals.dataset.covariates, active.references)
-
-
-def _x_of(residuals: Residuals, name: str) -> npt.NDArray[np.generic]:
-    if name == "session":
-        return np.array([str(s) for s in residuals.dataset.covariates["session"]], dtype=object)
-    column = _column(residuals, name)
-    assert column is not None
-    return column
+    return float(np.linalg.norm(motion.tcp[:, :3], axis=1).mean()) if joints(residuals.model.robot) else None
 
 
 def _between(x: npt.NDArray[np.generic], y: Floats, at: npt.NDArray[np.generic]) -> Floats:
-    """A curve interpolated between its points, or its value at a session."""
     if x.dtype == object:
         value = dict(zip(x.tolist(), y.tolist(), strict=True))
         return np.array([value[one] for one in at.tolist()])
@@ -248,3 +214,111 @@ def _less_geometry(parts: list[Floats], x: Floats | None) -> list[Floats]:
 def _with_sigma(active: ActiveEffect, columns: Floats) -> tuple[Floats, Floats]:
     variance = np.einsum("nm,mk,nk->n", columns, active.covariance, columns)
     return columns @ active.coefficients, np.sqrt(np.maximum(variance, 0.0))
+
+
+def drawn_curves(found: Sequence[EffectCurve]) -> list[EffectCurve]:
+    """The curves of an effect that are drawn: those that differ from zero."""
+    return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
+
+
+def curve_plots(name: str, found: Sequence[EffectCurve]) -> list[Plot]:
+    """Plots of an effect's curves; ``name``: beginning of the plots' names."""
+    return [
+        Plot(f"{name}-{i}", f"{curve.name} against {curve.x_title}", partial(curve_drawing, curve), height=300)
+        for i, curve in enumerate(drawn_curves(found))
+    ]
+
+
+def curve_drawing(curve: EffectCurve) -> Drawing:
+    """A curve of an effect with its 95 % interval, and the measurements less everything else that the model explains."""
+    factor, unit = scale_of(np.concatenate([line.y for line in curve.lines]), curve.unit)
+    traces: list[dict[str, Any]] = []
+    for k, line in enumerate(curve.lines):
+        traces += _traces(curve, line, factor, *CURVES[k % len(CURVES)], rank=2 * k + 1)
+    return Drawing(traces, _layout(curve, factor, unit))
+
+
+def curve_notes(found: Sequence[EffectCurve]) -> list[str]:
+    """Notes on an effect's curves: how to read them, and which quantities have no detected displacement."""
+    if not found:
+        return []
+    taken = "mean and a straight line" if any(curve.straightened for curve in found) else "mean"
+    held = " Other coordinates on which it depends are held constant." if any(curve.smooth for curve in found) else ""
+    notes = [
+        f"Curves are without their {taken}, which geometry absorbs; bands: 95 %.{held} Dots: the measurements without "
+        "everything else that the model explains."
+    ]
+    names = dict.fromkeys(curve.name for curve in found)
+    seen = {curve.name for curve in found if curve.seen}
+    hidden = [name for name in names if name not in seen]
+    return notes + ([f"Not detected, but possible for this effect: {joined(hidden)}."] if hidden else [])
+
+
+def reach(found: Sequence[EffectCurve]) -> str:
+    """The largest displacement by an effect in each unit, as text; for a robot without rods also its motion of the TCP."""
+    words = []
+    for unit in ("m", "rad"):
+        ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}
+        if not ranges:
+            continue
+        most = max(ranges, key=lambda name: ranges[name])
+        lever = next(curve.lever for curve in found if curve.name == most)
+        told = f"{most}: {quantity(ranges[most], unit)} peak to peak"
+        if lever is not None and not most.startswith("shift along"):  # such a shift is the TCP's own
+            told += f", {quantity(lever * ranges[most], 'm')} at the TCP"
+        words.append(told)
+    return "; ".join(words)
+
+
+def _texts(x: npt.NDArray[np.generic]) -> Any:
+    """Values of x as plotly takes them: sessions are text."""
+    return [escaped(str(s)) for s in x] if x.dtype == object else x
+
+
+def _traces(
+    curve: EffectCurve, line: CurveLine, factor: float, color: str, band: str, rank: int
+) -> list[dict[str, Any]]:
+    rows, thin = shown(len(line.points_x)), shown(len(line.x))
+    x, y, reach = _texts(line.x[thin]), factor * line.y[thin], factor * WIDE * line.sigma[thin]
+    points = scatter(
+        "markers",
+        _texts(line.points_x[rows]),
+        factor * line.points_y[rows],
+        name="measured",
+        marker=POINTS | {"color": color if len(curve.lines) > 1 else DATA},
+        legendrank=rank + 1,
+        showlegend=len(line.points_x) > 0,
+        hoverinfo="x+y",
+    )
+    effect = {"name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}", "legendrank": rank}
+    if not curve.smooth:
+        bars = {"type": "data", "array": reach, "color": color, "thickness": 1, "width": 0}
+        return [points, scatter("markers", x, y, marker={"color": color, "size": 5}, error_y=bars, **effect)]
+    # The band is filled in two parts, below and above the effect, so that the legend shows the effect on its band.
+    filled = {"fill": "tonexty", "fillcolor": band}
+    edge = {"hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
+    return [
+        points,
+        scatter("lines", x, y - reach, **edge),
+        scatter("lines", x, y, line={"color": color, "width": 2.2}, **filled, **effect),
+        scatter("lines", x, y + reach, **edge, **filled),
+    ]
+
+
+def _layout(curve: EffectCurve, factor: float, unit: str) -> dict[str, Any]:
+    points = np.concatenate([line.points_y for line in curve.lines])
+    ends = np.concatenate([line.y + s * WIDE * line.sigma for line in curve.lines for s in (-1.0, 1.0)])
+    # A few distant points must not flatten the curve.
+    inner = np.quantile(points, (0.01, 0.99)) if len(points) else np.zeros(2)
+    low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
+    room = 0.06 * max(high - low, 1e-12)
+    layout = titled(escaped(curve.x_title), "", legend={"traceorder": "normal"})
+    if curve.categories:
+        order = _texts(curve.lines[0].x)
+        layout["xaxis"] |= {"type": "category", "automargin": "height"}
+        layout["xaxis"] |= {"categoryorder": "array", "categoryarray": order}
+    layout["yaxis"] = {"range": [factor * (low - room), factor * (high + room)]}
+    place = {"x": 0, "xref": "container", "yref": "container", "y": 1, "yanchor": "top", "pad": {"t": 6}}
+    layout["title"] = {"text": f"{escaped(curve.name)} ({unit})", "font": {"size": 13}} | place
+    layout["margin"] = {"t": 58 if len(curve.lines) == 1 else 70}  # room for a legend of two rows
+    return layout

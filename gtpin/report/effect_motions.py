@@ -73,14 +73,21 @@ class Motion:
 
 def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     """All quantities that an effect displaces by more than a rounding error."""
-    basis, site = active.basis(at), active.site
+    basis, site, size = active.basis(at), active.site, at.robot.motion_size
     placed = _of_carrier if tracks(at.robot) else placements
-    found = [*_travel(at, basis), *placed(at, site, basis), *_lengths(at, basis)]
-    return [m for m in [*found, *_twist(at, basis)] if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
+    found = [*_travel(at, basis), *placed(at, site, basis)]
+    if basis.length is not None:
+        for i, rod in enumerate(at.robot.rod_sites):
+            one = of_lengths(at, [i], np.ones((len(at), 1, 1)), np.ones(1)).displacement(at)[:, :, 0]
+            found.append(Motion(f"length of {rod}", "m", basis.length[:, i], one, i))
+    if basis.twist is not None:
+        for k, name in enumerate(FREEDOMS):
+            one = np.broadcast_to(np.eye(size)[k], (len(at), size))
+            found.append(Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], one))
+    return [m for m in found if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
 def _travel(at: Situation, basis: Basis) -> list[Motion]:
-    """The motion of an actuator along or about its own axis."""
     if basis.command is None:
         return []
     number, columns = basis.command
@@ -98,11 +105,11 @@ def _own_load(at: Situation, site: str) -> Carried:
 
 
 def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
-    """Shifts of a cart along and across its track, and its rotations."""
     frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
     if frame is None or not frame.indices:
         return []
-    across = [f"towards {_towards(direction)}" for direction in frame.across]
+    nearest = [(int(np.argmax(np.abs(direction))), direction) for direction in frame.across]  # base axes
+    across = [f"towards {'−' if direction[k] < 0.0 else '+'}{'xyz'[k]}" for k, direction in nearest]
     places = ["along its track", *(f"across its track, {a}" for a in across)]
     if len(frame.indices) > 1:
         places += ["about its track (roll)", *(f"about an axis {a}" for a in across)]
@@ -114,32 +121,6 @@ def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
         load = _own_load(at, site)
         found.append(Motion(f"{site} {place}", unit, columns, one[:, :, 0], straightened=k in (1, 2), carried=load))
     return found
-
-
-def _lengths(at: Situation, basis: Basis) -> list[Motion]:
-    if basis.length is None:
-        return []
-    found = []
-    for i, rod in enumerate(at.robot.rod_sites):
-        one = of_lengths(at, [i], np.ones((len(at), 1, 1)), np.ones(1))
-        found.append(Motion(f"length of {rod}", "m", basis.length[:, i], one.displacement(at)[:, :, 0], i))
-    return found
-
-
-def _twist(at: Situation, basis: Basis) -> list[Motion]:
-    if basis.twist is None:
-        return []
-    size = at.robot.motion_size
-    return [
-        Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], np.broadcast_to(np.eye(size)[k], (len(at), size)))
-        for k, name in enumerate(FREEDOMS)
-    ]
-
-
-def _towards(direction: Floats) -> str:
-    """The base axis that a direction is nearest to, with its sign."""
-    k = int(np.argmax(np.abs(direction)))
-    return f"{'−' if direction[k] < 0.0 else '+'}{'xyz'[k]}"
 
 
 def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
@@ -155,16 +136,8 @@ def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
         for place, way in ways:
             motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
             tcp = at.bodies.by_twist(index, (moved @ way)[:, :, None])[:, :, 0]
-            columns = np.einsum("nim,i->nm", own, way)
-            found.append(
-                Motion(
-                    f"{motion} of {owner} {place}",
-                    unit,
-                    columns,
-                    tcp,
-                    carried=Carried(f"{owner} {place}", (frame,), way),
-                )
-            )
+            columns, carried = np.einsum("nim,i->nm", own, way), Carried(f"{owner} {place}", (frame,), way)
+            found.append(Motion(f"{motion} of {owner} {place}", unit, columns, tcp, carried=carried))
 
     def at_tcp(motion: Motion) -> float:
         return float(np.abs((motion.columns * basis.sigma)[:, None] * motion.tcp[:, :3, None]).max(initial=0.0))

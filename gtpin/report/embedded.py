@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from gtpin.report.figure import LOOK, Drawing
-from gtpin.report.palette import LIGHT, name_of
+from gtpin.report.figure import LIGHT, LOOK, Drawing, name_of
 
 FEW = 8
 """Largest number of entries of a list that is written where it is used."""

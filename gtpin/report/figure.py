@@ -1,4 +1,4 @@
-"""Plotly figures in the look of gtpin's pages."""
+"""Plotly figures in the look of gtpin's pages, and the colours of both, in light and in dark."""
 
 from __future__ import annotations
 
@@ -7,12 +7,47 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gtpin.errors import GtpinError
-from gtpin.report.palette import ACCENT, BAD, FIT, GOOD, INK, LIGHT, LINE, MYSTERY, WARN, ZERO
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+COLORS = {
+    "paper": ("#ffffff", "#14171b"),
+    "panel": ("#f5f6f8", "#1d2127"),
+    "ink": ("#1b1f24", "#e8ebef"),
+    "soft": ("#5a6472", "#a0aab6"),
+    "line": ("#d9dee5", "#343b45"),
+    "accent": ("#1f5fa8", "#74aef0"),
+    "data": ("#5b6b7f", "#9db0c6"),
+    "fit": ("#c2410c", "#ff9a57"),
+    "band": ("rgba(194, 65, 12, .18)", "rgba(255, 154, 87, .22)"),
+    "band2": ("rgba(31, 95, 168, .18)", "rgba(116, 174, 240, .2)"),
+    "band3": ("rgba(26, 127, 75, .18)", "rgba(86, 201, 138, .2)"),
+    "zero": ("#9aa4b0", "#66707d"),
+    "good": ("#1a7f4b", "#56c98a"),
+    "warn": ("#9a6700", "#e2b340"),
+    "bad": ("#b42318", "#ff7b6e"),
+    "mystery": ("#6d3fc0", "#b79bff"),
+    "low": ("#eef2f7", "#2a313b"),
+    "mid": ("#7ba3d0", "#5f93cf"),
+    "high": ("#b42319", "#ff7b6e"),
+    "shade": ("rgba(27, 31, 36, .28)", "rgba(232, 235, 239, .32)"),
+}
+"""Colours by name, in light and in dark, as CSS. All light values differ, because a page finds a colour's name by its value; a
+dark page replaces the colours of its figures by the dark ones."""
+LIGHT, DARK = ({name: both[k] for name, both in COLORS.items()} for k in (0, 1))
+INK, LINE, ZERO, DATA, FIT = (LIGHT[name] for name in ("ink", "line", "zero", "data", "fit"))
+ACCENT, GOOD, WARN, BAD, MYSTERY, SOFT = (LIGHT[n] for n in ("accent", "good", "warn", "bad", "mystery", "soft"))
+LOW, MID, HIGH = (LIGHT[name] for name in ("low", "mid", "high"))
+CURVES = ((FIT, LIGHT["band"]), (ACCENT, LIGHT["band2"]), (GOOD, LIGHT["band3"]))
+"""Colours of curves and their bands."""
+SCALE = [[0.0, LOW], [0.45, MID], [1.0, HIGH]]
+"""Colour scale of values that are not negative."""
+DIVERGING = [[0.0, ACCENT], [0.5, LOW], [1.0, HIGH]]
+"""Colour scale of values of either sign."""
 EXTRA = "plots"
 """The extra that installs plotly."""
 _AXIS = {"gridcolor": LINE, "zerolinecolor": ZERO, "linecolor": LINE, "title": {"standoff": 8}}
@@ -28,6 +63,11 @@ LOOK: Mapping[str, Any] = {
     "margin": {"l": 58, "r": 12, "t": 36, "b": 46},
 }
 """Layout of all figures, as plotly's template. A page replaces its colours by those of the light or dark palette."""
+
+
+def name_of(color: str) -> str:
+    """The name of a colour of figures."""
+    return next(name for name, value in LIGHT.items() if value == color)
 
 
 def has_plotly() -> bool:
@@ -63,6 +103,17 @@ def scatter(mode: str, x: Any, y: Any, **look: Any) -> dict[str, Any]:
 def titled(x: str, y: str, **layout: Any) -> dict[str, Any]:
     """A layout with the titles of its axes."""
     return {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}}} | layout
+
+
+def colorbar(title: str) -> dict[str, Any]:
+    """A narrow colour bar with its title."""
+    return {"thickness": 9, "outlinewidth": 0, "title": {"text": title, "side": "right"}}
+
+
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is at most ``value``."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
 
 
 def alone(made: Figure, title: str) -> Figure:

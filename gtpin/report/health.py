@@ -3,8 +3,7 @@ poses can't show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from rich.console import Group, RenderableType
 from gtpin.diagnosis.inference.findings import Cause, Considered, Member, Smallest
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.model.model_folder import write_model
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.diagnosis import DIAGNOSIS
 from gtpin.report.diagnosis_json import diagnosis_json
@@ -45,7 +44,7 @@ SHOWN = 12
 
 
 @dataclass(frozen=True)
-class HealthPresentation(Presentation):
+class HealthCheckPresentation(Presentation):
     """A check; its table is that of the smallest changes that its poses show. Its files are those of a diagnosis, so that one
     replaces the other."""
 
@@ -116,15 +115,9 @@ class HealthPresentation(Presentation):
                 "orientation": check.unexplained_before.orientation,
                 "noise_known": check.noise_known,
             },
-            "smallest": [
-                {"effect": s.effect, "site": s.site, "parameter": s.parameter, "value": s.value, "unit": s.unit}
-                for s in check.smallest
-            ],
+            "smallest": [asdict(s) for s in check.smallest],
         }
         return found
-
-
-present = HealthPresentation
 
 
 def health_page(check: HealthCheck) -> str:
@@ -163,24 +156,16 @@ def _changes(check: HealthCheck) -> Section:
 
 
 def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
-    """The evidence of each change, the smallest changes that such poses show, and what they don't show."""
-    tested = [[_title(check, c), site_words(c.site), f"{c.log_evidence:.1f}"] for c in check.candidates if c.testable][
-        :SHOWN
-    ]
-    untested = [
-        [_title(check, c), site_words(c.site), reason_words(c.reason, c.site)]
-        for c in check.candidates
-        if not c.testable
-    ]
-    smallest = [
-        [
-            _title(check, s),
-            site_words(s.site),
-            s.parameter.replace("_", " "),
-            "none" if s.value is None else quantity(s.value, s.unit),
-        ]
-        for s in check.smallest
-    ]
+    tested, untested, smallest = list[list[str]](), list[list[str]](), list[list[str]]()
+    for c in check.candidates:
+        where = [_title(check, c), site_words(c.site)]
+        if c.testable:
+            tested.append([*where, f"{c.log_evidence:.1f}"])
+        else:
+            untested.append([*where, reason_words(c.reason, c.site)])
+    for s in check.smallest:
+        size = "none" if s.value is None else quantity(s.value, s.unit)
+        smallest.append([_title(check, s), site_words(s.site), s.parameter.replace("_", " "), size])
     limit = (
         f"Gain in log evidence of each change by itself, the largest first. An unchanged machine exceeds "
         f"{whole(f'{check.threshold:.1f}')} nats, or the chi-square's limit, in {percent(check.false_alarm)} of checks like "
@@ -190,14 +175,11 @@ def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
         f"{power_words(check)} The table has the smallest change of each kind that raises an alarm in {percent(check.power)} "
         "of checks at these poses; of changes with several coefficients, the median over their shapes."
     )
-    evidence = Table(("change", "site", "gain in log evidence (nats)"), tested, (2,))
+    evidence = Table(("change", "site", "gain in log evidence (nats)"), tested[:SHOWN], (2,))
+    sizes = Table(("change", "site", "parameter", "smallest"), smallest, (3,))
     return (
         Section("evidence", "Evidence", [limit, evidence]),
-        Section(
-            "power",
-            "What such poses show",
-            [shown, Table(("change", "site", "parameter", "smallest"), smallest, (3,))],
-        ),
+        Section("power", "What such poses show", [shown, sizes]),
         Section(
             "unseen", "What they don't show", [Items(unseen(check)), Table(("change", "site", "why not"), untested)]
         ),
@@ -231,23 +213,29 @@ def advice(check: HealthCheck) -> list[str]:
         f"{_error(check)} of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; "
         f"{after}{_floor(check)}: {size.floor}."
     ]
-    left = check.unexplained_before
+    robot, left = check.model.robot, check.unexplained_before
     if not left.none:
         parts = [quantity(size, unit) for size, unit in ((left.position, "m"), (left.orientation, "rad")) if size]
+        visible = "gtpin diagnose at many poses finds what the earlier model lacks."
+        if not left.noise_known:
+            visible = (
+                "Its noise is neither declared nor shown by repeated visits: declare it, or repeat visits, and calibrate "
+                "again."
+            )
         found.append(
             f"The earlier model did not explain its own data: {joined(parts)} per axis were left between poses, and count as a "
-            f"part of its uncertainty. Changes that are smaller can't be told. {_visible(check)}"
+            f"part of its uncertainty. Changes that are smaller can't be told. {visible}"
         )
     for cause in check.causes:
-        found.append(
-            f"{named(check.effect(cause.effect), cause.site)}: {remedy(check.effect(cause.effect), check.model.robot)}"
-        )
+        effect = check.effect(cause.effect)
+        found.append(f"{named(effect, cause.site)}: {remedy(effect, robot)}")
     found += filter(None, [overlap(check)])
     if check.verdict == "unknown":
         found += [*doubt_words(check.doubts), "Calibrate again with enough poses, and diagnose these."]
     if check.set_aside:
         found.append(f"Set aside as gross errors: {joined(list(check.set_aside))}. Measure them again.")
-    if check.assumed and any(_thermal(check, m.effect, m.site) for c in check.causes for m in c.members):
+    members = [m for c in check.causes for m in c.members]
+    if any({*check.assumed} & {*check.effect(m.effect).covariates(robot, m.site)} for m in members):
         found.append(
             f"{joined(list(check.assumed))} could have changed: record it at the model's poses and at the check's."
         )
@@ -263,37 +251,17 @@ def _floor(check: HealthCheck) -> str:
     return "noise alone" if check.noise_known else "left of the earlier model's own fit"
 
 
-def _visible(check: HealthCheck) -> str:
-    """What would make smaller changes visible."""
-    if check.unexplained_before.noise_known:
-        return "gtpin diagnose at many poses finds what the earlier model lacks."
-    return (
-        "Its noise is neither declared nor shown by repeated visits: declare it, or repeat visits, and calibrate again."
-    )
-
-
-def _thermal(check: HealthCheck, effect: str, site: str) -> bool:
-    return bool(set(check.effect(effect).covariates(check.model.robot, site)) & set(check.assumed))
-
-
 def power_words(check: HealthCheck) -> str:
     """The smallest of the most common changes that such poses show with the check's power."""
-    first = dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked)
-    parts = [
-        f"{check.effect(effect).title} {_largest([s for s in check.smallest if s.effect == effect])}"
-        for effect in first
-    ]
+    parts = []
+    for effect in dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked):
+        rows = [s for s in check.smallest if s.effect == effect]
+        worst = max(rows, key=lambda s: np.inf if s.value is None else s.value)
+        size = "of no size" if worst.value is None else quantity(worst.value, worst.unit)
+        parts.append(f"{check.effect(effect).title} {size}")
     if not parts:
         return "These poses show none of the changes that crashes and wear cause first."
     return f"Changes that such poses show in {percent(check.power)} of cases, from: {joined(parts)} at the worst site."
-
-
-def _largest(rows: Sequence[Smallest]) -> str:
-    """The largest of the smallest changes of an effect, over its sites."""
-    if any(row.value is None for row in rows):
-        return "of no size"
-    worst = max(rows, key=lambda row: row.value or 0.0)
-    return quantity(worst.value or 0.0, worst.unit)
 
 
 def unseen(check: HealthCheck) -> list[str]:

@@ -14,9 +14,8 @@ from gtpin.errors import GtpinError
 from gtpin.health.history import Entry, HistoryFiles, read_history, written_history
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
-from gtpin.report.figure import Drawing, scatter
+from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, scatter
 from gtpin.report.page import Lead, Plots, Section, Table, report
-from gtpin.report.palette import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN
 from gtpin.report.phrases import known_as, parameter
 from gtpin.report.words import counted, length
 
@@ -46,10 +45,8 @@ def history(path: Path, *, force: bool = False) -> Iterator[Add]:
         def add(check: HealthCheck) -> None:
             now = Entry.of(check, datetime.now(UTC))
             if entries and entries[-1].robot != now.robot:
-                hint = f"give a history of {now.robot} of its own"
-                raise GtpinError(
-                    f"this is a history of {entries[-1].robot}", file=files.folder / files.lines, hint=hint
-                )
+                what, hint = f"this is a history of {entries[-1].robot}", f"give a history of {now.robot} of its own"
+                raise GtpinError(what, file=files.folder / files.lines, hint=hint)
             every = (*entries, now)
             (folder / files.lines).write_text(written_history(every), encoding="utf-8")
             (folder / files.page).write_text(history_page(every), encoding="utf-8")
@@ -61,32 +58,20 @@ def history_page(entries: Sequence[Entry]) -> str:
     """A history of checks as one self-contained HTML file."""
     last = entries[-1]
     changed = sum(entry.verdict != "none" for entry in entries)
-    rows = [
-        [
-            entry.time.strftime("%Y-%m-%d %H:%M"),
-            WORDS[entry.verdict],
-            _changes(entry),
-            length(entry.position_rms),
-            length(entry.noise_floor),
-            str(entry.poses),
-            entry.dataset,
-        ]
-        for entry in reversed(entries)
-    ]
+    rows = []
+    for entry in reversed(entries):
+        said = [entry.time.strftime("%Y-%m-%d %H:%M"), WORDS[entry.verdict], _changes(entry)]
+        sizes = [length(entry.position_rms), length(entry.noise_floor), str(entry.poses)]
+        rows.append([*said, *sizes, entry.dataset])
     head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise alone", "poses", "dataset")
     plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
-    return report(
-        f"{last.robot}: checks",
-        Lead(
-            f"Checks over time · {last.robot}",
-            f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}.",
-        ),
-        [
-            Section("errors", "Position error of the earlier model", [Plots([plot])]),
-            Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
-        ],
-        contents=False,
-    )
+    told = f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}."
+    sections = [
+        Section("errors", "Position error of the earlier model", [Plots([plot])]),
+        Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
+    ]
+    lead = Lead(f"Checks over time · {last.robot}", told)
+    return report(f"{last.robot}: checks", lead, sections, contents=False)
 
 
 def history_drawing(entries: Sequence[Entry]) -> Drawing:

@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.errors import GtpinError
+from gtpin.report.dataset import VIEWS, check_view, map_layout
 from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import Drawing, alone, scatter
-from gtpin.report.palette import SCALE, ZERO
-from gtpin.report.poses import VIEWS, map_layout
-from gtpin.report.residual_columns import scale_of
-from gtpin.report.residual_plots import shown
+from gtpin.report.figure import SCALE, ZERO, Drawing, alone, colorbar, round_below, scatter
+from gtpin.report.residual_plots import scale_of, shown
 from gtpin.report.residuals import Residuals
 from gtpin.typing import Floats
 
@@ -43,29 +40,14 @@ class MapScale:
 
     @staticmethod
     def of(residuals: Residuals) -> MapScale:
-        """Scales for the residuals of geometry alone."""
+        """Scales for the residuals of geometry alone; the median one is drawn as at most a fifteenth of the workspace."""
         if not residuals.of_poses:
             return MapScale(1.0, "sigma", max(LEAST, float(np.quantile(sizes(residuals, False), 0.98))))
         rows = shown(len(residuals))
-        length = sizes(residuals, False)[rows]
+        length, T = sizes(residuals, False)[rows], residuals.poses.T[rows]
         factor, unit = scale_of(length, "m")
-        top = factor * float(np.quantile(length, 0.98))
-        return MapScale(factor, unit, top, _magnification(residuals.poses.T[rows], length))
-
-
-@dataclass(frozen=True)
-class Maps:
-    """Maps of each pair of axes, with the value at the end of the colour scale and its unit.
-
-    ``magnified``: magnification of drawn directions; "" where none are drawn. ``instrument``: choice of an instrument; None
-    where there is only one.
-    """
-
-    plots: tuple[Plot, ...]
-    top: str
-    unit: str
-    magnified: str = ""
-    instrument: PlotChoice | None = None
+        wanted = float(np.ptp(T, axis=0).max()) / 15.0 / max(float(np.median(length)), 1e-12)
+        return MapScale(factor, unit, factor * float(np.quantile(length, 0.98)), round_below(max(wanted, 1.0)))
 
 
 def sizes(residuals: Residuals, after: bool) -> Floats:
@@ -76,22 +58,21 @@ def sizes(residuals: Residuals, after: bool) -> Floats:
     return np.asarray(np.sqrt(((left / residuals.sigma) ** 2).mean(axis=1)))
 
 
-def maps(residuals: Residuals, layers: PlotChoice) -> Maps:
-    """Map the residuals without and with the causes."""
-    scale, names = MapScale.of(residuals), [one.name for one in residuals.readings.instruments]
+def maps(residuals: Residuals, scale: MapScale, layers: PlotChoice) -> tuple[list[Plot], tuple[PlotChoice, ...]]:
+    """Maps of each pair of axes without and with the causes, and what the reader can choose: the layer, and of several
+    instruments one."""
+    names = [one.name for one in residuals.readings.instruments]
     choice = PlotChoice("instrument", "Instrument", ((ALL, "all"), *((name, name) for name in names)))
-    instrument = choice if len(names) > 1 else None
+    choices = (layers, choice) if len(names) > 1 else (layers,)
     what = "Residual map" if residuals.of_poses else "Errors of readings"
 
     def plot(view: str) -> Plot:
         def draw(layer: str, instrument: str = ALL) -> Drawing:
             return _map(residuals, view, scale, layer == "after", instrument)
 
-        choices = (layers,) if instrument is None else (layers, instrument)
         return Plot(f"map-{view}", f"{what}, {view[0]} and {view[1]}", draw, choices, height=310)
 
-    magnified = f"{scale.magnified:,.0f}" if scale.magnified else ""
-    return Maps(tuple(map(plot, VIEWS)), f"{scale.top:.3g}", scale.unit, magnified, instrument)
+    return [plot(view) for view in VIEWS], choices
 
 
 def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = False) -> Figure:
@@ -102,24 +83,14 @@ def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = Fa
     ``view``: the two axes of the map: ``xy``, ``xz`` or ``yz``. ``after``: True: residuals of geometry with the causes;
     False: of geometry alone.
     """
-    if view not in VIEWS:
-        raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
+    check_view(view)
     scale = MapScale.of(residuals)
-    made = _map(residuals, view, scale, after).figure()
-    unit = scale.unit if residuals.of_poses else "sigmas"
-    bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": unit, "side": "right"}}
-    made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": bar})
+    unit, title = "sigmas", "Errors of readings over their sigma"
     if residuals.of_poses:
-        return alone(made, f"Position residuals, directions magnified {scale.magnified:,.0f} times")
-    return alone(made, "Errors of readings over their sigma")
-
-
-def _magnification(T: Floats, lengths: Floats) -> float:
-    """A round factor with which the median residual is drawn as at most a fifteenth of the workspace."""
-    usual = max(float(np.median(lengths)), 1e-12)
-    wanted = max(float(np.ptp(T, axis=0).max()) / 15.0 / usual, 1.0)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+        unit, title = scale.unit, f"Position residuals, directions magnified {scale.magnified:,.0f} times"
+    made = _map(residuals, view, scale, after).figure()
+    made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": colorbar(unit)})
+    return alone(made, title)
 
 
 def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrument: str = ALL) -> Drawing:

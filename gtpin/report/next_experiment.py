@@ -34,11 +34,14 @@ class ExperimentPresentation:
     experiment: Experiment
 
     def short(self) -> str:
-        """What to measure, in a sentence or two."""
-        return measure_words(self.experiment)
-
-
-present = ExperimentPresentation
+        """What to measure, and for what purpose, in a sentence or two."""
+        e, robot = self.experiment, self.experiment.robot
+        if e.visits is not None:
+            where = (
+                f"the unknown effect at {site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
+            )
+            return f"{_visits(e, e.visits, robot)}: {where}."
+        return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
 
 
 def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
@@ -61,8 +64,15 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
     """Proposed measurements, the most informative first: what to do, its expected gain, and the commands."""
     for i, e in enumerate(d.next_experiment):
         content: list[Block] = [typeset(e.measure)]
-        if worth := _worth(e):
-            content.append(Small(worth))
+        if (expected := e.expected_gain) is not None:
+            words = f"Expected gain in log evidence: {expected:.1f}"
+            if e.random_gain is not None and e.random_gain >= NEARLY * expected:
+                words += f". Other poses are as good ({e.random_gain:.1f}): the conditions that are set matter, not the poses."
+            else:
+                words += (
+                    "." if e.random_gain is None else f", compared with {e.random_gain:.1f} for as many random poses."
+                )
+            content.append(Small(words))
         head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
         head += [with_unit(name, covariate_unit(name)) for name in e.covariates]
         rows = [
@@ -75,38 +85,11 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
         yield Note(content)
 
 
-def _worth(e: Experiment) -> str:
-    expected, random = e.expected_gain, e.random_gain
-    if expected is None:
-        return ""
-    words = f"Expected gain in log evidence: {expected:.1f}"
-    if random is None:
-        words += "."
-    elif random >= NEARLY * expected:
-        words += f". Other poses are as good ({random:.1f}): the conditions that are set matter, not the poses."
-    else:
-        words += f", compared with {random:.1f} for as many random poses."
-    return words
-
-
 def _cell(value: float | str) -> str:
     return value if isinstance(value, str) else whole(f"{value:.4g}")
 
 
-def measure_words(e: Experiment) -> str:
-    """What to measure, and for what purpose."""
-    robot = e.robot
-    if e.visits is not None:
-        over = coordinate_words(e.visits.coordinates)
-        where = f"the unknown effect at {site_words(e.visits.site)} depends on {over}"
-        return f"{_visits(e, e.visits, robot)}: {where}."
-    if e.lacking is not None:
-        return _testable(e, e.lacking, robot)
-    return _apart(e, robot)
-
-
 def _apart(e: Experiment, robot: Robot) -> str:
-    """How to distinguish effects."""
     first, *others = (known_as(*name.split("@")) if "@" in name else name for name in e.separates)
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
@@ -131,7 +114,6 @@ def _apart(e: Experiment, robot: Robot) -> str:
 
 
 def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
-    """How effects can be tested."""
     sites: dict[str, list[str]] = {}
     for effect, site in e.effects:
         name, where = known_as(effect, site).rsplit(" at ", 1)
@@ -156,7 +138,6 @@ def _remedy(lacking: Lacking) -> str:
 
 
 def _watch(sites: Sequence[str], robot: Robot) -> str:
-    """How some sites are measured separately."""
     carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
     links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
     words = []
@@ -174,7 +155,6 @@ def _watch(sites: Sequence[str], robot: Robot) -> str:
 
 
 def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
-    """Visits that show how an unknown effect depends on its coordinates."""
     if visits.pattern == "spread":
         return f"Visit {len(e.poses)} poses all over the workspace, at rest, with all other conditions unchanged"
     if visits.pattern == "net":
@@ -189,7 +169,6 @@ def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
 
 
 def _repeated(visits: Visits, robot: Robot) -> str:
-    """The conditions under which the same poses are visited repeatedly."""
     what, times = kind(visits.varied[0]), len(visits.levels)
     if what == "session":
         return f"in {times} sessions"
@@ -216,7 +195,6 @@ def _settings(e: Experiment, robot: Robot) -> str:
 
 
 def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, reference: float) -> str:
-    """Covariates of one kind."""
     if what == "session":
         count = len(set(map(str, covariates["session"])))
         return "in a separate session" if count == 1 else f"in {count} separate sessions, as listed"

@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from gtpin.report.embedded import Embedded, Plot, PlotChoice, Shared, key_of
-from gtpin.report.figure import Drawing, alone, has_plotly
-from gtpin.report.palette import DARK, INK, LIGHT, LINE
+from gtpin.report.embedded import Embedded, Plot, PlotChoice, Shared, escaped, key_of
+from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
 from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
@@ -68,16 +67,13 @@ class Table:
 
     def figure(self, title: str) -> Figure:
         """The table as a figure of plotly."""
-        from gtpin.report.embedded import escaped
-
         columns = [[typeset(escaped(row[k])) for row in self.rows] for k in range(len(self.head))]
         look = {"align": "left", "line": {"color": LINE}, "font": {"color": INK}, "height": ROW}
         head = {"values": [f"<b>{escaped(name)}</b>" for name in self.head], "fill": {"color": LIGHT["panel"]}}
         cells = {"values": columns, "fill": {"color": LIGHT["paper"]}}
         widths = [max(LOWEST, *map(len, (name, *column))) for name, column in zip(self.head, columns, strict=True)]
-        made = Drawing(
-            [{"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}]
-        ).figure()
+        trace = {"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}
+        made = Drawing([trace]).figure()
         made.update_layout(height=min(HIGHEST, 120 + ROW * (len(self.rows) + 2)))
         return alone(made, title)
 
@@ -241,45 +237,29 @@ def render(
     of them needs plotly and it is not installed. ``provenance``: versions, and digests of the data of the page.
     ``content``: other values for the template. Text is escaped.
     """
-    shared = Shared()
-    drawn = {name: _embedded(shared, some) for name, some in (plots or {}).items() if some}
+    shared, environment, drawn = Shared(), _environment(), dict[str, Embedded | list[Embedded]]()
+    for name, some in (plots or {}).items():
+        if some:
+            drawn[name] = shared.embed(some) if isinstance(some, Plot) else [shared.embed(plot) for plot in some]
     library = plotly_js(frozenset(shared.kinds)) if plots else None
-    scripts = (library, _own_script()) if library else ()
+    scripts = (library, Markup(environment.get_template("plots.js").render())) if library else ()
     drawn = drawn if library else {}
     by_plot = {id(one.plot): one for some in drawn.values() for one in (some if isinstance(some, list) else [some])}
-    return (
-        _environment()
-        .get_template(template)
-        .render(
-            title=title,
-            contents=contents,
-            plots=drawn,
-            embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
-            drawn=library is not None or not plots,
-            scripts=scripts,
-            script_hashes=[_hash(script) for script in scripts],
-            shared=shared.json,
-            provenance=provenance,
-            version=version("gtpin"),
-            **content,
-        )
+    # The page's security policy allows only scripts with these hashes.
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    return environment.get_template(template).render(
+        title=title,
+        contents=contents,
+        plots=drawn,
+        embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
+        drawn=library is not None or not plots,
+        scripts=scripts,
+        script_hashes=[f"'sha256-{one}'" for one in hashes],
+        shared=shared.json,
+        provenance=provenance,
+        version=version("gtpin"),
+        **content,
     )
-
-
-def _embedded(shared: Shared, plots: Plot | Sequence[Plot]) -> Embedded | list[Embedded]:
-    if isinstance(plots, Plot):
-        return shared.embed(plots)
-    return [shared.embed(plot) for plot in plots]
-
-
-def _hash(script: str) -> str:
-    """Hash of a script for the page's security policy, which allows only scripts with these hashes."""
-    return "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
-
-
-@cache
-def _own_script() -> Markup:
-    return Markup(_environment().get_template("plots.js").render())
 
 
 @cache

@@ -10,6 +10,7 @@ from gtpin.diagnosis.inference.findings import Cause, Doubt, Member
 from gtpin.diagnosis.result import Findings
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import ChainWords, Effect
+from gtpin.effects.sites import joints, tracks
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import WIDE, Estimate
 from gtpin.report.words import SITES, chance, joined, percent, quantity, site_words
@@ -84,7 +85,7 @@ def remedy(effect: Effect, robot: Robot) -> str:
 
 
 def _words(effect: Effect, robot: Robot | None) -> ChainWords:
-    own = effect.of_chains if robot is not None and not robot.rods else ChainWords()
+    own = effect.of_chains if robot is not None and joints(robot) else ChainWords()
     return ChainWords(own.clause or effect.clause, own.plural or effect.plural_clause, own.remedy or effect.remedy)
 
 
@@ -94,7 +95,7 @@ def of_robot(paragraphs: list[str], robot: Robot) -> list[str]:
     What begins with robots without rods is for these alone; an equation there takes the place of the one for rods.
     """
     for k in [k for k, part in enumerate(paragraphs) if "robot without rods" in part[:50]]:
-        if robot.rods:
+        if tracks(robot):
             return [*paragraphs[:k], *paragraphs[k + 1 :]]
         if " = " in paragraphs[k]:
             return paragraphs[k:]

@@ -19,7 +19,7 @@ SHOWN = 12
 
 
 @dataclass(frozen=True)
-class PlanPresentation(Presentation):
+class PosePlanPresentation(Presentation):
     """A plan; its table is that of its commands."""
 
     plan: PosePlan
@@ -99,16 +99,11 @@ class PlanPresentation(Presentation):
 
     def _smallest(self) -> list[list[str]]:
         """The changes for which the plan chose its poses, each with the smallest size that is found."""
-        return [
-            [
-                known_as(one.effect, one.site),
-                "none is found"
-                if one.value is None
-                else f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}",
-            ]
-            for one in self.plan.smallest
-            if one.effect in checked_first()
-        ]
-
-
-present = PlanPresentation
+        rows = []
+        for one in self.plan.smallest:
+            if one.effect in checked_first():
+                size = "none is found"
+                if one.value is not None:
+                    size = f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
+                rows.append([known_as(one.effect, one.site), size])
+        return rows

@@ -1,24 +1,36 @@
-"""Figures of residuals against each command and covariate, with the causes' prediction."""
+"""Residuals against each command and covariate, with the causes' prediction along it: components, columns, and figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.names import command_names
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import Column as Values
+from gtpin.errors import DatasetError
 from gtpin.report.embedded import Plot, PlotChoice, escaped
-from gtpin.report.figure import Drawing, alone, scatter, titled
-from gtpin.report.palette import DATA, DIVERGING, FIT, INK, ZERO
-from gtpin.report.residual_columns import ColumnFit, View, column, columns, commanded, view
-from gtpin.report.residuals import Residuals, evenly
-from gtpin.report.words import coordinate_words
+from gtpin.report.figure import DATA, DIVERGING, FIT, INK, ZERO, Drawing, alone, colorbar, scatter, titled
+from gtpin.report.residuals import Residuals, evenly, fine
+from gtpin.report.words import coordinate_words, covariate_unit, travel_words, typeset, with_unit
+from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+FEW = 8
+"""Largest number of different values of a covariate that is shown by box plots."""
+GROUPS = 18
+"""Largest number of groups of neighbouring poses whose means are drawn."""
+LEVELS = 4
+"""Largest number of values of a second coordinate for which one line per value is drawn."""
+LINE_SHARE = 0.5
+"""Smallest fraction of the causes' power that the line must explain; with less, the causes depend more on other coordinates."""
 MOST = 1000
 """Largest number of poses in a plot; of more, an even selection is shown."""
 QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -26,6 +38,182 @@ POINTS = {"size": 4.5, "opacity": 0.6}
 LAYERS = PlotChoice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = PlotChoice("layer", "Left by", LAYERS.options[:1])
 """The choice of layer where there are no causes."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Residuals along one component.
+
+    - ``name``, ``title``: the component, and the title of its axis.
+    - ``before``, ``after``: (N,) residuals of geometry alone and of geometry with the causes, in the title's unit; NaN in
+      rows without the component.
+    - ``factor``: factor from m or rad to this unit.
+    - ``rows``: indices of the rows that have the component.
+    """
+
+    name: str
+    title: str
+    before: Floats
+    after: Floats
+    factor: float
+    rows: npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Along:
+    """The causes' prediction of residuals on a fine grid along a column, with all other coordinates held constant.
+
+    ``x``: (m,) values of the column; NaN between two lines. ``fit``: by component, (m,): the causes' displacement, plus a
+    straight line that is fitted to the rest of ``before - after`` of the residuals, because geometry absorbs a straight
+    line.
+    """
+
+    x: Floats
+    fit: dict[str, Floats]
+
+
+@dataclass(frozen=True)
+class ColumnFit:
+    """A command or covariate that residuals are plotted against.
+
+    - ``name``, ``title``: the column, and the title of its axis.
+    - ``values``: (N,) its values; texts where there are few different ones, which are then shown by box plots.
+    - ``order``: the few different values, in order; None for a column of numbers.
+    - ``line``: the causes' prediction of the residuals along the column; None where no cause depends on it.
+    """
+
+    name: str
+    title: str
+    values: npt.NDArray[np.generic]
+    order: tuple[str, ...] | None
+    line: Along | None
+
+    def groups(self, rows: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+        """Groups of neighbouring poses, among some rows, whose means are drawn; poses of one value are in one group."""
+        count = min(GROUPS, max(1, len(rows) // 6))
+        values = self.values[rows].astype(float)
+        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
+        group = np.searchsorted(edges, values)
+        return [rows[group == k] for k in np.unique(group)]
+
+
+def scale_of(values: Floats, unit: str) -> tuple[float, str]:
+    """The factor to mm or µm (mrad or µrad), depending on the largest value, and the unit's name."""
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    return (1e3, f"m{unit}") if largest >= 2e-3 else (1e6, f"µ{unit}")
+
+
+def view(residuals: Residuals, name: str) -> View:
+    """Residuals along an axis (``x``, ``rx``) or the travel of an actuator (``cart2``), or of a reading (``wire``, ``cup.x``).
+
+    Raises `DatasetError` if there is no such component.
+    """
+    if name not in residuals.component_names:
+        hint = f"there are {', '.join(residuals.component_names)}"
+        raise DatasetError(f"residuals have no component {name!r}", hint=hint)
+    before, after = residuals.component(name, residuals.before), residuals.component(name, residuals.after)
+    factor, unit = scale_of(before, residuals.unit(name))
+    title = f"{name} ({unit})" if name in residuals.axes else f"{travel_words(residuals.model.robot, name)} ({unit})"
+    return View(name, title, factor * before, factor * after, factor, residuals.rows_of(name))
+
+
+def leading(residuals: Residuals, sites: Sequence[str], axes: Mapping[str, float]) -> str:
+    """The component that is shown first: the travel of the first site that is an actuator's, else the axis with the largest
+    share.
+
+    For readings, it is the component of which the causes explain most, in units of its noise: few readings determine a travel
+    well.
+    """
+    if not residuals.of_poses:
+        made = (residuals.before - residuals.after) / residuals.sigma
+        return max(residuals.axes, key=lambda axis: float(np.nanmean(residuals.component(axis, made) ** 2)))
+    for site in sites:
+        if site in residuals.model.robot.sites:
+            return site
+    return max(residuals.axes, key=lambda axis: axes.get(axis, 0.0))
+
+
+def columns(residuals: Residuals, share: Mapping[str, float], causes: bool) -> list[ColumnFit]:
+    """Each command and covariate that varies: first those on which a cause depends, then those with the strongest correlation.
+
+    ``share``: strength of the residuals' correlation with each, by name. ``causes``: whether there are causes.
+    """
+    commands = command_names(residuals.dataset.n_actuators)
+    varying = [n for n, values in residuals.columns.items() if n in commands or bool((values != values[0]).any())]
+    found = [column(residuals, name, causes) for name in varying]
+    return sorted(found, key=lambda one: (one.line is None, -share.get(one.name, 0.0)))
+
+
+def column(residuals: Residuals, name: str, causes: bool = True) -> ColumnFit:
+    """A command (``q1``) or covariate.
+
+    Raises `DatasetError` if the dataset has no such column.
+    """
+    known = residuals.columns
+    if name not in known:
+        raise DatasetError("this column is not there", column=name, hint=f"there are {', '.join(known)}")
+    values = known[name]
+    number = name[1:] if name.startswith("q") else ""
+    turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
+    title = escaped(with_unit(name, covariate_unit(name, turns)))
+    if name != "session" and len(np.unique(values.astype(float))) > FEW:
+        return ColumnFit(name, title, values, None, fit_along(residuals, name) if causes else None)
+    words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
+    order = dict.fromkeys(words[i] for i in np.argsort(values, kind="stable"))
+    return ColumnFit(name, title, np.array(words, dtype=object), tuple(order), None)
+
+
+def fit_along(residuals: Residuals, name: str) -> Along | None:
+    """The causes' line along a numeric column; None if no cause depends on it, or depends more on another coordinate.
+
+    If they also depend on a coordinate with few values, such as a direction of approach, there is one line for each value.
+    """
+    model, column = residuals.model, residuals.columns.get(name)
+    own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
+    if column is None or not own or not residuals.of_poses:
+        return None
+    data = np.asarray(column, dtype=float)
+    grid = fine(data, any(e.effect.has_nonlinear for e in own))
+    there = _made(residuals, own, residuals.dataset.q, residuals.dataset.covariates)
+    levels = _levels(residuals, own, name)
+    middles = [residuals.middle({name: grid, **given}) for given, _ in levels]
+    made = [_made(residuals, own, q, known) for q, known in middles]
+    seen = np.zeros_like(there)
+    for (_, rows), line in zip(levels, made, strict=True):
+        seen[rows] = np.stack([np.interp(data[rows], grid, part) for part in line.T], axis=1)
+    power, missed = (float((np.var(part, axis=0) / residuals.sigma[0] ** 2).sum()) for part in (there, there - seen))
+    if not missed <= (1.0 - LINE_SHARE) * power:  # also false if the line has poses that the robot can't reach
+        return None
+    moved = [model.kinematics.command_jacobian(q, model.kinematics.forward(q)) for q, _ in middles]
+    gap, fit = [np.nan], {}
+    for c in residuals.component_names:
+        taken = residuals.component(c, residuals.before - residuals.after - seen)
+        slope, level = np.polyfit(data, taken, 1)
+        straight = slope * grid + level
+        lines = [
+            residuals.component(c, line, by_command) + straight for line, by_command in zip(made, moved, strict=True)
+        ]
+        fit[c] = np.concatenate([part for line in lines for part in (line, gap)])
+    return Along(np.concatenate([part for _ in levels for part in (grid, gap)]), fit)
+
+
+def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known: Mapping[str, Values]) -> Floats:
+    """(N, c) displacement of the poses by some effects alone."""
+    with_them, plain = (replace(residuals.model, effects=effects) for effects in (own, ()))
+    return with_them.predict(q, known).minus(plain.predict(q))[:, : residuals.before.shape[1]]
+
+
+def _levels(
+    residuals: Residuals, own: Sequence[ActiveEffect], name: str
+) -> list[tuple[dict[str, object], npt.NDArray[np.bool_]]]:
+    """Values of the first other coordinate on which causes depend, if they are few, and the poses of each value."""
+    others = [other for e in own for other in e.effect.coordinates(residuals.model.robot, e.site) if other != name]
+    for other in others:
+        values = residuals.columns.get(other)
+        levels = [] if values is None else list(dict.fromkeys(values.tolist()))
+        if 1 < len(levels) <= LEVELS:
+            return [({other: level}, np.asarray(values == level)) for level in levels]
+    return [({}, np.ones(len(residuals), dtype=bool))]
 
 
 def shown(count: int) -> npt.NDArray[np.intp]:
@@ -94,47 +282,47 @@ def against_columns(
 
 def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: PlotChoice) -> Plot:
     """Residuals over two commands, in colour, for a dependence on both."""
-    return Plot("left", f"Residuals over {a} and {b}", partial(_over_two, residuals, a, b, views), (component,))
 
+    def draw(component: str) -> Drawing:
+        seen, q = views[component], residuals.columns
+        rows = _drawn(seen)
+        marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}, "colorscale": DIVERGING, "cmid": 0}
+        marker |= {"color": seen.after[rows], "showscale": True, "colorbar": colorbar(seen.title)}
+        hover = "%{marker.color:.3g}<br>pose %{text}<extra></extra>"
+        trace = scatter(
+            "markers", q[a][rows], q[b][rows], marker=marker, text=residuals.names[rows], hovertemplate=hover
+        )
+        return Drawing([trace], titled(f"{a} (m)", f"{b} (m)", margin={"t": 10}))
 
-def _over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: str) -> Drawing:
-    seen, q = views[component], commanded(residuals)
-    rows = _drawn(seen)
-    bar = {"thickness": 9, "outlinewidth": 0, "title": {"text": seen.title, "side": "right"}}
-    color = {"colorscale": DIVERGING, "cmid": 0, "color": seen.after[rows], "showscale": True, "colorbar": bar}
-    marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}} | color
-    hover = "%{marker.color:.3g}<br>pose %{text}<extra></extra>"
-    trace = scatter("markers", q[a][rows], q[b][rows], marker=marker, text=residuals.names[rows], hovertemplate=hover)
-    return Drawing([trace], titled(f"{a} (m)", f"{b} (m)", margin={"t": 10}))
+    return Plot("left", f"Residuals over {a} and {b}", draw, (component,))
 
 
 def _drawn(seen: View) -> npt.NDArray[np.intp]:
-    """The rows with a component that plots show."""
     return seen.rows[shown(len(seen.rows))]
 
 
 def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool, after: bool) -> Drawing:
     rows = _drawn(seen)
-    left = seen.left("after" if after else "before")
+    left = seen.after if after else seen.before
     made = (seen.before - seen.after)[rows] if causes and not after else None
-    if against.order is not None:
-        traces = _boxes(against, rows, left[rows], made)
-        axis: dict[str, Any] = {"type": "category", "automargin": "height"}
-        axis |= {"categoryorder": "array", "categoryarray": list(against.order)}
-    else:
-        traces = _dots(residuals, against, rows, left[rows], made)
-        if against.line is not None and not after:  # not means, which would average out a short period
-            traces.append(_cause_line(against, seen))
-        else:
-            traces.append(_means(against, seen.rows, left))
-        axis = {"hoverformat": ".4g"}
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = titled(against.title, seen.title, showlegend=False, margin={"t": 10})
-    layout["xaxis"] |= axis
-    if against.order is not None:
-        layout["scattermode"] = "group"
     layout["yaxis"]["hoverformat"] = ".3g"
-    return Drawing(traces, layout)
+    if against.order is not None:
+        order = {"categoryorder": "array", "categoryarray": list(against.order)}
+        layout["xaxis"] |= {"type": "category", "automargin": "height"} | order
+        layout["scattermode"] = "group"
+        return Drawing(_boxes(against, rows, left[rows], made), layout)
+    layout["xaxis"]["hoverformat"] = ".4g"
+    traces = _dots(residuals, against, rows, left[rows], made)
+    if against.line is not None and not after:  # not means, which would average out a short period
+        x, y = against.line.x, seen.factor * against.line.fit[seen.name]
+        name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
+    else:
+        groups, values = against.groups(seen.rows), against.values.astype(float)
+        x, y = (np.array([of[group].mean() for group in groups]) for of in (values, left))
+        name, look = "mean of neighbouring poses", {"color": INK, "width": 1.6}
+    return Drawing([*traces, scatter("lines", x, y, name=name, hoverinfo="skip", line=look)], layout)
 
 
 def _dots(
@@ -173,28 +361,8 @@ def _boxes(
             (low, high, {"thickness": 1.2, "width": 5}),
             (first, third, {"thickness": 14, "width": 0}),
         ):
-            bars = {
-                "type": "data",
-                "symmetric": False,
-                "array": above - middle,
-                "arrayminus": middle - below,
-                "color": color,
-            }
+            bars = {"type": "data", "symmetric": False, "array": above - middle, "arrayminus": middle - below}
+            bars["color"] = color
             traces.append(scatter("markers", names, middle, name=name, error_y=bars | look, offsetgroup=name))
             traces[-1] |= {"marker": {"color": color, "symbol": "line-ew-open", "size": 14}, "hoverinfo": "y"}
     return traces
-
-
-def _cause_line(against: ColumnFit, seen: View) -> dict[str, Any]:
-    assert against.line is not None
-    name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
-    y = seen.factor * against.line.fit[seen.name]
-    return scatter("lines", against.line.x, y, name=name, hoverinfo="skip", line=look)
-
-
-def _means(against: ColumnFit, rows: npt.NDArray[np.intp], left: npt.NDArray[np.float64]) -> dict[str, Any]:
-    values, groups = against.values.astype(float), against.groups(rows)
-    x, y = (np.array([of[group].mean() for group in groups]) for of in (values, left))
-    return scatter(
-        "lines", x, y, name="mean of neighbouring poses", hoverinfo="skip", line={"color": INK, "width": 1.6}
-    )

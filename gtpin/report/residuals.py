@@ -84,11 +84,6 @@ class Residuals:
         """(N,) ids of the poses, as plotly takes text."""
         return np.array([escaped(str(pose)) for pose in self.dataset.pose], dtype=object)
 
-    @property
-    def components(self) -> int:
-        """c, the numbers per row."""
-        return int(self.before.shape[1])
-
     @cached_property
     def poses(self) -> Poses:
         """(N) poses that the model's geometry predicts, base frame, without effects."""
@@ -99,31 +94,32 @@ class Residuals:
         """(N, 6 + k, n) derivative of the TCP's pose, base frame, and of k measured joints by the commands."""
         return self.model.kinematics.command_jacobian(self.dataset.q, self.poses)
 
+    @cached_property
+    def columns(self) -> dict[str, Column]:
+        """(N,) the commands (``q1``) and covariates, by name."""
+        commands = zip(command_names(self.dataset.n_actuators), self.dataset.q.T, strict=True)
+        return {**dict(commands), **self.dataset.covariates}
+
     @property
     def of_poses(self) -> bool:
         """Whether residuals are of poses, and not of readings of any instruments."""
         return self.readings.tracked
 
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of the numbers that residuals have: axes of poses, or components of readings.
+    @cached_property
+    def axes(self) -> dict[str, tuple[Indices, int, str]]:
+        """Rows, column of the residuals, and unit of each of their numbers, by name: axes of poses, or components of readings.
 
         With several instruments: the instrument's name (``wire``), followed by the component if it reads several (``cup.x``).
         """
-        return tuple(self._read)
-
-    @cached_property
-    def _read(self) -> dict[str, tuple[Indices, int, str]]:
-        """By the name of a component of readings: its rows, its column of the residuals, and its unit."""
-        instruments, rows = self.readings.instruments, self.readings.rows
-        if len(instruments) == 1 and self.components == len(instruments[0].components):
+        instruments, rows, count = self.readings.instruments, self.readings.rows, self.before.shape[1]
+        if len(instruments) == 1 and count == len(instruments[0].components):
             every = np.arange(len(self))
             return {c.name: (every, k, c.unit) for k, c in enumerate(instruments[0].components)}
         found = {}
         for i, one in enumerate(instruments):
             mine = rows.rows_of(i)
             for k, c in enumerate(one.components):
-                split = self.components < len(one.components)
+                split = count < len(one.components)
                 own = mine[rows.component[mine] == k] if split else mine
                 if len(own):
                     found[one.label(c)] = (own, 0 if split else k, c.unit)
@@ -131,7 +127,7 @@ class Residuals:
 
     def rows_of(self, name: str) -> Indices:
         """Indices of the rows that have a component: with several instruments, those of the instrument that reads it."""
-        return self._read[name][0] if name in self._read else np.arange(len(self))
+        return self.axes[name][0] if name in self.axes else np.arange(len(self))
 
     def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
         """The situation at commands q (N, n) and covariates, with the model's geometry."""
@@ -156,8 +152,8 @@ class Residuals:
 
         ``by_command``: as the property of this name, for the poses of the residuals; by default those of the dataset.
         """
-        if name in self._read:
-            rows, k, _ = self._read[name]
+        if name in self.axes:
+            rows, k, _ = self.axes[name]
             if self.of_poses:  # at other poses too
                 return np.asarray(residual[:, k])
             found = np.full(len(residual), np.nan)
@@ -174,19 +170,13 @@ class Residuals:
     @property
     def first_component(self) -> str:
         """The component that is shown where none is chosen and there are no causes."""
-        return self.component_names[0] if self.of_poses else self.axes[0]
+        return self.component_names[0] if self.of_poses else next(iter(self.axes))
 
     def unit(self, name: str) -> str:
         """The unit of a component: ``m``, ``rad``, or that of a reading."""
-        if name in self._read:
-            return self._read[name][2]
+        if name in self.axes:
+            return self.axes[name][2]
         return "rad" if self.model.robot.actuators[self.model.robot.sites.index(name)].revolute else "m"
-
-    def column(self, name: str) -> Column | None:
-        """(N,) a command (``q1``) or covariate; None where there is none."""
-        if name[:1] == "q" and name[1:].isdigit():
-            return np.asarray(self.dataset.q[:, int(name[1:]) - 1])
-        return self.dataset.covariates.get(name)
 
     def middle(self, given: Mapping[str, Any]) -> tuple[Floats, dict[str, Column]]:
         """Commands (m, n) and covariates (m,): those in ``given``, at least one of them with m values, and usual values of the
@@ -197,9 +187,8 @@ class Residuals:
         data = self.dataset
         count = max(np.size(values) for values in given.values())
         commands = command_names(data.n_actuators)
-        usual_q = (
-            data.q.mean(axis=0) if set(commands) & set(given) else self.model.robot.home_q
-        )  # effects of rotating frames are shown at home
+        # Effects of rotating frames are shown at home.
+        usual_q = data.q.mean(axis=0) if set(commands) & set(given) else self.model.robot.home_q
         q = np.tile(usual_q, (count, 1))
         for j, name in enumerate(commands):
             q[:, j] = given.get(name, q[:, j])

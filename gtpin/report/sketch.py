@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from gtpin.model.model import Model
-from gtpin.report.camera import HEIGHT, WIDTH, Camera
-from gtpin.report.instrument_marks import InstrumentMarks
-from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.labels import Labels
-from gtpin.report.skeleton import Kind, Skeleton, skeleton
+from gtpin.report.instrument_places import InstrumentMarks, InstrumentPlaces
+from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, Kind, Skeleton, skeleton
 from gtpin.report.words import percent, short, site_words
 from gtpin.typing import Floats
 
@@ -32,6 +30,14 @@ EDGES = {"rod": 10.0, "link": 15.0}
 """Width of the edge, pixels, that marks the site of a cause."""
 AXIS = 15.0
 """Half the length of a joint's axis as drawn, pixels."""
+LETTER, LINE = 8.6, 19.0
+"""Width of a letter and height of a line, pixels: between those of a wide and of a narrow page, whose letters are larger."""
+FAR = 24.0
+"""Distance of a label from its spot, pixels, from which a line joins them."""
+COVERED, JOINT, CROSSED = 1e3, 12.0, 0.35
+"""Costs of a label on another one, on a joint, and on a twentieth of a line; the cost of a pixel of distance is a tenth."""
+ROUND = ((1, 0), (-1, 0), (0, -1), (0, 1), *((side, row) for row in (-1, 1, -2, 2, -3, 3, -4, 4) for side in (1, -1)))
+"""Places about a spot, the first is the best: side (0: centred) and row."""
 
 
 def drawing(
@@ -121,7 +127,6 @@ def _lines(
 
 
 def _spots(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
-    """Each cart as a box with lines to its joints; each joint of a chain as a dot, with a line along its axis."""
     for spot in machine.spots:
         (x, y), fill = at(spot.at)[0], shades.get(spot.site, NONE)
         if spot.axis is None:
@@ -165,7 +170,6 @@ def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str
 
 
 def _scale(top: float) -> str:
-    """The colour scale at the bottom, up to the largest share; empty without shares."""
     if top <= 0.0:
         return ""
     x, y, steps = WIDTH / 2.0 - 95.0, HEIGHT - 14.0, 8
@@ -215,19 +219,16 @@ def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: C
 
 
 def _named(site: str) -> str:
-    """A site as a label."""
     return short(site_words(site))
 
 
 def _line(ends: Floats, shade: str, width: float, extra: str = "") -> str:
-    """A line between two pixels (2, 2)."""
     (a, b), (c, d) = ends
     look = f"stroke:{shade};stroke-width:{width:.1f};stroke-linecap:round"
     return f'<line x1="{a:.1f}" y1="{b:.1f}" x2="{c:.1f}" y2="{d:.1f}" style="{look}" {extra}/>'
 
 
 def _ring(x: float, y: float, radius: float) -> str:
-    """The ring that marks a cause's site; centre and radius in pixels."""
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill:none;stroke:var(--accent);stroke-width:2.5"/>'
 
 
@@ -236,3 +237,49 @@ def _outline(points: Floats, look: str, extra: str = "") -> str:
     order = np.argsort(np.arctan2(*(points - points.mean(axis=0)).T[::-1]))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points[order])
     return f'<polygon points="{corners}" style="{look}" {extra}/>'
+
+
+@dataclass
+class Labels:
+    """Places labels one after the other: none hides another or leaves the picture, and few hide a joint or a line.
+
+    ``marks``: (m, 2) joints, pixels; ``lines``: (k, 2) points on the lines."""
+
+    marks: Floats
+    lines: Floats
+    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    def place(self, words: str, spot: Floats, gap: float = 15.0, size: float = 1.0) -> tuple[str, Floats | None]:
+        """SVG attributes that place a label about a spot (2,), pixels, and the end of a line to it where it is far from there.
+
+        ``gap``: distance from the spot, pixels; ``size``: that of the letters, relative to normal ones.
+        """
+        wide, high = size * LETTER * len(words), size * LINE
+        best, anchor, cost = (0.0, 0.0, wide, high), "", np.inf
+        for rank, (side, row) in enumerate(ROUND):
+            x = spot[0] + (gap if side > 0 else -gap - wide if side < 0 else -wide / 2.0)
+            y = spot[1] - high / 2.0 + row * (high if side else high / 2.0 + gap)
+            x, y = np.clip(x, 2.0, WIDTH - wide - 2.0), np.clip(y, 2.0, HEIGHT - high - 2.0)
+            box = (float(x), float(y), float(x) + wide, float(y) + high)
+            price = COVERED * sum(_overlap(box, other) for other in self.taken) + 0.01 * rank
+            price += JOINT * _inside(self.marks, box, 6.0) + CROSSED * _inside(self.lines, box, 0.0)
+            price += 0.1 * _distance(spot, box)
+            if price < cost:
+                best, cost, anchor = box, price, "start" if side > 0 else "end" if side else "middle"
+        self.taken.append(best)
+        x = {"start": best[0], "end": best[2], "middle": (best[0] + best[2]) / 2.0}[anchor]
+        end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > FAR else None
+        return f'x="{x:.1f}" y="{best[3] - 0.28 * high:.1f}" text-anchor="{anchor}"', end
+
+
+def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _inside(points: Floats, box: tuple[float, float, float, float], margin: float) -> int:
+    low, high = np.array(box[:2]) - margin, np.array(box[2:]) + margin
+    return int(((points > low) & (points < high)).all(axis=1).sum())
+
+
+def _distance(spot: Floats, box: tuple[float, float, float, float]) -> float:
+    return float(np.hypot(*(spot - np.clip(spot, box[:2], box[2:]))))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Considered, Question
+from gtpin.diagnosis.inference.findings import Cause, Considered
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.calibration_text import scatters
 from gtpin.report.phrases import (
     badge,
     cause_lines,
@@ -24,7 +27,6 @@ from gtpin.report.phrases import (
     sentence,
     sure_and_doubtful,
 )
-from gtpin.report.quality import scatters
 from gtpin.report.words import (
     coordinate_words,
     counted,
@@ -53,9 +55,8 @@ class Verdict:
 
 def verdict(diagnosis: Diagnosis) -> Verdict:
     """The verdict of a diagnosis in words."""
-    headline, advice = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}[
-        diagnosis.verdict
-    ](diagnosis)
+    told = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
+    headline, advice = told[diagnosis.verdict](diagnosis)
     tone = "warn" if may_hide(diagnosis) else TONES[diagnosis.verdict]
     more = (*also(diagnosis), *questions(diagnosis))
     return Verdict(badge(diagnosis) or "no cause", tone, "\n".join(headline), tuple(filter(None, (*advice, *more))))
@@ -75,12 +76,12 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     )
     if d.noise_source == "residuals":
         gap = f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to."
-    scatter, hidden = scatters(d.baseline), may_hide(d)
-    if scatter and hidden:
+    if hidden := may_hide(d):
         headline = (
-            "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible "
+            "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible causes "
+            "could not be tested."
         )
-        return [headline + "causes could not be tested."], [gap, scatter, *hidden]
+        return [headline], [gap, scatters(d.baseline), *hidden]
     supposed, fits = d.noise_source == "residuals", d.baseline.by_instrument
     if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
@@ -141,23 +142,19 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def questions(d: Diagnosis) -> list[str]:
     """Warnings about parameters outside their expected ranges, and what to check."""
-    return [_question(d, q) for q in d.questions]
-
-
-def _question(d: Diagnosis, q: Question) -> str:
-    value, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
-    check = "Check unit and sign of the columns that it depends on"
-    if q.believed:
-        return f"{who} has {value}, which is unusual: {q.why}. {check}."
-    return f"{who} would have {value}, which is not possible: {q.why}. It is not named as a cause. {check}."
+    found, check = [], "Check unit and sign of the columns that it depends on"
+    for q in d.questions:
+        value, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
+        told = f"{who} would have {value}, which is not possible: {q.why}. It is not named as a cause."
+        if q.believed:
+            told = f"{who} has {value}, which is unusual: {q.why}."
+        found.append(f"{told} {check}.")
+    return found
 
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
-    what = (
-        "something that these data can't identify"
-        if d.unexplained.could_be
-        else "something that is not in the catalogue"
-    )
+    open_ = bool(d.unexplained.could_be)
+    what = "something that these data can't identify" if open_ else "something that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
         headline = f"Scatter of {beyond(d.gap)} that these data can't separate from noise: repeat visits tell."
         look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
@@ -182,7 +179,6 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 
 def _next(d: Diagnosis, separates: set[str]) -> list[str]:
-    """The first proposed measurement that distinguishes some hypotheses."""
     steps = (e for e in d.next_experiment if separates.intersection(e.separates))
     return [e.measure for e in steps][:1]
 
@@ -232,24 +228,22 @@ def gap_words(gap: Gap) -> GapWords:
     if not gap.by_instrument:
         return GapWords("position error", length(gap.before), length(gap.after), length(gap.floor))
     what = f"error of the readings of {joined([one.name for one in gap.by_instrument])}"
-    return GapWords(what, *(_by_instrument(gap, key) for key in ("before", "after", "floor")))
+    return GapWords(what, *(_of_each(gap, attrgetter(key)) for key in ("before", "after", "floor")))
 
 
-def _by_instrument(gap: Gap, key: str) -> str:
+def _of_each(gap: Gap, size: Callable[[Any], float]) -> str:
     """An error of each instrument's readings, with the instrument's name if there are several."""
-    sizes = [(one.name, quantity(getattr(one, key), one.unit)) for one in gap.by_instrument]
-    return joined([f"{size} ({name})" if len(sizes) > 1 else size for name, size in sizes])
+    sizes = [(one.name, quantity(size(one), one.unit)) for one in gap.by_instrument]
+    return joined([f"{words} ({name})" if len(sizes) > 1 else words for name, words in sizes])
 
 
 def beyond(gap: Gap) -> str:
     """What is left beyond the noise floor with the causes, sqrt(after^2 - floor^2), with units; for each instrument."""
-    if not gap.by_instrument:
-        return length(float(np.sqrt(max(gap.after**2 - gap.floor**2, 0.0))))
-    parts = [
-        (one.name, quantity(float(np.sqrt(max(one.after**2 - one.floor**2, 0.0))), one.unit))
-        for one in gap.by_instrument
-    ]
-    return joined([f"{size} ({name})" if len(parts) > 1 else size for name, size in parts])
+
+    def left(one: Any) -> float:
+        return float(np.sqrt(max(one.after**2 - one.floor**2, 0.0)))
+
+    return _of_each(gap, left) if gap.by_instrument else length(left(gap))
 
 
 def beyond_noise(gap: Gap) -> str:
@@ -276,14 +270,12 @@ def may_hide(d: Diagnosis) -> list[str]:
         for c in d.candidates
         if d.effect(c.effect).between_visits and c.reason is not None and c.reason.kind in ("missing", "unusable")
     ]
-    effects = list(dict.fromkeys(d.effect(c.effect).title for c in lacking))
-    columns = list(
-        dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
-    )
-    if not effects:
+    if not lacking:
         return []
+    effects = joined(list(dict.fromkeys(d.effect(c.effect).title for c in lacking)))
+    names = dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
     return [
-        f"{joined(effects)} could not be tested: record {joined(columns)}, or fill in what is known, and diagnose again."
+        f"{effects} could not be tested: record {joined(list(names))}, or fill in what is known, and diagnose again."
     ]
 
 
@@ -292,11 +284,14 @@ def not_recorded(d: Diagnosis) -> list[str]:
     lacking = dict.fromkeys(
         (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
     )
-    return [
-        f"{joined(_names(d, rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-        f"{_at_rest(rows)}, and diagnose again."
-        for reason, rows in _by_reason(d, lacking).items()
-    ]
+    found = []
+    for reason, rows in _by_reason(d, lacking).items():
+        speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
+        found.append(
+            f"{joined(_names(d, rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+            f"{' (0 if the machine stood still)' if speeds else ''}, and diagnose again."
+        )
+    return found
 
 
 def could_be(d: Diagnosis) -> list[str]:
@@ -319,8 +314,3 @@ def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, li
 
 def _names(d: Diagnosis, rows: Iterable[Considered]) -> list[str]:
     return [named(d.effect(c.effect), c.site) for c in rows]
-
-
-def _at_rest(rows: Iterable[Considered]) -> str:
-    speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
-    return " (0 if the machine stood still)" if speeds else ""

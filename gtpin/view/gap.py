@@ -16,6 +16,7 @@ from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import FittedInstrument, Model
+from gtpin.report.figure import round_below
 from gtpin.report.words import quantity
 from gtpin.typing import Floats
 
@@ -106,9 +107,7 @@ class DrawnGap:
         if not len(lengths):
             return 1.0
         usual = float(np.median(lengths))
-        wanted = max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / usual, 1.0)
-        power = 10.0 ** np.floor(np.log10(wanted))
-        return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+        return round_below(max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / usual, 1.0))
 
 
 def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tuple[FittedInstrument, ...]]:
@@ -170,9 +169,13 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         whitened[mine] = value[mine] / (one.declared[0] or max(float(np.sqrt((value[mine] ** 2).mean())), 1e-300))
         name[mine], unit[mine] = one.name, first
         if not one.name:
-            share = _shares(model, kept, left @ np.kron(np.eye(left.shape[1] // 3), frame.R))
-    words = tuple(map(str, name)), tuple(map(str, unit))
-    return DrawnGap(whose(model), kept.pose, rows.line, kept.q, T, error, share, words[0], value, words[1], whitened)
+            # Each rod's share of the gap; orientations that are not measured count as free of errors.
+            at = Situation(model.kinematics, kept.q, model.kinematics.forward(kept.q), kept.covariates)
+            sigma = [kept.instrument.position_sigma or 0.0, kept.instrument.orientation_sigma or 0.0]
+            based_left = left @ np.kron(np.eye(left.shape[1] // 3), frame.R)
+            share = at.rod_shares(based_left, np.diag(np.repeat(sigma, 3)[: left.shape[1]]))
+    by, units = tuple(map(str, name)), tuple(map(str, unit))
+    return DrawnGap(whose(model), kept.pose, rows.line, kept.q, T, error, share, by, value, units, whitened)
 
 
 def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
@@ -186,10 +189,6 @@ def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
 
 
 def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
-    """(k,) values of an instrument's unknowns; ``known``: those of the model, by name.
-
-    Raises `ModelError` if one of the unknowns is not in ``known``.
-    """
     missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
     if missing:
         hint = "give the model that gtpin calibrate makes of these data"
@@ -202,11 +201,3 @@ def whose(model: Model) -> str:
     if model.effects:
         return "after the causes"
     return "of the nominal model" if model.covariance is None else "of the calibrated geometry"
-
-
-def _shares(model: Model, dataset: Dataset, error: Floats) -> dict[str, float]:
-    """Each rod's share of the gap; orientations that are not measured count as free of errors."""
-    at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
-    declared = dataset.instrument
-    sigma = np.repeat([declared.position_sigma or 0.0, declared.orientation_sigma or 0.0], 3)[: error.shape[1]]
-    return at.rod_shares(error, np.diag(sigma))

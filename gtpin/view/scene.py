@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any
@@ -11,50 +11,127 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model.model import FittedInstrument, Model
-from gtpin.report.camera import Camera
 from gtpin.report.instrument_places import InstrumentPlaces
-from gtpin.report.skeleton import Skeleton, skeleton
+from gtpin.report.skeleton import Camera, Skeleton, skeleton
 from gtpin.typing import Floats
-from gtpin.view.chain_display import ChainDisplay
+from gtpin.view.displays import ChainDisplay, InstrumentDisplay
 from gtpin.view.gap import DrawnGap
-from gtpin.view.gap_panel import GapPanel
-from gtpin.view.instrument_display import InstrumentDisplay
-from gtpin.view.shapes import Shape, joint_places, parts, robot_as_modelled, shapes
+from gtpin.view.shapes import Shape, joint_places, of_errors, parts, robot_as_modelled, shapes
 
+BLACK = np.array([0.1, 0.1, 0.1])
+BETWEEN = 12
+"""Number of steps from a pose to the next one while the poses are played."""
+STEP = 0.03
+"""Time between two steps, s."""
 SIDES = ("center-left", "center-right", "bottom-center", "top-center")
 """Which point of a label is at its part, for parts that are near each other."""
 NEAR = 0.15
 """Distance of near parts over the largest distance of parts."""
 
 
+class GapPanel:
+    """Errors, a choice of poses by their ids, a slider along them, and a box that plays them.
+
+    - ``server``: the page's viser server.
+    - ``name``: the machine's name.
+    - ``gap``: the gap to show.
+    - ``go``: function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
+    """
+
+    def __init__(self, server: Any, name: str, gap: DrawnGap, go: Callable[[Floats], str]) -> None:
+        self.gap, self._scene, self._go = gap, server.scene, go
+        self.names = gap.names
+        gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
+        gui.add_markdown(_plain(_summary(name, gap)))
+        self.chosen = gui.add_dropdown("pose", self.names, disabled=alone, hint="Its id, and its row in the table.")
+        # A slider's end must be above its beginning, even if there is only one pose.
+        self.place = gui.add_slider("one by one", 1, max(len(gap.q), 2), 1, 1, disabled=alone, hint="Along the table.")
+        self.larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
+        self.play = gui.add_checkbox("play", False, disabled=alone)
+        self.message = gui.add_markdown("")
+        self.chosen.on_update(self._choose)
+        self.place.on_update(self._here)
+        self.larger.on_update(self._scaled)
+        self.play.on_update(self._played)
+        self._walking: threading.Thread | None = None
+        self._scaled()
+
+    @property
+    def index(self) -> int:
+        """Index of the shown pose among those of the gap."""
+        return int(self.place.value) - 1
+
+    def _choose(self, _: object) -> None:
+        self.place.value = self.names.index(self.chosen.value) + 1
+
+    def _here(self, _: object = None) -> None:
+        i = self.index
+        self.chosen.value = self.names[i]
+        trouble = self._go(self.gap.q[i])
+        self.message.content = _plain(f"**Pose {self.names[i]}**: {self.gap.said(i)}. {trouble}")
+        self._draw("/gap/here", slice(i, i + 1), BLACK[None], 6.0)
+
+    def _scaled(self, _: object = None) -> None:
+        gap, colors = self.gap, of_errors(self.gap.size)
+        size = max(float(np.ptp(gap.T, axis=0).max()), 0.1)
+        self._scene.add_point_cloud("/gap/poses", gap.T, colors, point_size=size / 150.0, point_shape="circle")
+        self._draw("/gap/errors", slice(None), colors, 2.0)
+        self._here()
+
+    def _draw(self, name: str, rows: slice, colors: Floats, thickness: float) -> None:
+        """Draw errors of k poses as lines from the predicted positions of the TCP; colors (k, 3), thickness in pixels."""
+        start = self.gap.T[rows]
+        ends = np.stack([start, start + float(self.larger.value) * self.gap.error[rows]], axis=1)
+        both = np.repeat(colors[:, None], 2, axis=1)
+        self._scene.add_line_segments(name, ends, both, thickness=thickness, thickness_units="screen")
+
+    def _played(self, _: object) -> None:
+        """Start to go from pose to pose where the box was ticked; a thread that still goes then ends."""
+        if not self.play.value:
+            self._walking = None
+            return
+        walking = threading.Thread(target=self._walk, daemon=True, name="poses played")
+        self._walking = walking
+        walking.start()
+
+    def _walk(self) -> None:
+        """Go from pose to pose while the box is ticked."""
+        rest, q = threading.Event(), self.gap.q
+        while self._walking is threading.current_thread():
+            i = self.index
+            j = (i + 1) % len(q)
+            for s in np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[1:]:
+                if self._walking is not threading.current_thread():
+                    return
+                self._go((1.0 - s) * q[i] + s * q[j])
+                rest.wait(STEP)
+            self.place.value = j + 1
+            rest.wait(STEP)
+
+
+def _summary(name: str, gap: DrawnGap) -> str:
+    text = f"**{name}**: {gap.what}, {gap.summary}."
+    shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
+    return f"{text} Rods by share of the gap: {shares}." if shares else text
+
+
+def _plain(text: str) -> str:
+    """Markdown in which a name with "<" is not read as HTML."""
+    return text.replace("<", "&lt;")
+
+
 class Scene:
     """A server whose page shows a model. With a gap, the page shows the errors, and moves the machine from pose to pose.
 
-    Parameters
-    ----------
-    model, gap
-        The model, and its gap or None.
-    host, port
-        Address at which the page is served; port 0 takes any that is free.
-    instruments
-        The instruments to show; the model's by default.
+    ``host``, ``port``: address at which the page is served; port 0 takes any that is free. ``instruments``: those to show; the
+    model's by default. Attributes: ``instruments``: their display; None if there are none; ``panel``: the part of the page for
+    the gap; None without one; ``labels``, ``names``: viser's labels of the parts' names, and the box that hides them.
 
-    Attributes
-    ----------
-    instruments : InstrumentDisplay or None
-        The shown instruments; None if there are none.
-    panel : GapPanel or None
-        The part of the page for the gap; None without a gap.
-    labels, names : dict of Part to label, and checkbox
-        viser's labels of the parts' names, and the box that hides them.
-
-    Raises
-    ------
-    GtpinError
-        If viser is missing, or the page can't be served at this address.
+    Raises `GtpinError` if viser is missing, or the page can't be served at this address.
     """
 
     def __init__(
@@ -103,7 +180,6 @@ class Scene:
             self.server.stop()
 
     def _show_instruments(self) -> None:
-        """Draw the instruments' parts on the platform and at joints, at the present pose."""
         if self.instruments is not None:
             encoders = self.instruments.places.encoders.values()
             joints = joint_places(self.robot, self._visualizer.data, encoders)
@@ -118,7 +194,7 @@ class Scene:
         return ""
 
     def _load(self) -> Any:
-        if not self.robot.rods:
+        if joints(self.robot):
             display = ChainDisplay(self.server, self.robot)
             display.display(self.posture.configuration)
             return display
@@ -155,7 +231,6 @@ class Scene:
         self.server.initial_camera.look_at = tuple(middle)
 
     def _sliders(self) -> None:
-        """Add a slider for each actuator."""
         lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
         upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
         start = np.clip(self.robot.home_q, lower, upper)
@@ -172,7 +247,6 @@ class Scene:
             slider.on_update(moved)
 
     def _name_box(self) -> Any:
-        """Add a box that hides the names."""
         box = self.server.gui.add_checkbox("names", True)
 
         def changed(_: object) -> None:
@@ -192,6 +266,5 @@ def _serve(host: str, port: int) -> Any:
         with redirect_stdout(StringIO()):  # viser prints messages
             return viser.ViserServer(host=host, port=port, label="gtpin", verbose=False)
     except OSError as error:
-        raise GtpinError(
-            f"can't serve at {host}:{port} ({error.strerror or error})", hint="give another --port"
-        ) from None
+        what = f"can't serve at {host}:{port} ({error.strerror or error})"
+        raise GtpinError(what, hint="give another --port") from None

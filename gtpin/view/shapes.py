@@ -102,7 +102,6 @@ def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
 
 
 def _cylinder(robot: Robot, site: str, share: Mapping[str, float]) -> Any:
-    """A cylinder for a rod, from the joint that moves it to its free end."""
     import coal
 
     _, joint, tip = robot.rod_tips[site]

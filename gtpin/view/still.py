@@ -16,10 +16,10 @@ from gtpin.kinematics.posture import home
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
-from gtpin.report.camera import ELEVATION, Camera
+from gtpin.report.figure import ACCENT, FIT, GOOD, WARN, ZERO
 from gtpin.report.instrument_places import InstrumentPlaces, patch
-from gtpin.report.palette import ACCENT, FIT, GOOD, WARN, ZERO
-from gtpin.report.skeleton import Kind, Skeleton, skeleton, standing
+from gtpin.report.residuals import evenly
+from gtpin.report.skeleton import ELEVATION, Camera, Kind, Skeleton, skeleton, standing
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 from gtpin.view.gap import DrawnGap
@@ -142,7 +142,7 @@ def _name(axes: Any, at: Floats, words: str, **style: Any) -> None:
 
 def _errors(axes: Any, gap: DrawnGap) -> str:
     """Draw the errors. Returns text with their size and magnification."""
-    rows = np.unique(np.linspace(0, len(gap.q) - 1, min(len(gap.q), MOST)).astype(np.intp))
+    rows = evenly(len(gap.q), MOST)
     factor, colors = gap.magnification(), of_errors(gap.size)[rows]
     T, ends = gap.T[rows], gap.T[rows] + factor * gap.error[rows]
     axes.scatter(*T.T, color=colors, s=9, depthshade=False)

@@ -15,8 +15,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.figures import write_accuracy
 from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
-from gtpin.report.accuracy import sensitivity_page
-from gtpin.report.workspace_maps import slices
+from gtpin.report.accuracy import sensitivity_page, slices
 from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"

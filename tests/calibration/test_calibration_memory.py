@@ -164,7 +164,7 @@ def data(robot, tmp_path_factory):
 def test_a_limit_of_memory_ends_in_one_line_or_not_at_all(data, tmp_path, command, room):
     program = (
         "import resource, sys, gtpin.cli; gtpin.cli.app\n"
-        "import gtpin.diagnosis.diagnose, gtpin.report.diagnosis_page\n"
+        "import gtpin.diagnosis.diagnose, gtpin.report.diagnosis\n"
         "taken = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "limit = taken + int(sys.argv.pop(1)) * 1_000_000\n"
         "resource.setrlimit(resource.RLIMIT_AS, (limit, limit))\n"

@@ -9,7 +9,7 @@ from monte_carlo import assert_chi2
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, measured
 
 import gtpin
-from gtpin.report.calibration_page import calibration_page
+from gtpin.report.calibration import calibration_page
 from gtpin.report.calibration_text import calibration_text
 
 SHIFT = 4e-4
@@ -58,11 +58,11 @@ def test_it_is_in_the_files_next_to_the_keys_that_were_there(first):
 
 
 def test_it_stands_in_the_reports_with_the_word_zero(first):
-    _, dataset, calibration = first
+    calibration = first[2]
     text = calibration_text(calibration)
     assert "zero of a drive" in text
     assert f"{calibration.zeros[1].value:+.7f}" in text
-    assert "Zeros of the drives" in calibration_page(calibration, dataset)
+    assert "Zeros of the drives" in calibration_page(calibration)
 
 
 @pytest.mark.filterwarnings("ignore:parameters more than")  # they make up for the zero

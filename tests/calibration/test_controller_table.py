@@ -11,7 +11,7 @@ from gtpin.data import Instrument
 from gtpin.export import export
 from gtpin.model.dh import controller_table
 from gtpin.model.fit_conditions import ModelDiscrepancy
-from gtpin.report.geometry_table import controller_words
+from gtpin.report.sections.parameters import controller_words
 
 A = np.array([0.0, -0.425, -0.39225, 0.0, 0.0, 0.0])
 D = np.array([0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823])

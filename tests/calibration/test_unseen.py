@@ -14,7 +14,7 @@ from virtual_instruments import Seen, bed, level, read
 
 import gtpin
 from gtpin.calibration.observability import Remedy
-from gtpin.report.unseen_words import unseen_words
+from gtpin.report.calibration_text import unseen_words
 from gtpin.robot.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")

@@ -7,7 +7,6 @@ import pytest
 
 from gtpin.certificate.pose_accuracy import (
     Scatter,
-    VisitScatter,
     accuracy,
     pooled_repeatability,
     repeatability_of,
@@ -39,7 +38,7 @@ def test_repeatability_from_few_visits_of_many_poses_agrees_with_that_of_very_ma
     for _ in range(TRIALS):
         where = rng.uniform(-1.0, 1.0, (20, 3))[visits]
         position = where + rng.multivariate_normal(np.zeros(3), COVARIANCE, len(visits))
-        found.append(pooled_repeatability(Scatter.of(visits, position), 1e-9)[0])
+        found.append(pooled_repeatability(visits, position, 1e-9)[0])
     assert 0.88 <= inside([q.value for q in found], [q.sigma for q in found], truth) <= 1.0
     assert np.mean([q.value for q in found]) == pytest.approx(truth, rel=0.05)
 
@@ -52,7 +51,7 @@ def test_the_machine_s_repeatability_is_what_remains_without_the_instrument_s_no
     found = []
     for _ in range(TRIALS):
         position = rng.multivariate_normal(np.zeros(3), COVARIANCE + sigma**2 * np.eye(3), len(visits))
-        found.append(pooled_repeatability(Scatter.of(visits, position), sigma)[1])
+        found.append(pooled_repeatability(visits, position, sigma)[1])
     assert inside([q.value for q in found], [q.sigma for q in found], truth) >= 0.88
 
 
@@ -60,7 +59,7 @@ def test_scatter_no_larger_than_the_noise_leaves_the_machine_s_repeatability_bla
     rng = np.random.default_rng(2)
     visits, blank = np.repeat(np.arange(20), 2), 0
     for _ in range(TRIALS):
-        found = pooled_repeatability(Scatter.of(visits, 1e-5 * rng.standard_normal((40, 3))), 1e-5)
+        found = pooled_repeatability(visits, 1e-5 * rng.standard_normal((40, 3)), 1e-5)
         blank += found[1].missing == "within_noise"
     assert blank >= 0.95 * TRIALS
 
@@ -93,7 +92,7 @@ def test_pose_accuracy_of_single_visits_is_free_of_their_noise(size):
     found = []
     for _ in range(TRIALS):
         errors = true + rng.multivariate_normal(np.zeros(3), COVARIANCE, 150)
-        found.append(accuracy("AP_p", "m", visits, errors, VisitScatter(COVARIANCE, np.inf))[0])
+        found.append(accuracy("AP_p", "m", visits, errors, Scatter(COVARIANCE, np.inf))[0])
     assert 0.9 <= inside([q.value for q in found], [q.sigma for q in found], truth) <= 0.99
     assert np.mean([q.value for q in found]) == pytest.approx(truth, rel=0.02)
 

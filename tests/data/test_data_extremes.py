@@ -10,7 +10,7 @@ from gtpin import errors
 from gtpin.bench.simulator import simulate
 from gtpin.data import Dataset
 from gtpin.noise.reading_noise import line_of_sight
-from gtpin.output.json_text import json_text
+from gtpin.output.results import json_text
 
 
 @pytest.fixture(scope="module")

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from report_findings import Found, ambiguous, unknown
+from report_findings import ambiguous, unknown
 
 from gtpin.bench.simulator.case import make_case
 from gtpin.diagnosis.diagnose import diagnose
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.model.model import Model
+from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.embedded import Plot
+from gtpin.report.figure import Drawing
+from gtpin.view.gap import DrawnGap
 
-
-def _found(effects: list[tuple[str, str]], **options: object) -> Found:
-    dataset = make_case(7, effects=effects, held_out=1, background=False, **options).dataset  # type: ignore[arg-type]
-    return Found(diagnose(dataset), dataset)
+if TYPE_CHECKING:
+    from gtpin.view.scene import Scene
 
 
 @pytest.fixture(scope="session")
-def single() -> Found:
+def single() -> Diagnosis:
     """One cause: a periodic rack. Pose ids and a session want to be more than text."""
     dataset = make_case(7, effects=[("rack_periodic", "cart2")], energy=900.0, poses=150, held_out=1).dataset
     pose = dataset.pose.copy()
@@ -27,17 +34,55 @@ def single() -> Found:
     time = np.asarray(dataset.covariates["time"], dtype=float)
     session = np.where(time > np.median(time), "<i>one</i>", "two").astype(object)
     found = replace(dataset, pose=pose, covariates={**dataset.covariates, "session": session})
-    return Found(diagnose(found), found)
+    return diagnose(found)
 
 
 @pytest.fixture(scope="session")
-def none() -> Found:
+def none() -> Diagnosis:
     """Nothing but noise; only positions were measured."""
-    found = _found([], poses=140, without=("qw", "qx", "qy", "qz"))
-    return Found(replace(found.diagnosis, verdict="none", causes=()), found.dataset)
+    without = ("qw", "qx", "qy", "qz")
+    case = make_case(7, effects=[], held_out=1, background=False, poses=140, without=without)
+    return replace(diagnose(case.dataset), verdict="none", causes=())
 
 
 @pytest.fixture(scope="session")
-def findings(single: Found, none: Found) -> dict[str, Found]:
-    """A finding of each verdict."""
+def findings(single: Diagnosis, none: Diagnosis) -> dict[str, Diagnosis]:
+    """A diagnosis of each verdict."""
     return {"explained": single, "none": none, "ambiguous": ambiguous(single), "unknown": unknown(single)}
+
+
+@pytest.fixture(scope="session")
+def pages(findings: dict[str, Diagnosis]) -> Callable[[str], tuple[str, list[Drawing]]]:
+    """The page of a verdict with the drawings on it, made once."""
+
+    @cache
+    def page(kind: str) -> tuple[str, list[Drawing]]:
+        drawings, made = list[Drawing](), Plot.drawings
+
+        def noted(plot: Plot) -> dict[tuple[str, ...], Drawing]:
+            found = made(plot)
+            drawings.extend(found.values())
+            return found
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Plot, "drawings", noted)
+            return diagnosis_page(findings[kind]), drawings
+
+    return page
+
+
+@pytest.fixture
+def served() -> Iterator[Callable[..., Scene]]:
+    """Serves 3-D pages of models, until the test ends."""
+    pytest.importorskip("viser", reason="viser is not installed")
+    from gtpin.view.scene import Scene
+
+    made = list[Scene]()
+
+    def serve(model: Model, gap: DrawnGap | None = None, **more: object) -> Scene:
+        made.append(Scene(model, gap, port=0, **more))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield serve
+    for scene in made:
+        scene.stop()

@@ -25,9 +25,8 @@ from gtpin.commands.terminal import rendered
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Member, Undecided
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
-from gtpin.report.diagnosis import DiagnosisPresentation
-from gtpin.report.diagnosis_page import diagnosis_page
-from gtpin.report.health import HealthPresentation, health_page
+from gtpin.report.diagnosis import DiagnosisPresentation, diagnosis_page
+from gtpin.report.health import HealthCheckPresentation, health_page
 
 FOLDER = Path(__file__).with_suffix("")
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
@@ -121,9 +120,9 @@ def first_screens(name: str) -> str:
         warnings.simplefilter("ignore")
         found = CASES[name]()
     if isinstance(found, HealthCheck):
-        terminal, page = rendered(HealthPresentation(found).terminal()), health_page(found)
+        terminal, page = rendered(HealthCheckPresentation(found).terminal()), health_page(found)
     else:
-        terminal, page = DiagnosisPresentation(found).text().rstrip("\n"), diagnosis_page(found, found.dataset)
+        terminal, page = DiagnosisPresentation(found).text().rstrip("\n"), diagnosis_page(found)
     screen = page[page.index("<main") : page.index("<nav")]
     screen = re.sub(r"<(svg|script|style).*?</\1>", "", screen, flags=re.DOTALL).replace("\n", " ")
     lines = re.sub(r"</(?:p|h1|li|tr|figcaption|span)>", "\n", re.sub(r"</t[dh]>", " | ", screen))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from readings_of_circles import RADIUS, read_ranges
+from known_readings import RADIUS, read_ranges
 
 from gtpin.errors import DatasetError
 from gtpin.report.ball_bar import circles, runs
@@ -136,9 +136,9 @@ def test_the_figure_draws_what_was_measured_and_names_the_quantities(tmp_path: P
     assert low < -20.0 < 20.0 < high
     words = " ".join(note.text for note in made.layout.annotations)
     assert all(word in words for word in ("As measured", "geometry alone", "causes", "G(b) ", "Clockwise: G ", "F −"))
-    (test,) = circular_tests(residuals, False)
-    assert [plot.caption.split(",")[0] for plot in test.plots] == ["As measured", "Left by geometry alone"]
-    for plot in test.plots:
+    ((_, plots),) = circular_tests(residuals, False)
+    assert [plot.caption.split(",")[0] for plot in plots] == ["As measured", "Left by geometry alone"]
+    for plot in plots:
         assert plot.drawings()
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from readings_of_circles import MIDDLE, NOMINAL, RADIUS, commands_to, way
+from browsers import Opened, launched
+from known_readings import MIDDLE, NOMINAL, RADIUS, commands_to, way, write_table
 
 import gtpin
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, GtpinError
-from gtpin.report.calibration_page import calibration_page
+from gtpin.report.calibration import calibration_page
 from gtpin.report.figure import has_plotly
 
 UP = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
@@ -24,8 +24,6 @@ STATIONS = {
     "C": np.add(MIDDLE, [0.1, -0.9, 0.4]),
 }
 NOISE = 1e-5
-SLOW = 300e3
-"""Milliseconds that a busy machine may take."""
 
 
 def write(folder: Path) -> None:
@@ -41,17 +39,15 @@ def write(folder: Path) -> None:
     )
     T = np.vstack([way(plane, angle) for plane in ("XY", "ZX") for angle in (UP, UP[::-1])])
     ranges = np.linalg.norm(T - MIDDLE, axis=1) + NOISE * rng.standard_normal(len(T))
-    lines = ["pose,q1,q2,q3,range,time"]
-    for i, (q, value) in enumerate(zip(commands_to(T), ranges, strict=True)):
-        lines.append(f"b{i},{','.join(f'{v:.17g}' for v in q)},{value:.17g},{i}")
-    (folder / "bar.csv").write_text("\n".join(lines) + "\n")
-    lines = ["pose,q1,q2,q3,station,range,time"]
+    rows = [[f"b{i}", *q, value, i] for i, (q, value) in enumerate(zip(commands_to(T), ranges, strict=True))]
+    write_table(folder / "bar.csv", "pose,q1,q2,q3,range,time", rows)
+    rows = []
     for i, q in enumerate(rng.uniform(-0.3, 0.3, (50, 3))):
         at = NOMINAL.kinematics.forward(q[None]).T[0]
         for key, station in STATIONS.items():
             value = float(np.linalg.norm(at - station)) + NOISE * rng.standard_normal()
-            lines.append(f"w{i},{','.join(f'{v:.17g}' for v in q)},{key},{value:.17g},{1000 + i}")
-    (folder / "wire.csv").write_text("\n".join(lines) + "\n")
+            rows.append([f"w{i}", *q, key, value, 1000 + i])
+    write_table(folder / "wire.csv", "pose,q1,q2,q3,station,range,time", rows)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +59,7 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
 
 @pytest.fixture(scope="module")
 def page(calibration: Calibration) -> str:
-    return calibration_page(calibration, calibration.dataset)
+    return calibration_page(calibration)
 
 
 def test_every_entry_of_the_contents_leads_to_a_section(page: str) -> None:
@@ -126,26 +122,12 @@ def test_each_instrument_can_be_chosen(page: str, calibration: Calibration) -> N
 
 @pytest.mark.skipif(not has_plotly(), reason="plotly is not installed")
 def test_circles_are_drawn_in_a_browser_and_follow_the_choice_of_an_instrument(page: str, tmp_path: Path) -> None:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("there is no chromium")
-    (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    said: list[str] = []
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        tab = browser.new_context(offline=True).new_page()
-        tab.set_default_timeout(SLOW)
-        tab.on("console", lambda message: said.append(message.text))
-        tab.on("pageerror", lambda error: said.append(str(error)))
-        tab.goto((tmp_path / "report.html").as_uri())
-        tab.wait_for_selector("html[data-drawn]", state="attached")
-        kinds = tab.evaluate("document.getElementById('plot-circle-0-measured')._fullData.map((trace) => trace.type)")
-        shown = tab.evaluate("document.getElementById('plot-map-xy')._fullData[0]._length")
-        tab.select_option("select[data-choice=instrument]", "wire")
-        tab.wait_for_selector("html[data-drawn]", state="attached")
-        fewer = tab.evaluate("document.getElementById('plot-map-xy')._fullData[0]._length")
-        browser.close()
-    assert kinds == ["scatterpolar"] * 3
-    assert (shown, fewer) == (96 + 150, 150)
-    assert said == []
+    with launched() as browser:
+        opened = Opened(browser, tmp_path / "report.html", page)
+        kinds = "document.getElementById('plot-circle-0-measured')._fullData.map((trace) => trace.type)"
+        assert opened.run(kinds) == ["scatterpolar"] * 3
+        shown = "document.getElementById('plot-map-xy')._fullData[0]._length"
+        assert opened.run(shown) == 96 + 150
+        opened.tab.select_option("select[data-choice=instrument]", "wire")
+        assert opened.run(shown) == 150
+        opened.is_whole()

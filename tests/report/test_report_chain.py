@@ -18,10 +18,14 @@ from gtpin.comparison.compare import compare
 from gtpin.compensation.compensate import compensate
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.situation import Situation
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
-from gtpin.report.diagnosis_page import diagnosis_page
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.effect_curves import curves
+from gtpin.report.effect_motions import placements
 from gtpin.report.residuals import Residuals
 from gtpin.report.skeleton import skeleton
 
@@ -29,6 +33,7 @@ ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
 ARM = gtpin.load_robot(ARM_FILE)
 COMPLIANCE, AMPLITUDE, PERIODS = 4e-5, 3e-4, 8
 SITE, PERIODIC = "shoulder", "waist"
+FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
 
 
 def measured(folder: Path, *, compliance: float = 0.0, amplitude: float = 0.0, count: int = 90) -> Path:
@@ -74,7 +79,7 @@ def found(folder: Path) -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def page(found: Diagnosis) -> str:
-    return diagnosis_page(found, found.dataset)
+    return diagnosis_page(found)
 
 
 @pytest.mark.slow
@@ -218,3 +223,14 @@ def test_an_arm_has_a_still_image(found: Diagnosis, folder: Path, tmp_path: Path
     made = still(found.model, gap_of(found.model, gtpin.Dataset.read(folder)))
     texts = {text.get_text().strip() for text in made.axes[0].texts}
     assert texts >= set(ARM.sites)
+
+
+@pytest.mark.parametrize("site", ["arm", "left", "right"])
+def test_the_motions_of_a_link_s_tip_sum_to_the_effect(site: str) -> None:
+    kinematics = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot(str(FIVE_BAR))))
+    q = np.random.default_rng(0).uniform(-0.4, 0.4, (5, 2))
+    told = {"payload": np.linspace(0.0, 1.0, 5), "fy": np.linspace(-4.0, 5.0, 5)}
+    at = Situation(kinematics, q, kinematics.forward(q), told)
+    basis = effects_by_id()["link_compliance"].basis(at, site)
+    summed = sum(motion.tcp[:, :, None] * motion.columns[:, None, :] for motion in placements(at, site, basis))
+    np.testing.assert_allclose(summed, basis.displacement(at), atol=1e-12 * np.abs(basis.displacement(at)).max())

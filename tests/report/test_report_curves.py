@@ -10,10 +10,16 @@ import pytest
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.rack import SHORTEST
-from gtpin.report.curve_plots import curve_notes, reach
-from gtpin.report.effect_curves import WIDE, curves
-from gtpin.report.residual_columns import column, columns, fit_along
-from gtpin.report.residual_plots import ONE_LAYER, against_columns, components, residual_figure
+from gtpin.report.effect_curves import WIDE, curve_notes, curves, reach
+from gtpin.report.residual_plots import (
+    ONE_LAYER,
+    against_columns,
+    column,
+    columns,
+    components,
+    fit_along,
+    residual_figure,
+)
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow  # one diagnosis
@@ -23,7 +29,7 @@ PERIOD, AMPLITUDE, SIGMA = 0.1, 3e-5, 2e-6
 
 @pytest.fixture(scope="module")
 def residuals(single) -> Residuals:
-    return Residuals.of(single.dataset, single.diagnosis.baseline, single.diagnosis.model)
+    return Residuals.of(single.dataset, single.baseline, single.model)
 
 
 def active(
@@ -116,7 +122,7 @@ def test_residuals_along_a_cart_are_how_far_it_would_have_to_move(residuals):
 
 
 def test_residuals_before_are_those_of_the_calibration(single, residuals):
-    np.testing.assert_allclose(residuals.before, single.diagnosis.baseline.residual, atol=1e-12)
+    np.testing.assert_allclose(residuals.before, single.baseline.residual, atol=1e-12)
     assert np.linalg.norm(residuals.after) < np.linalg.norm(residuals.before)
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import html
-import re
-
 import numpy as np
 import pytest
+from browsers import DRAWN, Opened, launched
+from report_findings import text
 
 from gtpin import Geometry, Model, load_robot
 from gtpin.accuracy import workspace
@@ -17,11 +16,6 @@ from gtpin.report.accuracy import sensitivity_page
 from gtpin.report.comparison import comparison_page
 
 ROBOT = load_robot("gantry_tau")
-
-
-def text(whole: str) -> str:
-    seen = re.sub(r"<(script|style)\b.*?</\1>", " ", whole, flags=re.S)
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", seen)).replace("\u00a0", " ").split())
 
 
 def comparison(means: dict[int, float], spread: float = 0.1) -> Comparison:
@@ -100,21 +94,12 @@ def test_every_parameter_and_link_has_a_cell(accuracy):
 
 
 def test_pages_of_compare_and_sensitivity_load_and_draw(accuracy, tmp_path):
-    browser_tests = pytest.importorskip("test_report_browser", exc_type=ImportError)
-    if browser_tests.CHROMIUM is None:
-        pytest.skip("there is no chromium")
-    pages = {
-        "comparison": comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}), dataset(measured_carts()), ROBOT),
-        "sensitivity": sensitivity_page(accuracy),
-    }
-    with browser_tests.playwright.sync_playwright() as driver:
-        launched = driver.chromium.launch(executable_path=browser_tests.CHROMIUM, args=["--no-sandbox"])
+    with launched() as browser:
+        pages = {
+            "comparison": comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}), dataset(measured_carts()), ROBOT),
+            "sensitivity": sensitivity_page(accuracy),
+        }
         for name, page in pages.items():
-            (tmp_path / f"{name}.html").write_text(page, encoding="utf-8")
-            opened = browser_tests.Opened(launched, tmp_path / f"{name}.html")
-            drawn = dict(opened.run(browser_tests.DRAWN))
-            assert len(drawn) == 3
-            assert all(count > 0 for count in drawn.values()), drawn
-            assert opened.said == []
-            assert [url for url in opened.asked if not url.startswith(("file:", "data:", "blob:"))] == []
-        launched.close()
+            opened = Opened(browser, tmp_path / f"{name}.html", page)
+            assert len(opened.run(DRAWN)) == 3
+            opened.is_whole()

@@ -4,64 +4,51 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_findings import Found
+from report_findings import text
 
 import gtpin
 from gtpin.data import Dataset
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.report import page
-from gtpin.report.calibration_page import calibration_page
-from gtpin.report.diagnosis_page import diagnosis_page
+from gtpin.report import page, sections
+from gtpin.report.calibration import calibration_page
+from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
-from gtpin.report.figure import Drawing
+from gtpin.report.figure import DATA, FIT, LIGHT, Drawing
 from gtpin.report.page import render
-from gtpin.report.palette import DARK, DATA, FIT, LIGHT
 from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
 
 
-def of(found) -> str:
-    return diagnosis_page(found.diagnosis, found.dataset)
-
-
-def text(whole: str) -> str:
-    """What a reader reads: no scripts, styles and tags."""
-    seen = re.sub(r"<(script|style)\b.*?</\1>", " ", whole, flags=re.S)
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", seen)).replace("\u00a0", " ").split())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_page_names_everything_that_a_diagnosis_says(findings, kind):
-    found = findings[kind]
-    told = text(of(found))
-    for cause in found.diagnosis.causes:
+def test_a_page_names_everything_that_a_diagnosis_says(findings, pages, kind):
+    found, told = findings[kind], text(pages(kind)[0])
+    for cause in found.causes:
         assert cause.effect in told  # the id, for --exclude
         for member in cause.members:
-            assert found.diagnosis.effect(member.effect).title in told
+            assert found.effect(member.effect).title in told
         for name in cause.parameters:
             assert name.replace("_", " ") in told
-    for candidate in found.diagnosis.candidates:
-        assert found.diagnosis.effect(candidate.effect).title in told
+    for candidate in found.candidates:
+        assert found.effect(candidate.effect).title in told
         assert reason_words(candidate.reason, candidate.site) in told
-    for pose in found.diagnosis.baseline.rejected:
+    for pose in found.baseline.rejected:
         assert pose in told
-    for name in found.diagnosis.baseline.names:
+    for name in found.baseline.names:
         assert name in told
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_page_is_below_two_megabytes_and_fetches_nothing(findings, kind):
-    whole = of(findings[kind])
+def test_a_page_is_below_two_megabytes_and_fetches_nothing(pages, kind):
+    whole, _ = pages(kind)
     assert len(whole.encode()) < 2e6
     tags = re.sub(r"<script\b.*?</script>", "", whole, flags=re.S)
     assert not re.search(r"""(src|href)=["'](?!#|data:)""", tags)
@@ -70,8 +57,8 @@ def test_a_page_is_below_two_megabytes_and_fetches_nothing(findings, kind):
 
 
 @pytest.mark.slow
-def test_text_of_others_is_escaped_everywhere(findings):
-    whole = of(findings["explained"])
+def test_text_of_others_is_escaped_everywhere(pages):
+    whole, _ = pages("explained")
     assert "<script>alert(1)" not in whole
     assert "<b>#@$" not in whole
     blocks = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', whole, flags=re.S)
@@ -81,14 +68,14 @@ def test_text_of_others_is_escaped_everywhere(findings):
 
 
 @pytest.mark.slow
-def test_the_same_diagnosis_makes_the_same_page(findings):
-    assert of(findings["explained"]) == of(findings["explained"])
+def test_the_same_diagnosis_makes_the_same_page(findings, pages):
+    assert pages("explained")[0] == diagnosis_page(findings["explained"])
 
 
 @pytest.mark.slow
 def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
     monkeypatch.setattr(page, "plotly_js", lambda kinds: None)
-    whole = of(findings["explained"])
+    whole = diagnosis_page(findings["explained"])
     assert len(whole) < 2e5
     assert "pip install 'gtpin[plots]'" in text(whole)
     assert '<svg class="drawing"' in whole
@@ -99,15 +86,14 @@ def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_t
 @pytest.mark.slow
 def test_a_robots_name_is_text(findings, monkeypatch):
     found = findings["none"]
-    monkeypatch.setattr(found.diagnosis.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")
-    assert "<img" not in of(found)
+    monkeypatch.setattr(found.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")
+    assert "<img" not in diagnosis_page(found)
 
 
 @pytest.mark.slow
 def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     single.dataset.write(tmp_path / "data")
-    read = Dataset.read(tmp_path / "data")
-    told = text(diagnosis_page(single.diagnosis, read, seed=42))
+    told = text(diagnosis_page(replace(single, dataset=Dataset.read(tmp_path / "data"), seed=42)))
     for name in ("dataset.toml", "poses.csv"):
         assert f"{name} sha256 {hashlib.sha256((tmp_path / 'data' / name).read_bytes()).hexdigest()}" in told
     assert "seed 42" in told
@@ -119,7 +105,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
     found = findings["ambiguous"]
     step = Experiment(
         "discriminate",
-        found.diagnosis.model.robot,
+        found.model.robot,
         (("rack_periodic", "cart2"), ("linearity", "cart2")),
         np.array([[0.1, 0.2, 0.3]]),
         {"payload": np.array([20.0]), "session": np.array(["next"], dtype=object)},
@@ -128,7 +114,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
         settles=0.62,
         rounds=2,
     )
-    seen = text(of(Found(replace(found.diagnosis, next_experiment=(step,)), found.dataset)))
+    seen = text(diagnosis_page(replace(found, next_experiment=(step,))))
     assert (
         seen.count("Measure these 1 poses to distinguish periodic drive error at cart2") == 2
     )  # on the first screen, and with its commands
@@ -161,14 +147,14 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
     bad = replace(dataset, position=position)
     with pytest.warns(gtpin.GtpinWarning, match="gross errors"):
         calibration = gtpin.calibrate(bad)
-    told = text(calibration_page(calibration, bad))
+    told = text(calibration_page(calibration))
     assert re.search(rf"{re.escape(str(dataset.pose[10]))} {dataset.row[10]} (2\.9|3\.0)\d? mm", told)
 
 
 @pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
-    size = len(diagnosis_page(single.diagnosis, many).encode())
+    size = len(diagnosis_page(replace(single, dataset=many)).encode())
     assert size < 2e6
 
 
@@ -228,7 +214,16 @@ def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
 
 def test_a_page_finds_every_colour_of_its_figures_by_its_value():
     assert len(set(LIGHT.values())) == len(LIGHT)
-    assert set(LIGHT) == set(DARK)
+
+
+@pytest.mark.slow
+def test_a_marked_function_is_a_section_at_its_place_of_every_page(single, monkeypatch):
+    monkeypatch.setattr(sections, "_SECTIONS", [*sections._SECTIONS])
+    sections.section(65)(lambda reported: page.Section("own", "My own", [f"{len(reported.dataset)} measurements"]))
+    for reported in (sections.Reported(single.baseline), sections.Reported(single.baseline, single)):
+        found = [one.id for one in sections.sections(reported)]
+        assert found[found.index("own") - 1 :][:3] == ["maps", "own", "covariates"]
+        assert len(set(found)) == len(found)
 
 
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
@@ -237,18 +232,15 @@ def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
 
 
 @pytest.mark.slow
-def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(findings):
-    assert "A controller can correct periodic drive error at cart2" in text(of(findings["explained"]))
-    assert "A controller can correct" not in text(of(findings["ambiguous"]))
+def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(pages):
+    assert "A controller can correct periodic drive error at cart2" in text(pages("explained")[0])
+    assert "A controller can correct" not in text(pages("ambiguous")[0])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_drawing_of_a_page_is_a_figure_that_plotly_accepts(findings, kind, monkeypatch):
-    plots, embed = [], Shared.embed
-    monkeypatch.setattr(Shared, "embed", lambda shared, plot: (plots.append(plot), embed(shared, plot))[1])
-    of(findings[kind])
-    drawings = [drawing for plot in plots for drawing in plot.drawings().values()]
+def test_every_drawing_of_a_page_is_a_figure_that_plotly_accepts(pages, kind):
+    _, drawings = pages(kind)
     assert len(drawings) > 20
     for drawing in drawings:
         assert len(drawing.figure().data) == len(drawing.traces)  # plotly raises ValueError for what it does not know

@@ -1,9 +1,10 @@
-"""The machine drawn: every robot, every name, red where the gap is."""
+"""The machine drawn: every robot, every name, red where the gap is, and the instruments."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -13,14 +14,15 @@ from defusedxml.ElementTree import fromstring
 
 import gtpin.report.sketch as sketch_module
 from gtpin import Geometry, Model, load_robot, robot_names
-from gtpin.report.camera import HEIGHT, WIDTH, Camera
-from gtpin.report.labels import Labels
-from gtpin.report.skeleton import skeleton
-from gtpin.report.sketch import color, sketch
+from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, RangeTable, SocketTable, TiltTable
+from gtpin.model.model import FittedInstrument
+from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, skeleton
+from gtpin.report.sketch import Labels, color, drawing, sketch
 
 ROBOTS = [name for name in robot_names() if load_robot(name).rods]
 
 
+@cache
 def model(name: str) -> Model:
     return Model(Geometry.nominal(load_robot(name)))
 
@@ -65,7 +67,7 @@ def test_the_cart_of_a_cause_is_ringed_and_its_share_is_told():
     assert "cart2 60" in ringed
 
 
-def drawing(share: dict[str, float], landed: dict[str, float] | None = None, causes: tuple[str, ...] = ()) -> str:
+def shaded(share: dict[str, float], landed: dict[str, float] | None = None, causes: tuple[str, ...] = ()) -> str:
     return str(sketch(skeleton(model("gantry_tau")), share, landed or {}, causes))
 
 
@@ -76,8 +78,8 @@ def shade(drawn: str, shape: str) -> list[int]:
 
 def test_rods_and_carts_are_coloured_on_one_scale_whatever_lands_on_the_rods():
     share = {"cart1": 0.24, "cart2": 0.0, "cart3": 0.0, "link1": 0.12}
-    drawn = drawing(share, {"link1": 0.92})
-    assert re.sub("<title>.*?</title>", "", drawn) == re.sub("<title>.*?</title>", "", drawing(share))
+    drawn = shaded(share, {"link1": 0.92})
+    assert re.sub("<title>.*?</title>", "", drawn) == re.sub("<title>.*?</title>", "", shaded(share))
     assert "link1: 92" in drawn
     assert max(shade(drawn, "rect")) == 100
     rod = re.search(r"<line [^>]*var\(--high\) (\d+)%[^>]*><title>link1", drawn)
@@ -85,20 +87,20 @@ def test_rods_and_carts_are_coloured_on_one_scale_whatever_lands_on_the_rods():
 
 
 def test_the_scale_of_the_colours_ends_at_the_largest_share_and_is_told():
-    told = " ".join(fromstring(drawing({"cart1": 0.24, "cart2": 0.03})).itertext()).replace("\u00a0", " ")
+    told = " ".join(fromstring(shaded({"cart1": 0.24, "cart2": 0.03})).itertext()).replace("\u00a0", " ")
     assert "24 % of the gap" in told
-    assert "of the gap" not in "".join(fromstring(drawing({})).itertext())
-    assert "of the gap" not in "".join(fromstring(drawing({"cart1": 0.0})).itertext())
+    assert "of the gap" not in "".join(fromstring(shaded({})).itertext())
+    assert "of the gap" not in "".join(fromstring(shaded({"cart1": 0.0})).itertext())
 
 
 @pytest.mark.parametrize(("site", "name"), [("frame", "instrument"), ("arm", "all links")])
 def test_sites_that_are_no_one_part_have_a_sign_of_their_own_which_is_ringed_where_a_cause_sits(site, name):
-    plain, ringed = drawing({"cart1": 0.2, site: 0.3}), drawing({"cart1": 0.2, site: 0.3}, causes=(site,))
+    plain, ringed = shaded({"cart1": 0.2, site: 0.3}), shaded({"cart1": 0.2, site: 0.3}, causes=(site,))
     told = " ".join(fromstring(plain).itertext()).replace("\u00a0", " ")
     assert f"{name} 30 %" in told
     assert "frame" not in told
     assert ringed.count("<circle") == plain.count("<circle") + 1
-    assert name not in drawing({"cart1": 0.2})
+    assert name not in shaded({"cart1": 0.2})
 
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
@@ -131,3 +133,63 @@ def test_names_in_a_sketch_are_text():
     drawn = str(sketch(hostile, {}, {}))
     assert "<script>" not in drawn
     fromstring(drawn)
+
+
+def picture(name: str, *tables: InstrumentTable) -> str:
+    found = drawing(replace(model(name), instruments=tuple(FittedInstrument(table) for table in tables)))
+    assert found is not None
+    return str(found)
+
+
+def place(name: str, off: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, float, float]:
+    """The TCP at home, or beside it."""
+    nominal = model(name)
+    T = nominal.kinematics.forward(nominal.robot.home_q[None]).T[0]
+    x, y, z = (T + off).tolist()
+    return x, y, z
+
+
+def pixels(svg: str) -> np.ndarray:
+    """(m, 2) corners of all polygons, ends of lines and middles of circles."""
+    found = [tuple(map(float, p.split(","))) for group in re.findall(r'points="([^"]*)"', svg) for p in group.split()]
+    for x, y in (("x1", "y1"), ("x2", "y2"), ("cx", "cy")):
+        found += [(float(a), float(b)) for a, b in re.findall(rf'{x}="(-?[\d.]+)" {y}="(-?[\d.]+)"', svg)]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", "ur5"])
+def test_stations_planes_and_sockets_are_drawn_inside_the_picture(name: str) -> None:
+    wire = RangeTable(name="wire", kind="range", stations={"A": place(name, (0.8, 0.0, 0.0)), "B": place(name)})
+    bed = PlaneTable(name="bed", kind="plane", planes={"low": {"point": place(name), "normal": (0.0, 0.0, 1.0)}})
+    cup = SocketTable(
+        name="cup",
+        kind="socket",
+        sockets={"S1": place(name, (0.1, 0.0, 0.0)), "S2": place(name, (0.0, 0.1, 0.0))},
+        distances=(("S1", "S2", 0.1414, 1e-4),),
+    )
+    svg = picture(name, wire, bed, cup)
+    for word in ("wire A", "wire B", "bed"):
+        assert f">{word}</text>" in svg
+    for word in ("cup S1", "cup S2"):
+        assert f"<title>{word}</title>" in svg
+    assert svg.count("stroke-dasharray") == 3
+    at = pixels(svg)
+    assert (at >= 0.0).all()
+    assert (at <= [WIDTH, HEIGHT]).all()
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", "ur5"])
+def test_a_station_far_away_does_not_make_the_machine_small(name: str) -> None:
+    far = RangeTable(name="tracer", kind="range", stations={"A": place(name, (0.0, 40.0, 0.0))})
+    assert picture(name, far) == picture(name)
+
+
+def test_a_tilt_sensor_adds_no_marks() -> None:
+    assert picture("gantry_tau", TiltTable(name="level", kind="tilt")) == picture("gantry_tau")
+
+
+def test_names_of_instruments_can_be_no_markup() -> None:
+    stations = {"<b>": place("gantry_tau"), "B": place("gantry_tau")}
+    svg = picture("gantry_tau", RangeTable(name="wire", kind="range", stations=stations))
+    assert "<b>" not in svg
+    assert "wire &lt;b&gt;" in svg

@@ -2,80 +2,62 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
-from report_findings import Found
 
-from gtpin.calibration.observability import Remedy
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
-from gtpin.report.phrases import parameter, size_words
-from gtpin.report.unseen_words import grouped
 from gtpin.report.verdict import verdict
-from gtpin.report.words import quantity
+
+pytestmark = pytest.mark.slow  # two diagnoses
 
 
 def words(found) -> str:
-    said = verdict(found.diagnosis)
+    said = verdict(found)
     return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
 
 
-@pytest.mark.slow
 def test_without_a_cause_nothing_is_to_be_compensated(findings):
     said = words(findings["none"])
     assert said.startswith("Nothing but noise is left")
     assert "no compensation is needed" in said
 
 
-def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(findings):
-    found = findings["none"].diagnosis
-    lacks = replace(found.candidates[0], testable=False, reason=Untestable("missing", "approach1"))
-    supposed = replace(found, noise_source="residuals", candidates=(lacks, *found.candidates[1:]))
+def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(none):
+    lacks = replace(none.candidates[0], testable=False, reason=Untestable("missing", "approach1"))
+    supposed = replace(none, noise_source="residuals", candidates=(lacks, *none.candidates[1:]))
     said = verdict(supposed)
     assert "Nothing but noise" not in said.headline
-    assert f"{1e6 * found.gap.after:.3g}\u00a0µm" in said.headline
+    assert f"{1e6 * none.gap.after:.3g}\u00a0µm" in said.headline
     assert "no compensation is needed" not in " ".join(said.advice)
     assert "approach1" in " ".join(said.advice)
 
 
-def test_without_positions_only_what_was_read_needs_no_compensation(findings):
+def test_without_positions_only_what_was_read_needs_no_compensation(none):
     """A fit of touches leaves directions of the geometry open that a tracker would show."""
-    found = findings["none"].diagnosis
-    baseline = found.baseline
+    baseline = none.baseline
     plane = replace(baseline.by_instrument[0], name="bed", kind="plane")
     open_ = replace(baseline.observability, variance_reduction=0.0 * baseline.observability.variance_reduction)
     touched = replace(baseline, by_instrument=(plane,), observability=open_)
-    said = " ".join(verdict(replace(found, baseline=touched)).advice)
+    said = " ".join(verdict(replace(none, baseline=touched)).advice)
     assert "No compensation is needed for what bed can read. Positions can still be wrong" in said
     assert "Use it as it is" not in said
 
 
-def test_directions_that_nothing_shows_are_one_sentence():
-    tilt = Remedy("tilts", "", 12)
-    assert grouped(("a", "b", "c"), (None, tilt, None)) == (
-        "b",
-        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
-    )
-    assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
-
-
-@pytest.mark.slow
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
-    found = findings["none"].diagnosis
+    found = findings["none"]
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
     said = " ".join(verdict(few).advice)
     assert "Measure more poses" in said
     assert "no compensation is needed" not in said
 
 
-@pytest.mark.slow
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     found = findings["explained"]
-    said = verdict(found.diagnosis)
-    cause = found.diagnosis.causes[0]
+    said = verdict(found)
+    cause = found.causes[0]
     assert (cause.effect, cause.site) == ("rack_periodic", "cart2")
     period = cause.parameters["period"].value
     assert said.headline.startswith(f"cart2: periodic drive error, every {1e3 * period:.3g}\u00a0mm, ")
@@ -84,80 +66,61 @@ def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
     assert "poses that it was not fitted to" in words(found)
 
 
-@pytest.mark.slow
 def test_what_can_not_be_told_apart_is_named_with_its_probabilities(findings):
-    said = verdict(findings["ambiguous"].diagnosis).headline.replace("\u00a0", " ")
+    said = verdict(findings["ambiguous"]).headline.replace("\u00a0", " ")
     assert said.startswith("Drive error at cart2 (open; ")
     assert "periodic, every " in said
     assert "(60 %), or smooth, rms 12.3 µm (40 %)." in said
 
 
-@pytest.mark.slow
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
-    said = verdict(findings["unknown"].diagnosis).headline
+    said = verdict(findings["unknown"]).headline
     assert said == ("Something that is not in the catalogue moves cart1 with q1 and q3: don't compensate it by name.")
 
 
-@pytest.mark.slow
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
-    found = findings["unknown"].diagnosis
+    found = findings["unknown"]
     lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
     assert "cart1" not in verdict(lost).headline
     assert "don't compensate it by name" in verdict(lost).headline
 
 
-@pytest.mark.slow
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
-    found = replace(findings["unknown"].diagnosis, causes=findings["explained"].diagnosis.causes)
+    found = replace(findings["unknown"], causes=findings["explained"].causes)
     first, second = verdict(found).headline.splitlines()
     assert first.startswith("cart2: periodic drive error")
     assert second.startswith("Also something")
     assert verdict(found).badge == "1 certain, 1 unknown"
 
 
-@pytest.mark.slow
 def test_two_causes_are_both_named(findings):
-    found = findings["explained"].diagnosis
+    found = findings["explained"]
     half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
     play = replace(found.causes[0], effect="backlash", site="cart1", explained_fraction=0.99, parameters=half)
     two = replace(found, causes=(*found.causes, play))
     first, second = verdict(two).headline.replace("\u00a0", " ").splitlines()
     assert first == "cart1: backlash, half width 27.2 µm (certain; 99 % of the gap)."
     assert second.startswith("cart2: periodic drive error")
-    assert "The shares overlap" in words(Found(two, findings["explained"].dataset))
+    assert "The shares overlap" in words(two)
 
 
-def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
-    half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
-    assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
-    assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
-    assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
-    assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
-    assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"
-
-
-@pytest.mark.slow
 def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
-    found = findings["explained"].diagnosis
-    said = words(
-        type(findings["explained"])(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)), None)
-    )
+    found = findings["explained"]
+    said = words(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)))
     assert "can't be estimated well" in said
     assert "of the gap's power beyond noise" not in said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
 def test_every_verdict_has_a_badge_and_advice(findings, kind):
-    said = verdict(findings[kind].diagnosis)
+    said = verdict(findings[kind])
     assert said.badge
     assert said.advice
     assert said.headline.endswith(".")
 
 
-@pytest.mark.slow
 def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
-    found = findings["explained"].diagnosis
+    found = findings["explained"]
     cause = found.causes[0]
     members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4, recorded=False))
     lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, Untestable("missing", "speed2"))
@@ -173,9 +136,8 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     assert "makes no difference" not in advice
 
 
-@pytest.mark.slow
 def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
-    found = findings["explained"].diagnosis
+    found = findings["explained"]
     cause = found.causes[0]
     drift, links = ("tracker_drift", "frame"), ("thermal_links", "arm")
     pair = (Member(*drift, 0.2, beside=links), Member(*links, 0.2, beside=drift))
@@ -186,9 +148,8 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert "20 %" not in said
 
 
-@pytest.mark.slow
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
-    found = findings["unknown"].diagnosis
+    found = findings["unknown"]
     lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
     left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
@@ -197,9 +158,8 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     assert "could be" not in " ".join(verdict(found).advice)
 
 
-@pytest.mark.slow
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
-    found = findings["none"].diagnosis
+    found = findings["none"]
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)
     lacking = Considered("backlash", "cart1", 0.0, 0.0, False, Untestable("missing", "approach1"))
     others = tuple(c for c in found.candidates if c.effect not in ("backlash", "servo_lag"))

@@ -1,20 +1,30 @@
-"""Numbers, sites and effects in words."""
+"""Numbers, sites, effects and reasons in words, which are made in one place."""
 
 from __future__ import annotations
 
 import hashlib
+import math
+import re
 from dataclasses import replace
+from pathlib import Path
+from typing import get_args
 
 import pinocchio
 import pytest
+from gtpin.calibration.unseen_remedies import Remedy
 
+import gtpin
 from gtpin import load_robot
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.effect import Effect
-from gtpin.report.phrases import clause, sentence
+from gtpin.effects.untestable import Kind, Untestable, as_untestable
+from gtpin.estimate import Estimate
+from gtpin.report.calibration_text import grouped
+from gtpin.report.phrases import REASONS, clause, parameter, reason_words, sentence, size_words
 from gtpin.report.provenance import provenance, versions
+from gtpin.report.sections.causes import meaning
 from gtpin.report.verdict import beyond_noise
 from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
 
@@ -34,11 +44,9 @@ from gtpin.report.words import chance, coordinate_words, joined, percent, quanti
     ],
 )
 def test_a_quantity_shows_the_digits_that_its_sigma_allows(value, unit, sigma, told):
-    assert quantity(value, unit, sigma).replace("\u00a0", " ") == told
-
-
-def test_a_quantity_is_never_parted_by_a_line_break():
-    assert " " not in quantity(2.5e-5, "m", 9e-7)
+    written = quantity(value, unit, sigma)
+    assert written.replace("\u00a0", " ") == told
+    assert " " not in written.replace("not known", "")  # no line break parts a number from its unit
 
 
 @pytest.mark.parametrize(
@@ -140,3 +148,74 @@ def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
     )
     assert beyond_noise(replace(small, before=80e-6)) == ""
     assert beyond_noise(replace(small, before=39e-6)) == ""
+
+
+def test_every_kind_of_reason_has_words() -> None:
+    assert set(REASONS) == set(get_args(Kind))
+
+
+def test_the_page_of_the_statistics_lists_every_kind_with_its_words() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE))
+    names = {"missing": "speed2", "unusable": "session", "constant": "session"}
+    for kind in set(REASONS) - {"other"}:
+        assert rows[kind] == reason_words(Untestable(kind, names.get(kind, "")), "cart1")
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        (Untestable("missing", "speed2"), "the covariate speed2 is missing"),
+        (Untestable("unusable", "session"), "the values of the covariate session can't be used: a warning says why"),
+        (Untestable("constant", "session"), "the covariate session does not vary"),
+        (Untestable("too_few_commands", "q3"), "the commands of cart3 are too few, or too close together"),
+        (Untestable("absorbed"), "geometric calibration absorbs it"),
+        (None, ""),
+    ],
+)
+def test_words_name_the_covariate_and_the_site(reason: Untestable | None, words: str) -> None:
+    assert reason_words(reason, "cart3") == words
+
+
+def test_an_effect_of_a_users_own_may_give_its_reason_in_words_of_its_own() -> None:
+    assert reason_words(as_untestable("the {hose} was off"), "cart1") == "the {hose} was off"
+    assert as_untestable("") is None
+    assert as_untestable(None) is None
+    assert as_untestable(Untestable("one_sign")) == Untestable("one_sign")
+
+
+@pytest.mark.parametrize("effect", sorted(effects_by_id()))
+def test_every_effect_of_the_catalogue_says_its_equation_and_its_parameters(effect):
+    for robot in (gtpin.load_robot("gantry_tau"), gtpin.load_robot("ur5")):
+        told = meaning(effects_by_id()[effect], robot)
+        assert "=" in told[0]
+        parameters = next(part for part in told if "Parameters:" in part)
+        assert "<code>" in parameters
+        assert not any("`" in part or "Typical size" in part for part in told)
+        assert not (robot.rods and any("robot without rods" in part[:50] for part in told))
+
+
+class Silent(Linearity):
+    id = "silent"
+
+
+def test_an_effect_without_a_description_of_its_own_says_nothing_of_another():
+    assert meaning(Silent(), gtpin.load_robot("ur5")) == ()
+
+
+def test_directions_that_nothing_shows_are_one_sentence():
+    tilt = Remedy("tilts", "", 12)
+    assert grouped(("a", "b", "c"), (None, tilt, None)) == (
+        "b",
+        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
+    )
+    assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
+
+
+def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
+    half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
+    assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
+    assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
+    assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
+    assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
+    assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"

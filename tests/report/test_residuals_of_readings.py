@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mixed_readings import NOMINAL, S1, commands, mixed
-from readings_of_circles import read_ranges
+from known_readings import NOMINAL, S1, commands, mixed, read_ranges
 
 from gtpin.errors import DatasetError
 from gtpin.report.figure import has_plotly
 from gtpin.report.maps import workspace_figure
-from gtpin.report.residual_columns import leading, view
-from gtpin.report.residual_plots import components, residual_figure
+from gtpin.report.residual_plots import components, leading, residual_figure, view
 from gtpin.report.residuals import Residuals
 
 
@@ -25,14 +23,14 @@ def residuals(tmp_path: Path) -> Residuals:
 
 def test_each_number_that_an_instrument_reads_is_a_component(residuals: Residuals) -> None:
     cup = tuple(f"cup.{name}" for name in ("x", "y", "z", "distance"))
-    assert residuals.axes == ("wire", *cup, "level.tilt_x", "level.tilt_y")
+    assert tuple(residuals.axes) == ("wire", *cup, "level.tilt_x", "level.tilt_y")
     assert [residuals.unit(name) for name in residuals.axes] == ["m"] * 5 + ["rad"] * 2
     assert residuals.first_component == "wire"
 
 
 def test_of_a_single_instrument_components_are_its_numbers(tmp_path: Path) -> None:
     found = read_ranges(tmp_path, [("XY", np.linspace(0.0, 1.0, 20), np.zeros_like)])
-    assert found.axes == ("range",)
+    assert tuple(found.axes) == ("range",)
     np.testing.assert_array_equal(found.component("range", found.before), found.before[:, 0])
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from mixed_readings import NOMINAL, S1, S2, STATION, TARGET, commands, write
+from known_readings import NOMINAL, S1, S2, STATION, TARGET, commands, write
 
 import gtpin
 import gtpin.cli
@@ -30,6 +30,7 @@ from gtpin.view.still import still
 if TYPE_CHECKING:
     from gtpin.view.scene import Scene
 
+Shown = tuple[DrawnGap, tuple[FittedInstrument, ...]]
 ROBOT, UP = gtpin.load_robot("gantry_tau"), np.array([0.0, 0.0, 1.0])
 
 
@@ -55,7 +56,7 @@ def test_a_range_is_the_distance_from_the_drawn_station_to_the_drawn_target() ->
     drawn, one, u = fitted(table, station=("B", "A"))
     places = InstrumentPlaces.of([drawn])
     assert set(places.stations) == {"w A", "w B"}
-    assert places.wires == (("w A", "w"), ("w B", "w"))
+    assert places.wires == [("w A", "w"), ("w B", "w")]
     pose = pose_with_target_at(np.array([0.5, 0.5, 0.5]), np.zeros(3))
     end = pose.T[0] + pose.R[0] @ places.targets["w"]
     assert one.predicted(pose, u)[0, 0] == pytest.approx(np.linalg.norm(end - places.stations["w B"]), abs=1e-12)
@@ -104,14 +105,14 @@ def test_without_instruments_nothing_is_drawn() -> None:
 
 
 @pytest.fixture
-def shown(tmp_path: Path) -> tuple[DrawnGap, tuple[FittedInstrument, ...]]:
+def shown(tmp_path: Path) -> Shown:
     """The nominal model's gap at a wire, a cup and a level; of the level only the mounting is not known."""
     write(tmp_path)
     gap, instruments = gap_with_instruments(NOMINAL, Dataset.read(tmp_path))
     return gap, instruments
 
 
-def test_errors_of_readings_are_along_what_is_read(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> None:
+def test_errors_of_readings_are_along_what_is_read(shown: Shown) -> None:
     gap, instruments = shown
     places = InstrumentPlaces.of(instruments)
     assert len(gap.q) == 20 + 16 + 12
@@ -133,7 +134,7 @@ def test_errors_of_readings_are_along_what_is_read(shown: tuple[DrawnGap, tuple[
             assert gap.said(i).endswith("rad")
 
 
-def test_the_gap_names_each_instrument_and_the_model(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> None:
+def test_the_gap_names_each_instrument_and_the_model(shown: Shown) -> None:
     gap, _ = shown
     assert gap.what == "reading errors of the nominal model"
     assert all(f"{name} " in gap.summary for name in ("wire", "cup", "level"))
@@ -149,7 +150,7 @@ def test_a_model_of_other_instruments_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_still_image_names_stations_sockets_and_known_distances(
-    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
+    shown: Shown,
 ) -> None:
     (axes,) = still(NOMINAL, *shown).axes
     told = [text.get_text().strip() for text in axes.texts]
@@ -158,7 +159,7 @@ def test_a_still_image_names_stations_sockets_and_known_distances(
 
 
 def test_without_a_gap_wires_end_at_the_drawn_platform(
-    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
+    shown: Shown,
 ) -> None:
     (axes,) = still(replace(NOMINAL, instruments=shown[1])).axes
     machine = skeleton(NOMINAL)
@@ -181,15 +182,10 @@ def test_the_command_writes_a_picture_of_readings(tmp_path: Path, monkeypatch: p
 
 
 @pytest.fixture
-def scene(shown: tuple[DrawnGap, tuple[FittedInstrument, ...]]) -> Iterator[Scene]:
-    pytest.importorskip("viser", reason="viser is not installed")
-    from gtpin.view.scene import Scene
-
+def scene(shown: Shown, served: Callable[..., Scene]) -> Scene:
     planes = {"bed": {"point": (-1.3, -4.3, 0.0), "normal": (0.0, 0.0, 1.0)}}
     bed = FittedInstrument(PlaneTable(name="bed", kind="plane", planes=planes))
-    served = Scene(NOMINAL, shown[0], port=0, instruments=(*shown[1], bed))
-    yield served
-    served.stop()
+    return served(NOMINAL, shown[0], instruments=(*shown[1], bed))
 
 
 def test_wires_go_from_stations_to_targets_and_follow_the_platform(scene: Scene) -> None:
@@ -239,20 +235,8 @@ def test_the_page_tells_which_instrument_is_off_and_by_how_much(scene: Scene) ->
     assert scene.panel.message.content.startswith("**Pose t11 (level row 13)**: level off by ")
 
 
-def test_a_model_with_instruments_is_shown_with_them(
-    shown: tuple[DrawnGap, tuple[FittedInstrument, ...]],
-) -> None:
-    pytest.importorskip("viser", reason="viser is not installed")
-    from gtpin.view.scene import Scene
-
-    served = Scene(replace(NOMINAL, instruments=shown[1]), None, port=0)
-    try:
-        assert served.instruments is not None
-        assert "/instruments/stations/wire" in served.instruments.drawn
-    finally:
-        served.stop()
-    plain = Scene(NOMINAL, None, port=0)
-    try:
-        assert plain.instruments is None
-    finally:
-        plain.stop()
+def test_a_model_with_instruments_is_shown_with_them(shown: Shown, served: Callable[..., Scene]) -> None:
+    instruments = served(replace(NOMINAL, instruments=shown[1])).instruments
+    assert instruments is not None
+    assert "/instruments/stations/wire" in instruments.drawn
+    assert served(NOMINAL).instruments is None

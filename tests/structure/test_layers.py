@@ -137,8 +137,8 @@ def test_few_ask_whether_poses_or_readings_were_measured() -> None:
 
 
 def test_every_result_that_is_shown_has_a_presentation() -> None:
-    for file in PRESENTATIONS.values():
-        assert "\npresent = " in MODULES[f"gtpin.report.{file}"].read_text(encoding="utf-8")
+    for name, file in PRESENTATIONS.items():
+        assert f"\nclass {name}Presentation" in MODULES[f"gtpin.report.{file}"].read_text(encoding="utf-8")
     shown = {
         node.name
         for file in MODULES.values()

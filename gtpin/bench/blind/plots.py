@@ -12,8 +12,7 @@ from gtpin.bench.blind.figures import of_kind
 from gtpin.bench.blind.judged import VISIBLE, Judged
 from gtpin.bench.blind.score import EDGES, matched_filter
 from gtpin.report.embedded import Plot
-from gtpin.report.figure import Drawing
-from gtpin.report.palette import ACCENT, BAD, DATA, FIT, GOOD, LOW, MID, MYSTERY, WARN, ZERO
+from gtpin.report.figure import ACCENT, BAD, DATA, FIT, GOOD, LOW, MID, MYSTERY, WARN, ZERO, Drawing
 
 COLORS = (ACCENT, FIT, GOOD, MYSTERY)
 DOTTED = {"color": ZERO, "dash": "dot"}

@@ -1,0 +1,134 @@
+"""The data: what was measured, what was set aside, and the ranges of all columns."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from gtpin.calibration.problem import measured_poses
+from gtpin.calibration.result import Calibration
+from gtpin.data import Dataset
+from gtpin.data.names import lookalikes
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.report.calibration_text import cannot_judge, noise_words, scatters
+from gtpin.report.diagnosis_json import gap_method
+from gtpin.report.page import Block, Fold, Heading, Section, Small, Table
+from gtpin.report.sections import Reported, section
+from gtpin.report.words import counted, covariate_unit, joined, length, whole, with_unit
+from gtpin.typing import Floats
+
+ALIKE = 0.02
+"""Relative difference of two noise floors that is not told."""
+
+
+@section(130)
+def data(r: Reported) -> Section:
+    """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
+    c, d = r.calibration, r.diagnosis
+    facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), _fit(c), *_misspelt(r.dataset)]
+    content: list[Block] = [fact for fact in facts if fact]
+    aside = _set_aside(r.dataset, c, c.rejected_rows if d is None else d.set_aside_rows)
+    if aside.rows:
+        about = "These poses were not used. Off by: distance from the prediction of the calibrated geometry."
+        content += [Heading("Set aside"), about, aside]
+    else:
+        content.append("No pose was set aside.")
+    content.append(Fold("Ranges of commands and covariates", [_ranges(r.dataset)]))
+    if d is not None:
+        words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
+        content.append(Small(words.rstrip()))
+    return Section("data", "Data", content)
+
+
+def _counts(dataset: Dataset) -> str:
+    """Numbers of measurements, poses and repeated visits.
+
+    A row repeats another one with the same commands and, for readings, of the same instrument, station or target.
+    """
+    visits = len(np.unique(dataset.visits))
+    repeats = len(dataset) - len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
+    more = ", none visited twice: repeatability can't be distinguished from errors of the geometry"
+    if repeats:
+        more = f", {counted(repeats, 'repeated visit')}"
+    return f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}{more}."
+
+
+def _what_was_measured(dataset: Dataset) -> str:
+    rows = dataset.readings
+    if rows.names:
+        counts = [f"{one.name}: {(rows.of == i).sum()} ({one.kind})" for i, one in enumerate(rows.tables)]
+        return f"Readings by instrument: {joined(counts)}."
+    if dataset.orientation is not None:
+        return "Position and orientation were measured."
+    return "Only positions were measured."
+
+
+def _noise(c: Calibration) -> str:
+    noise = c.noise
+    text = f"Noise of the instruments, 1 sigma of a number: {'; '.join(noise_words(c))}"
+    if noise.repeatability > 0.0:
+        how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
+        text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
+    if noise.lack > 0.0:
+        text += f"; model error along single drives, correlated between neighbouring poses: {length(noise.lack)}"
+    if np.isfinite(c.freedom):
+        text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
+    return text + "."
+
+
+def _fit(c: Calibration) -> str:
+    meaning = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    return f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({meaning})."
+
+
+def _misspelt(dataset: Dataset) -> list[str]:
+    return [
+        f"No effect uses the column {name}: is {known} meant?" for name, known in lookalikes(dataset.covariates).items()
+    ]
+
+
+def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Table:
+    """The rows that were set aside, by their distance from the calibrated geometry."""
+    rows = np.flatnonzero(np.isin(dataset.row, list(aside)))
+    if not len(rows):
+        return Table((), [])
+    some, cells = dataset.take(rows), []
+    if some.readings.names:
+        for i, pose in enumerate(some.pose):
+            file, line = some.readings.place(i)
+            cells.append([str(pose), str(line), file.name if file else ""])
+        return Table(("pose", "line", "file"), cells, (1, 2))
+    off = np.linalg.norm(measured_poses(some).minus(c.model.predict(some.q))[:, :3], axis=1)
+    for i in np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable"):
+        far = length(off[i]) if np.isfinite(off[i]) else "can't be reached"
+        cells.append([str(some.pose[i]), str(some.row[i]), far])
+    return Table(("pose", "line", "off by"), cells, (1, 2))
+
+
+def _ranges(dataset: Dataset) -> Table:
+    rows = [_range(f"q{j + 1}", dataset.q[:, j]) for j in range(dataset.n_actuators)]
+    for name, values in dataset.covariates.items():
+        if name == "session":
+            sessions = dict.fromkeys(str(v) for v in values)
+            rows.append(["session", counted(len(sessions), "session"), ", ".join(sessions)])
+        else:
+            rows.append(_range(name, np.asarray(values, dtype=float)))
+    return Table(("column", "from", "to"), rows, (1, 2))
+
+
+def _range(name: str, values: Floats) -> list[str]:
+    low, high = float(values.min()), float(values.max())
+    label = with_unit(name, covariate_unit(name))
+    return [label, whole(f"{low:.4g}"), "does not vary" if low == high else whole(f"{high:.4g}")]
+
+
+def _two_floors(d: Diagnosis) -> str:
+    """A sentence where the noise floor is not that of the calibration: repeated visits differ by less without the causes."""
+    calibrated = None if d.gap.by_instrument else d.baseline.to_json()["position_noise_floor"]
+    if calibrated is None or abs(calibrated / d.gap.floor - 1.0) < ALIKE:
+        return ""
+    return (
+        f"Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
+        f"{length(calibrated)} as noise."
+    )

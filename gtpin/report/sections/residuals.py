@@ -1,0 +1,93 @@
+"""The instruments, circular tests, and residuals over the workspace and against what was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtpin.calibration.result import InstrumentFit
+from gtpin.diagnosis.linear.cross_validation import InstrumentGap
+from gtpin.report.ball_bar_plot import circular_tests
+from gtpin.report.maps import MapScale, maps
+from gtpin.report.page import Block, Heading, Plots, Section, Table
+from gtpin.report.residual_plots import against_columns, selection
+from gtpin.report.sections import Reported, section
+from gtpin.report.words import quantity, whole
+
+CIRCLES = (
+    "Deviations of the radius along circles about a station, magnified, with the quantities of ISO 230-4: the "
+    "circular deviation G is the range of the deviations of one direction, the bidirectional G(b) that of both "
+    "together; F are the radial deviations, least to largest, positive away from the centre. Counterclockwise goes "
+    "from the plane's first axis to its second (XY: from X to Y). As measured: about the least-squares circle of both "
+    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is no "
+    "deviation."
+)
+
+
+@section(40)
+def instruments(r: Reported) -> Section | None:
+    """Errors of each instrument's readings, and what was identified of the instruments; None for one tracker."""
+    c, d = r.calibration, r.diagnosis
+    if d is None:
+        head = ["instrument", "kind", "readings", "error, nominal", "calibrated", "noise alone"]
+        rows = [[one.name, one.kind, str(one.readings), *_errors(one)] for one in c.by_instrument if one.name]
+    else:
+        head = ["instrument", "kind", "error, left-out readings", "with the causes", "noise alone"]
+        rows = [[one.name, one.kind, *_errors(one)] for one in d.gap.by_instrument]
+    if not rows:
+        return None
+    content: list[Block] = [Table(head, rows, range(2, len(head)))]
+    values = {name: value for one in (d or c).model.instruments for name, value in one.unknowns.items()}
+    unknowns = []
+    for one in c.unknowns:
+        value = whole(f"{one.nominal + values.get(one.name, 0.0):.6f} {one.unit}")
+        prior = quantity(one.sigma, one.unit) if np.isfinite(one.sigma) else "none"
+        unknowns.append([one.name, value, quantity(c.unknown(one.name).sigma, one.unit), prior])
+    if unknowns:
+        columns = ("unknown", "value", "sigma, calibrated", "prior sigma")
+        content += [Heading("What was identified of them"), Table(columns, unknowns, (1, 2, 3, 4))]
+    return Section("instruments", "The instruments", content)
+
+
+def _errors(one: InstrumentFit | InstrumentGap) -> list[str]:
+    return [quantity(value, one.unit) for value in (one.before, one.after, one.floor)]
+
+
+@section(50)
+def circles(r: Reported) -> Section | None:
+    """The circular tests with their plots; None where nothing lies on circles."""
+    tests = circular_tests(r.residuals, r.causes)
+    if not tests:
+        return None
+    content: list[Block] = [Plots(tests[0][1], CIRCLES, legend=True, drawn=False)]
+    for title, plots in tests:
+        content += [Heading(title), Plots(plots)]
+    return Section("circles", "Circular tests", content)
+
+
+@section(60)
+def over_the_workspace(r: Reported) -> Section:
+    """Residuals over the workspace, without and with the causes."""
+    scale = MapScale.of(r.residuals)
+    plots, choices = maps(r.residuals, scale, r.layers)
+    words = (
+        "Where the TCP was at each reading, coloured by the size of what is left of the reading, in sigmas of its noise. "
+        f"{selection(r.residuals)}"
+    )
+    if r.residuals.of_poses:
+        words = (
+            "Position residuals at the measured poses; lines show their directions, magnified "
+            f"{scale.magnified:,.0f} times. {selection(r.residuals)}"
+        )
+    return Section("maps", "Over the workspace", [Plots(plots, words, choices, f"{scale.top:.3g} {scale.unit}")])
+
+
+@section(70)
+def against_what_was_recorded(r: Reported) -> Section:
+    """Residuals against each recorded column."""
+    views, component = r.components
+    share = {} if r.diagnosis is None else r.diagnosis.where.covariate
+    plots = against_columns(r.residuals, share, views, (component, r.layers))
+    order = ", the column with the strongest correlation first" if r.causes else ""
+    words = f"Residuals at each pose{order}. {selection(r.residuals)}"
+    shown = Plots(plots, words, (r.layers, component), legend=True)
+    return Section("covariates", "Against what was recorded", [shown])
