@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from printed import places, printer_cfg
+from printed import Write, places, printer_cfg
 
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.importers.klipper import read_klipper_delta
 from gtpin.importers.klipper_config import read_config
-
-Write = Callable[[str, str], Path]
 
 
 def test_a_pattern_takes_the_files_that_fit_it_and_none_is_no_error(write: Write) -> None:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from printed import ANGLES, ARM, MESH, ORIGIN, PROBED, RADIUS, STEP, carriages, mesh_cfg, places, printer_cfg
+from printed import ANGLES, ARM, MESH, ORIGIN, PROBED, RADIUS, STEP, Write, carriages, mesh_cfg, places, printer_cfg
 
 import gtpin
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.touches import commands
 
-Write = Callable[[str, str], Path]
 KINEMATICS = gtpin.read_model("linear_delta").kinematics
 
 

@@ -5,28 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from with_effects import active
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 from gtpin.kinematics.poses import Poses
 from gtpin.sim import commands_for_simulator
 
 RNG = np.random.default_rng(5)
 
 
-def machine(name: str, effects: dict[tuple[str, str], float], q: np.ndarray, covariates: dict) -> gtpin.Model:
-    """A machine with a geometry of its own, and effects of so many typical sizes."""
+def machine(name: str, effects: list[tuple[str, str]], q: np.ndarray, covariates: dict) -> gtpin.Model:
+    """A machine with a geometry of its own, and effects of typical sizes."""
     model = gtpin.read_model(name).sample(1, np.random.default_rng(len(name)))[0]
-    active = []
-    for (effect, site), size in effects.items():
-        kind = effects_by_id()[effect]
-        at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates)
-        sigma = kind.basis(at, site).sigma
-        zero = np.zeros((len(sigma), len(sigma)))
-        active.append(ActiveEffect(kind, site, None, size * sigma * RNG.normal(size=len(sigma)), zero, at.references))
-    return replace(model, effects=tuple(active))
+
+    def drawn(sigma: np.ndarray) -> np.ndarray:
+        return sigma * RNG.normal(size=len(sigma))
+
+    found = (active(model, q, *place, covariates=covariates, drawn=drawn) for place in effects)
+    return replace(model, effects=tuple(found))
 
 
 def followed(simulated: Poses, offset: Poses) -> tuple[np.ndarray, np.ndarray]:
@@ -34,10 +30,10 @@ def followed(simulated: Poses, offset: Poses) -> tuple[np.ndarray, np.ndarray]:
 
 
 CASES = {
-    "gantry_tau": {("linearity", "cart1"): 1.0, ("backlash", "cart2"): 1.0, ("straightness", "cart3"): 1.0},
-    "linear_delta": {("linearity", "cart1"): 1.0, ("link_compliance", "arm"): 1.0},
-    "stewart": {("linearity", "leg1"): 1.0, ("backlash", "leg2"): 1.0},
-    "ur5": {("joint_compliance", "shoulder_lift_joint"): 1.0, ("backlash", "elbow_joint"): 1.0},
+    "gantry_tau": [("linearity", "cart1"), ("backlash", "cart2"), ("straightness", "cart3")],
+    "linear_delta": [("linearity", "cart1"), ("link_compliance", "arm")],
+    "stewart": [("linearity", "leg1"), ("backlash", "leg2")],
+    "ur5": [("joint_compliance", "shoulder_lift_joint"), ("backlash", "elbow_joint")],
 }
 
 
@@ -109,9 +105,9 @@ def test_what_is_wrong_is_an_error_of_one_line() -> None:
     with pytest.raises(gtpin.GtpinError, match="command 2"):
         commands_for_simulator(model, [[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])
     q = np.zeros((2, 3))
-    played = machine("gantry_tau", {("backlash", "cart1"): 1.0}, q, {"approach1": np.array([-1.0, 1.0])})
+    played = machine("gantry_tau", [("backlash", "cart1")], q, {"approach1": np.array([-1.0, 1.0])})
     with pytest.raises(gtpin.GtpinError, match="approach1"):
         commands_for_simulator(played, q)
-    soft = machine("gantry_tau", {("linearity", "cart1"): 1.0}, np.zeros((2, 3)), {})
+    soft = machine("gantry_tau", [("linearity", "cart1")], np.zeros((2, 3)), {})
     with pytest.raises(gtpin.GtpinError, match="has effects"):
         commands_for_simulator(model, np.zeros((1, 3)), simulator=soft)

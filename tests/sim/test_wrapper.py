@@ -5,11 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from with_effects import active
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 from gtpin.sim import Diagnosed
 
 NOMINAL = gtpin.read_model("gantry_tau")
@@ -28,11 +26,8 @@ class Still:
 
 
 def with_play(half: float) -> gtpin.Model:
-    effect, q = effects_by_id()["backlash"], np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.2]])
-    at = Situation(NOMINAL.kinematics, q, NOMINAL.kinematics.forward(q), {"approach2": np.array([1.0, -1.0])})
-    count = len(effect.basis(at, "cart2"))
-    active = ActiveEffect(effect, "cart2", None, half * np.eye(count)[0], np.zeros((count, count)), at.references)
-    return replace(NOMINAL, effects=(active,))
+    q, came = np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.2]]), {"approach2": np.array([1.0, -1.0])}
+    return replace(NOMINAL, effects=(active(NOMINAL, q, "backlash", "cart2", covariates=came, first=half),))
 
 
 def test_play_follows_the_direction_of_the_last_change() -> None:

@@ -28,7 +28,6 @@ ASKING = frozenset(
         "effects/links.py",  # each rod has its own drive
         "effects/sites.py",  # the vocabulary of sites
         "export/carts.py",  # files have other elements for carts and rods than for joints
-        "export/loss.py",
         "export/springs.py",
         "model/effect_record.py",  # the file of a model lists the references of rods or of joints
         "report/diagnosis_json.py",
