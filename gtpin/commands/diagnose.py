@@ -90,7 +90,7 @@ def diagnose(
         if history is not None:
             refuse_readings(read)
         with progress_of("diagnosing" if against is None else "checking") as progress:
-            found = run_diagnosis(
+            found: Any = run_diagnosis(
                 read,
                 against=earlier,
                 exclude=exclude or (),

@@ -13,7 +13,7 @@ from gtpin.bench.simulator.case import scenario_recipe, simulate_scenario
 from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.instruments.choice import KINDS
 from gtpin.bench.simulator.simulate import simulate as run_simulation
-from gtpin.bench.simulator.truth import Case, InstrumentCase, case_folders, dataset_folder, truth_names
+from gtpin.bench.simulator.truth import AnyCase, Case, case_folders, dataset_folder, truth_names
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -112,7 +112,7 @@ def _case(
     poses: int | None,
     seed: int | None,
     tcp: str | None,
-) -> Case | InstrumentCase:
+) -> AnyCase:
     """A scenario's machine, or one without effects, measured by a tracker or by instruments."""
     if not instruments:
         assert scenario is not None
