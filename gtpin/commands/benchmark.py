@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.help import Command
-from gtpin.commands.terminal import AsJson, Force, Output, tell, write_json
+from gtpin.commands.terminal import AsJson, Command, Force, Output, tell, write_json
 from gtpin.errors import GtpinError, warn
 from gtpin.output.results import results_folder
 

@@ -13,10 +13,9 @@ import typer
 from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.bench.simulator.truth import Case, truth_names
 from gtpin.commands.diagnose import corrections_hint
-from gtpin.commands.terminal import AsJson, Force, Seed, output_path, progress_of, rendered, tell
+from gtpin.commands.terminal import AsJson, Force, Seed, output_option, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
@@ -46,10 +45,7 @@ FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 
 
 def demo(
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", help="Folder for the results; created.", parser=output_path, metavar="<path>"),
-    ] = Path("gtpin-demo"),
+    output: Annotated[Path, output_option("Folder for the results; created.", show_default=True)] = Path("gtpin-demo"),
     robot: Annotated[
         DemoRobot, typer.Option("--robot", help="The virtual machine: a parallel robot or an arm.")
     ] = DemoRobot.GANTRY_TAU,
@@ -90,9 +86,5 @@ def demo(
 def _held_out(case: Case, found: Diagnosis) -> dict[str, float]:
     """Root mean square length of each model's true position error on the poses that were never measured, m."""
     models = {"nominal": read_model(case.dataset.robot), "calibrated": found.baseline.model, "diagnosed": found.model}
-    return {name: _error(model, case) for name, model in models.items()}
-
-
-def _error(model: Model, case: Case) -> float:
-    left = predict(model, case.commands).T - case.truth.T
-    return float(np.sqrt((left**2).sum(axis=1).mean()))
+    left = {name: predict(model, case.commands).T - case.truth.T for name, model in models.items()}
+    return {name: float(np.sqrt((off**2).sum(axis=1).mean())) for name, off in left.items()}

@@ -29,8 +29,8 @@ from gtpin.errors import GtpinError
 from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.diagnosis import DIAGNOSIS, DiagnosisPresentation
-from gtpin.report.health import HealthCheckPresentation
+from gtpin.output.shown import present
+from gtpin.report.diagnosis import DIAGNOSIS
 from gtpin.report.history import history as history_of
 from gtpin.report.sections.causes import sure_corrections
 from gtpin.report.sections.parameters import controller_words, doubt_of
@@ -79,66 +79,45 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Diagnose the gap between a calibrated geometry and measured poses: where it is, its causes, its explained fraction."""
-    if against is not None:
-        _refuse_alone(tcp is not None, "--tcp", "the model has its own")
-        _refuse_alone(hold_out != "region", "--hold-out", "each pose is left out in turn")
-        options = {"exclude": exclude or (), "false_alarm": false_alarm, "seed": seed, "trust_data": trust_data}
-        changed_since(dataset, against, output, history, force, as_json, **options)
-        return
-    _refuse_alone(history is not None, "--history", "it needs --against MODEL")
-    with results_folder(output, DIAGNOSIS, force=force) as folder:
+    _refuse_alone(against is not None and tcp is not None, "--tcp", "the model has its own")
+    _refuse_alone(against is not None and hold_out != "region", "--hold-out", "each pose is left out in turn")
+    _refuse_alone(against is None and history is not None, "--history", "it needs --against MODEL")
+    with ExitStack() as stack:
+        add = None if history is None else stack.enter_context(history_of(history, force=force))
+        folder = stack.enter_context(results_folder(output, DIAGNOSIS, force=force))
+        earlier: Any = None if against is None else read_model(against)
         read = read_dataset(dataset, tcp, trust=trust_data)
-        with progress_of("diagnosing") as progress:
-            found = run_diagnosis(
+        if history is not None:
+            refuse_readings(read)
+        with progress_of("diagnosing" if against is None else "checking") as progress:
+            found: Any = run_diagnosis(
                 read,
+                against=earlier,
                 exclude=exclude or (),
                 false_alarm=false_alarm,
                 hold_out=hold_out,
                 seed=seed,
                 progress=progress,
             )
-        shown = DiagnosisPresentation(found)
+        shown = present(found)
         result = shown.write(folder)
+        if add is not None:
+            add(found)
+    text = [shown.terminal()]
+    if against is None:
+        text += [*controller_words(found.model, str(output), doubt_of(found.verdict)), *corrections_hint(found, output)]
     written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
-    text = rendered(
-        shown.terminal(),
-        *controller_words(found.model, str(output), doubt_of(found.verdict)),
-        *corrections_hint(found, output),
-        f"Written: {written}",
-        f"Open {output / 'report.html'}",
-    )
-    tell(result, text, as_json)
+    text += [f"Written: {written}", f"Open {output / 'report.html'}"]
+    if history is not None:
+        files = HistoryFiles.named(history)
+        text.append(f"All checks: {files.folder / files.page}")
+    tell(result, rendered(*text), as_json)
 
 
 def _refuse_alone(given: bool, option: str, why: str) -> None:
     """Refuse an option that has no meaning with the others."""
     if given:
         raise GtpinError(f"{option} can't be used here", hint=why)
-
-
-def changed_since(
-    dataset: Path, model: str, output: Path, log: Path | None, force: bool, as_json: bool, **options: Any
-) -> None:
-    """Find what has changed since an earlier model, write the results, and add them to a log of checks."""
-    with ExitStack() as stack:
-        add = None if log is None else stack.enter_context(history_of(log, force=force))
-        folder = stack.enter_context(results_folder(output, DIAGNOSIS, force=force))
-        earlier = read_model(model)
-        read = read_dataset(dataset)
-        if log is not None:
-            refuse_readings(read)
-        with progress_of("checking") as progress:
-            found = run_diagnosis(read, against=earlier, progress=progress, **options)
-        shown = HealthCheckPresentation(found)
-        result = shown.write(folder)
-        if add is not None:
-            add(found)
-    written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
-    text = rendered(shown.terminal(), f"Written: {written}", f"Open {output / 'report.html'}")
-    if log is not None:
-        files = HistoryFiles.named(log)
-        text += f"\nAll checks: {files.folder / files.page}"
-    tell(result, text, as_json)
 
 
 def corrections_hint(found: Diagnosis, output: Path) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_path, tell
+from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_option, tell
 from gtpin.compensation.compensate import compensate, machine_of
 from gtpin.compensation.controller import Box
 from gtpin.data import Commands
@@ -29,15 +29,10 @@ def export(
     model: ModelReference,
     output: Annotated[
         Path,
-        typer.Option(
-            "-o",
-            "--output",
-            help="File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .sdf, "
+        output_option(
+            "File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .sdf, "
             ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint), "
-            ".cfg (Klipper), .g (RepRapFirmware, with a height map).",
-            show_default=False,
-            parser=output_path,
-            metavar="<path>",
+            ".cfg (Klipper), .g (RepRapFirmware, with a height map)."
         ),
     ],
     form: Annotated[

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import wraps
+from inspect import Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_origin
 
 import typer
 
-from gtpin.commands.help import Command
-from gtpin.commands.terminal import ZERO, AsJson, Force, Origin, Tcp, Vector, output_path, tell
+from gtpin.commands.terminal import ZERO, AsJson, Command, Force, Origin, Tcp, Vector, output_option, tell
 from gtpin.data import Commands, Dataset, Instrument
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
@@ -22,17 +24,7 @@ from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 
 SourceFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to read.", show_default=False)]
-Folder = Annotated[
-    Path,
-    typer.Option(
-        "-o",
-        "--output",
-        help="Folder of the dataset; created.",
-        show_default=False,
-        parser=output_path,
-        metavar="<path>",
-    ),
-]
+Folder = Annotated[Path, output_option("Folder of the dataset; created.")]
 RobotName = Annotated[
     str,
     typer.Option("--robot", help="Name of the robot, or path of its URDF or MJCF file.", show_default=False),
@@ -66,6 +58,7 @@ Within = Annotated[
     float | None,
     typer.Option("--within", help="Longest time between a reading and its command, s.", show_default=False),
 ]
+Read = Callable[..., Dataset | Touches]
 UP: Vector = (0.0, 0.0, 1.0)
 TOUCHES_NEEDED = """Touches of a printer's bed, what they leave over for a check, and the sigmas (mm) of the delta radius, the
 arms and the end stops; none determines angles of towers or scales:
@@ -86,96 +79,116 @@ ENOUGH = 25
 """Fewest touches of a printer's bed that leave something over in this table."""
 
 
-def klipper_delta(
-    file: SourceFile,
+import_app = typer.Typer(
+    name="import",
+    help="Turn a file that another program wrote into a dataset folder.",
+    no_args_is_help=True,
+    epilog="Example: gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches",
+)
+
+
+def importer(example: str, needed: str = "") -> Callable[[Read], Read]:
+    """Decorator that makes a command of the reader of a format, which returns `Dataset` or `Touches`.
+
+    The command's options are ``-o`` and ``--robot``, then those of the reader, then the other ones of the function that writes
+    what was read. ``example``: a call of the command. ``needed``: text of its help before the example.
+    """
+
+    def register(read: Read) -> Read:
+        reading = signature(read, eval_str=True)
+        write: Callable[..., None] = _write_touches if reading.return_annotation is Touches else _write_poses
+        writing = signature(write, eval_str=True).parameters
+        own = reading.parameters
+        first, *rest = (p for p in writing.values() if get_origin(p.annotation) is Annotated)
+        options = {p.name: own.get(p.name, p) for p in (own["file"], first, *rest[:1], *own.values(), *rest)}
+
+        @wraps(read)
+        def command(**given: Any) -> None:
+            found = read(**{name: given[name] for name in own})
+            write(found, **{name: given[name] for name in writing if name in given})
+
+        named = [p.replace(kind=p.KEYWORD_ONLY) for p in options.values()]
+        command.__signature__ = Signature(named)  # type: ignore[attr-defined]
+        import_app.command(cls=Command, epilog=f"{needed}Example:\n\n{example}")(command)
+        return read
+
+    return register
+
+
+def _write_touches(
+    touches: Touches,
     output: Folder,
     robot: RobotName,
     origin: Origin = ZERO,
+    normal: Vector = UP,
     sigma: Sigma = None,
     name: Name = "bed",
     tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
+    rows = write_touches(
+        touches, output, robot, tcp=tcp, name=name, origin=origin, normal=normal, sigma=sigma, force=force
+    )
+    few = f"\n{rows} touches are few: a calibration needs about {ENOUGH}. Probe a mesh of 7 x 7."
+    _tell_written(rows, "touches", robot, output, as_json, few if rows < ENOUGH else "")
+
+
+def _write_poses(
+    dataset: Dataset, output: Folder, robot: RobotName, force: Force = False, as_json: AsJson = False
+) -> None:
+    replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
+    _tell_written(len(dataset), "measured poses", robot, output, as_json)
+
+
+def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool, more: str = "") -> None:
+    result = {"dataset": str(dataset), "robot": robot, "rows": rows}
+    tell(result, f"{rows} {what} of {robot}. Written: {dataset}{more}", as_json)
+
+
+@importer("gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches", TOUCHES_NEEDED)
+def klipper_delta(file: SourceFile) -> Touches:
     """Klipper: the touches of DELTA_CALIBRATE, from a printer.cfg that SAVE_CONFIG wrote."""
-    touches = read_klipper_delta(file)
-    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+    return read_klipper_delta(file)
 
 
-def klipper_probe(
-    file: SourceFile,
-    output: Folder,
-    robot: RobotName,
-    probe_offset: ProbeOffset = ZERO,
-    origin: Origin = ZERO,
-    sigma: Sigma = None,
-    name: Name = "bed",
-    tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+@importer(
+    "gtpin import klipper-probe klippy.log --robot printer.urdf --probe-offset -25 5 1.2 -o touches", TOUCHES_NEEDED
+)
+def klipper_probe(file: SourceFile, probe_offset: ProbeOffset = ZERO) -> Touches:
     """Klipper: the touches that klippy.log or the console reports (probe at X,Y is z=Z)."""
-    touches = read_klipper_probe(file, probe_offset)
-    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+    return read_klipper_probe(file, probe_offset)
 
 
+@importer("gtpin import klipper-mesh printer.cfg --robot printer.urdf -o touches", TOUCHES_NEEDED)
 def klipper_mesh(
     file: SourceFile,
-    output: Folder,
-    robot: RobotName,
     profile: Annotated[str, typer.Option("--profile", help="Name of the mesh.")] = "default",
     probe_offset: ProbeOffset = ZERO,
-    origin: Origin = ZERO,
-    sigma: Sigma = None,
-    name: Name = "bed",
-    tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Touches:
     """Klipper: the points of a bed mesh, from a printer.cfg that SAVE_CONFIG wrote."""
-    touches = read_klipper_mesh(file, profile, probe_offset)
-    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+    return read_klipper_mesh(file, profile, probe_offset)
 
 
-def rrf_heightmap(
-    file: SourceFile,
-    output: Folder,
-    robot: RobotName,
-    probe_offset: ProbeOffset = ZERO,
-    origin: Origin = ZERO,
-    sigma: Sigma = None,
-    name: Name = "bed",
-    tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+@importer("gtpin import rrf-heightmap heightmap.csv --robot printer.urdf -o touches", TOUCHES_NEEDED)
+def rrf_heightmap(file: SourceFile, probe_offset: ProbeOffset = ZERO) -> Touches:
     """RepRapFirmware: the heights of G29, from its heightmap.csv."""
-    touches = read_rrf_heightmap(file, probe_offset)
-    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+    return read_rrf_heightmap(file, probe_offset)
 
 
+@importer("gtpin import rrf-g32 console.txt --points bed.g --robot printer.urdf -o touches", TOUCHES_NEEDED)
 def rrf_g32(
     file: SourceFile,
-    output: Folder,
-    robot: RobotName,
     points: Annotated[Path, typer.Option("--points", help="The bed.g that was run.", show_default=False)],
     probe_offset: ProbeOffset = ZERO,
-    origin: Origin = ZERO,
-    sigma: Sigma = None,
-    name: Name = "bed",
-    tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Touches:
     """RepRapFirmware: the heights that the console reports (G32 bed probe heights: ...), at the points of bed.g."""
-    touches = read_rrf_g32(file, points, probe_offset)
-    _write_touches(touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, sigma=sigma, force=force)
+    return read_rrf_g32(file, points, probe_offset)
 
 
+@importer("gtpin import linuxcnc-probe probe.txt --unit mm --axes XYZ --robot mill.urdf -o touches")
 def linuxcnc_probe(
     file: SourceFile,
-    output: Folder,
-    robot: RobotName,
     unit: Annotated[Unit, typer.Option("--unit", help="Of the program's lengths.", show_default=False)],
     axes: Annotated[
         str,
@@ -190,22 +203,18 @@ def linuxcnc_probe(
     ] = ZERO,
     origin: Origin = ZERO,
     normal: Normal = UP,
-    sigma: Sigma = None,
     name: Name = "probe",
-    tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Touches:
     """LinuxCNC: the touches of one plane, from the file of (PROBEOPEN file)."""
-    touches = read_linuxcnc_probe(file, unit, axes, origin, target)
-    _write_touches(
-        touches, output, robot, as_json, tcp=tcp, name=name, origin=origin, normal=normal, sigma=sigma, force=force
-    )
+    return read_linuxcnc_probe(file, unit, axes, origin, target)
 
 
+@importer(
+    "gtpin import points points.txt --columns=-,-,pose,x,y,z --separator space --unit mm --commands commands.csv "
+    "--match pose --robot ur10 -o measured"
+)
 def points(
     file: SourceFile,
-    output: Folder,
     robot: RobotName,
     columns: Annotated[
         str,
@@ -240,11 +249,9 @@ def points(
     frame: Frame = "free",
     target: Target = "free",
     tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Dataset:
     """A list of points or poses, as SpatialAnalyzer exports it: columns, separator and units as you name them."""
-    dataset = read_points(
+    return read_points(
         file,
         robot,
         [name.strip() for name in columns.split(",")],
@@ -261,12 +268,11 @@ def points(
         instrument=Instrument(frame=frame, target=target),
         tcp=tcp,
     )
-    _write_poses(dataset, output, robot, force, as_json)
 
 
+@importer("gtpin import ros-poses tag.csv --commands commands.csv --match time --within 0.02 --robot ur5 -o measured")
 def ros_poses(
     file: SourceFile,
-    output: Folder,
     robot: RobotName,
     commands: Annotated[
         Path,
@@ -284,73 +290,15 @@ def ros_poses(
     frame: Frame = "free",
     target: Target = "free",
     tcp: Tcp = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Dataset:
     """ROS: the poses of a topic, as rostopic echo -p or ros2 topic echo --csv writes them."""
-    dataset = read_ros_poses(
+    return read_ros_poses(
         file,
         robot,
-        _commands(commands, robot, tcp),
+        Commands.read(commands, load_robot(robot, tcp).n_actuators),
         match,
         within=within,
         prefix=prefix,
         instrument=Instrument(frame=frame, target=target),
         tcp=tcp,
     )
-    _write_poses(dataset, output, robot, force, as_json)
-
-
-def _write_touches(touches: Touches, output: Path, robot: str, as_json: bool, **options: Any) -> None:
-    """Write the dataset of touches; the options are those of :func:`~gtpin.importers.touches.write_touches`."""
-    rows = write_touches(touches, output, robot, **options)
-    few = (
-        ""
-        if rows >= ENOUGH
-        else f"\n{rows} touches are few: a calibration needs about {ENOUGH}. Probe a mesh of 7 x 7."
-    )
-    _tell_written(rows, "touches", robot, output, as_json, few)
-
-
-def _write_poses(dataset: Dataset, output: Path, robot: str, force: bool, as_json: bool) -> None:
-    replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
-    _tell_written(len(dataset), "measured poses", robot, output, as_json)
-
-
-def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool, more: str = "") -> None:
-    result = {"dataset": str(dataset), "robot": robot, "rows": rows}
-    tell(result, f"{rows} {what} of {robot}. Written: {dataset}{more}", as_json)
-
-
-def _commands(file: Path, robot: str, tcp: str | None) -> Commands:
-    return Commands.read(file, load_robot(robot, tcp).n_actuators)
-
-
-import_app = typer.Typer(
-    name="import",
-    help="Turn a file that another program wrote into a dataset folder.",
-    no_args_is_help=True,
-    epilog="Example: gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches",
-)
-for command, example in (
-    (klipper_delta, "gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches"),
-    (
-        klipper_probe,
-        "gtpin import klipper-probe klippy.log --robot printer.urdf --probe-offset -25 5 1.2 -o touches",
-    ),
-    (klipper_mesh, "gtpin import klipper-mesh printer.cfg --robot printer.urdf -o touches"),
-    (rrf_heightmap, "gtpin import rrf-heightmap heightmap.csv --robot printer.urdf -o touches"),
-    (rrf_g32, "gtpin import rrf-g32 console.txt --points bed.g --robot printer.urdf -o touches"),
-    (linuxcnc_probe, "gtpin import linuxcnc-probe probe.txt --unit mm --axes XYZ --robot mill.urdf -o touches"),
-    (
-        points,
-        "gtpin import points points.txt --columns=-,-,pose,x,y,z --separator space --unit mm --commands commands.csv "
-        "--match pose --robot ur10 -o measured",
-    ),
-    (
-        ros_poses,
-        "gtpin import ros-poses tag.csv --commands commands.csv --match time --within 0.02 --robot ur5 -o measured",
-    ),
-):
-    needed = TOUCHES_NEEDED if command in (klipper_delta, klipper_probe, klipper_mesh, rrf_heightmap, rrf_g32) else ""
-    import_app.command(cls=Command, epilog=f"{needed}Example:\n\n{example}")(command)

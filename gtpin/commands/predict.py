@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_path, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_option, tell
 from gtpin.data import Commands
 from gtpin.data.checks import CheckedRows
 from gtpin.data.files import read_table
@@ -27,12 +27,7 @@ def predict(
     commands: Annotated[
         Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.", show_default=False)
     ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", help="CSV file for the poses.", show_default=False, parser=output_path, metavar="<path>"
-        ),
-    ],
+    output: Annotated[Path, output_option("CSV file for the poses.")],
     tcp: Tcp = None,
     instrument: Annotated[
         str | None,

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from gtpin import __version__
-from gtpin.commands.help import Command
+from gtpin.commands.terminal import Command
 
 COMMANDS = {
     "demo": ["gtpin demo -o first-try"],

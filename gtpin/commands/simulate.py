@@ -11,9 +11,8 @@ import typer
 
 from gtpin.bench.simulator.case import scenario_recipe, simulate_scenario
 from gtpin.bench.simulator.instruments.build import KINDS, build_measured, simulate_measured
-from gtpin.bench.simulator.simulate import Simulation
 from gtpin.bench.simulator.simulate import simulate as run_simulation
-from gtpin.bench.simulator.truth import Case, InstrumentCase, case_folders, dataset_folder, truth_names
+from gtpin.bench.simulator.truth import AnyCase, Case, case_folders, dataset_folder, truth_names
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -75,88 +74,53 @@ def simulate(
     """
     if scenario is not None and tcp is not None:
         raise GtpinError("--tcp with --scenario", hint="name the TCP in the robot's URDF: <platform link>")
-    if instrument:
-        made = _write_measured(instrument, scenario, output, robot, poses, seed, tcp, truth, force)
-        name, rows, seed = made.dataset.robot, len(made.dataset), int(made.name.removeprefix("case"))
-        also = f", truth: {_truth_file(output)}"
-    elif scenario is None:
-        name = robot or ROBOT
+    if scenario is None and not instrument:
+        name, seed = robot or ROBOT, seed or SEED
         with dataset_folder(output, force=force) as folder:
-            simulation = run_simulation(
-                load_robot(name, tcp), seen_from(name, output), poses=poses or POSES, seed=seed or SEED
-            )
-            simulation = replace(simulation, dataset=replace(simulation.dataset, tcp=tcp))
-            write_simulation(simulation, folder, truth)
-        rows, seed = len(simulation.dataset), seed or SEED
-        also = ""
+            found = run_simulation(load_robot(name, tcp), seen_from(name, output), poses=poses or POSES, seed=seed)
+            replace(found.dataset, tcp=tcp).write(folder)
+            found.commands.write(folder / "commands.csv")
+            if truth:
+                _write_truth(found.commands, found.truth.T, found.truth.R, folder)
+        rows, also = len(found.dataset), ""
     else:
-        case = _write_scenario(scenario, output, robot, poses, seed, truth, force)
-        name, rows, seed = case.recipe.robot, len(case.dataset), case.recipe.seed
-        also = f", truth: {_truth_file(output)}"
+        place = Path(os.path.abspath(output))
+        if not place.name:  # the files with the truth get names made from it
+            raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
+        with case_folders(place, force=force) as (folder, truth_folder):
+            case = _case(instrument, scenario, robot, poses, seed, tcp)
+            measured = replace(case, dataset=replace(case.dataset, robot=seen_from(case.dataset.robot, output)))
+            measured.write_dataset(folder)
+            measured.write_truth(truth_folder, place.name)
+            if truth:
+                _write_truth(case.commands, case.truth.T, case.truth.R, folder)
+        if isinstance(case, Case):
+            name, seed = case.recipe.robot, case.recipe.seed
+        else:
+            name, seed = measured.dataset.robot, int(case.name.removeprefix("case"))
+        rows, also = len(case.dataset), f", truth: {output.parent / truth_names(place.name)[0]}"
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
     what = "readings" if instrument else "measured poses"
     tell(result, f"{rows} {what} of a virtual {name}. Written: {output}{also}", as_json)
 
 
-def write_simulation(simulation: Simulation, folder: Path, truth: bool) -> None:
-    """Write ``dataset.toml``, ``poses.csv``, ``commands.csv`` and, if wanted, ``truth.csv``."""
-    simulation.dataset.write(folder)
-    simulation.commands.write(folder / "commands.csv")
-    if truth:
-        _write_truth(simulation.commands, simulation.truth.T, simulation.truth.R, folder)
-
-
-def _write_scenario(
-    scenario: Path, output: Path, robot: str | None, poses: int | None, seed: int | None, truth: bool, force: bool
-) -> Case:
-    place = _named(output)
-    with case_folders(place, force=force) as (folder, truth_folder):
-        case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
-        dataset = replace(case.dataset, robot=seen_from(case.dataset.robot, output))
-        replace(case, dataset=dataset).write_dataset(folder)
-        case.write_truth(truth_folder, place.name)
-        if truth:
-            _write_truth(case.commands, case.truth.T, case.truth.R, folder)
-    return case
-
-
-def _write_measured(
-    instruments: list[str],
+def _case(
+    instruments: list[str] | None,
     scenario: Path | None,
-    output: Path,
     robot: str | None,
     poses: int | None,
     seed: int | None,
     tcp: str | None,
-    truth: bool,
-    force: bool,
-) -> InstrumentCase:
-    place = _named(output)
-    with case_folders(place, force=force) as (folder, truth_folder):
-        if scenario is None:
-            name = robot or ROBOT
-            found = load_robot(name, tcp)
-            case = simulate_measured(found, name, instruments, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
-        else:
-            case = build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instruments)
-        case = replace(case, dataset=replace(case.dataset, robot=seen_from(case.dataset.robot, output)))
-        case.write_dataset(folder)
-        case.write_truth(truth_folder, place.name)
-        if truth:
-            _write_truth(case.commands, case.truth.T, case.truth.R, folder)
-    return case
-
-
-def _named(output: Path) -> Path:
-    """The absolute path of the dataset. It must have a name, because the files with the truth get names made from it."""
-    place = Path(os.path.abspath(output))
-    if not place.name:
-        raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
-    return place
-
-
-def _truth_file(output: Path) -> Path:
-    return output.parent / truth_names(Path(os.path.abspath(output)).name)[0]
+) -> AnyCase:
+    """A scenario's machine, or one without effects, measured by a tracker or by instruments."""
+    if not instruments:
+        assert scenario is not None
+        return simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
+    if scenario is not None:
+        return build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instruments)
+    name = robot or ROBOT
+    found = load_robot(name, tcp)
+    return simulate_measured(found, name, instruments, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
 
 
 def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console, RenderableType
 from rich.progress import Progress as RichProgress
 from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.text import Text
+from typer.core import TyperCommand, TyperOption
 
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
@@ -21,24 +22,18 @@ from gtpin.errors import GtpinError
 from gtpin.output.results import json_text
 
 
-def output_path(text: str) -> Path:
-    """The path of ``-o``; an error for an empty text, as from an unset variable of a script."""
-    if not text:
+def _output_path(text: str) -> Path:
+    if not text:  # as from an unset variable of a script
         raise typer.BadParameter("it is empty")
     return Path(text)
 
 
-Output = Annotated[
-    Path,
-    typer.Option(
-        "-o",
-        "--output",
-        help="Folder for the results; created.",
-        show_default=False,
-        parser=output_path,
-        metavar="<path>",
-    ),
-]
+def output_option(text: str, *, show_default: bool = False) -> Any:
+    """The option ``-o`` with the help ``text``; an empty path is an error."""
+    return typer.Option("-o", "--output", help=text, show_default=show_default, parser=_output_path, metavar="<path>")
+
+
+Output = Annotated[Path, output_option("Folder for the results; created.")]
 Force = Annotated[
     bool,
     typer.Option("--force", help="Move what gtpin has not written, or was changed since, aside (NAME.old-1)."),
@@ -77,8 +72,32 @@ Origin = Annotated[
 ]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
+MOST = 10
+"""Most options on the first help screen of a command, ``--help`` among them; ``--help-all`` shows all."""
+ALL = "--help-all"
 PIPED_WIDTH = 120
 """Width of tables, in characters, where the output is not a terminal."""
+
+
+class Command(TyperCommand):
+    """A command whose first options, in the order of its function's parameters, are on the first help screen."""
+
+    def __init__(self, *args: Any, params: list[Any], epilog: str | None = None, **more: Any) -> None:
+        options = [param for param in params if isinstance(param, TyperOption) and not param.hidden]
+        self._rare = options[MOST - 1 :]
+        for option in self._rare:
+            option.hidden = True
+        if self._rare:
+            epilog = f"More options: {ALL}\n\n{epilog or ''}"
+        super().__init__(*args, params=params, epilog=epilog, **more)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a call; ``--help-all`` among them is ``--help`` with all options."""
+        if ALL in args:
+            for option in self._rare:
+                option.hidden = False
+            args = ["--help"]
+        return list(super().parse_args(ctx, args))
 
 
 def read_dataset(folder: Path, tcp: str | None = None, *, trust: bool = False) -> Dataset:

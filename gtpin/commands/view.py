@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_path, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_option, tell
 from gtpin.data import Dataset
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
@@ -22,17 +22,7 @@ def view(
         Path | None,
         typer.Argument(help="Folder of measured poses or readings, whose gap is shown.", show_default=False),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="Write a still image (PNG, SVG, PDF) instead.",
-            show_default=False,
-            parser=output_path,
-            metavar="<path>",
-        ),
-    ] = None,
+    output: Annotated[Path | None, output_option("Write a still image (PNG, SVG, PDF) instead.")] = None,
     host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
     tcp: Tcp = None,

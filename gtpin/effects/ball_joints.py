@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
-from gtpin.effects.effect import ChainWords, Effect, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
 from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import links, loaded_along
@@ -70,8 +70,7 @@ class JointClearance(Effect):
         sizes = drive_sizes(at, site, [1.0, MODULATION.soft_clearance, MODULATION.yielding], 1.5e-5)
         return of_lengths(at, rods, columns[:, None], sizes) if rods else along_track(at, site, columns, sizes)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Half the play, the play, and the further change with the force."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}
 
@@ -111,8 +110,7 @@ class JointRunout(Effect):
         size *= 2.0 / np.linalg.norm(size)
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Root mean square of f, and its largest coefficient."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         # The mean square of a cosine is 1/2, that of a product of two cosines 1/4.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
         rms = float(np.sqrt(square @ coefficients**2))

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import cart_load, joint_frame, of_body
-from gtpin.effects.effect import Effect, Range, unit
+from gtpin.effects.effect import Effect, Parameters, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts
 from gtpin.effects.situation import Situation
@@ -94,8 +94,7 @@ class CartCompliance(Effect):
                     sizes.append(share * TIP)
         return of_body(at, site, np.stack(columns, axis=2), unit(sizes, 1.0))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Compliances along and across the track, and rotational compliances."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
         tips = coefficients[TIPS : TIPS + 3]

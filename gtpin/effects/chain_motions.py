@@ -15,6 +15,7 @@ from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -94,7 +95,7 @@ def cart_load(at: Situation, site: str) -> tuple[Floats, Floats]:
 def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
     """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
-    carried = [(link, _target(at, link).actionInverse @ twist) for link, twist in found]
+    carried = [(link, target_at(at.kinematics.robot, link).actionInverse @ twist) for link, twist in found]
     if not at.robot.constraints:
         return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
     # A link of a loop may carry more than one joint, or a loop's anchor. All of them move with the tip, as if the link's own
@@ -131,28 +132,24 @@ def _tip_from_joint(at: Situation, link: MovingLink) -> tuple[Floats, Floats]:
     return back @ bodies.R[:, link.tip], np.einsum("nij,nj->ni", back, bodies.T[:, link.tip] - bodies.T[:, own])
 
 
-def _tip_on_link(at: Situation, link: MovingLink) -> pin.SE3:
-    """Placement, on the link, of the frame that ``Bodies`` has at the link's tip."""
-    robot = at.kinematics.robot
-    last = link.tip == robot.model.njoints - 1
-    return robot.tcp_placement if last else robot.model.jointPlacements[link.tip + 1]
-
-
-def _target(at: Situation, link: MovingLink) -> pin.SE3:
-    """Placement, in the tip's frame, of the frame that ``Bodies`` has at a link's tip.
+def target_at(robot: Robot, link: MovingLink) -> pin.SE3:
+    """Placement, in the frame of a link's tip, of the frame that ``Bodies`` has there: loads and motions refer to it.
 
     It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
     """
-    robot = at.kinematics.robot
     last = link.tip == robot.model.njoints - 1
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
+
+
+def _tip(robot: Robot, link: MovingLink, last: pin.SE3) -> pin.SE3:
+    """Placement, on a link, of its tip: of the next joint; ``last`` for the last link."""
+    return last if link.tip == robot.model.njoints - 1 else robot.model.jointPlacements[link.tip + 1]
 
 
 def reach(at: Situation, link: MovingLink) -> Floats:
     """(3,) vector from a link's own joint to its tip (the next joint, or the URDF's TCP), in the tip's axes, m."""
     robot = at.kinematics.geometry.robot
-    last = link.tip == robot.model.njoints - 1
-    placement = robot.load_placement if last else robot.model.jointPlacements[link.tip + 1]
+    placement = _tip(robot, link, robot.load_placement)
     return np.asarray(placement.rotation.T @ placement.translation)
 
 
@@ -172,8 +169,7 @@ def beam(at: Situation, link: MovingLink) -> Floats:
     twist, lever = joint_axis(robot.model, link.joint_id), np.asarray(robot.model.inertias[link.joint_id].lever)
     if float(np.linalg.norm(length)) >= POINT or not twist[3:].any():
         return length
-    last = link.tip == robot.model.njoints - 1
-    placement = robot.load_placement if last else robot.model.jointPlacements[link.tip + 1]
+    placement = _tip(robot, link, robot.load_placement)
     towards = -1.0 if float(twist[3:] @ lever) > 0.0 else 1.0
     return np.asarray(placement.rotation.T @ twist[3:]) * towards * BODY * float(np.linalg.norm(lever))
 
@@ -191,7 +187,7 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
-    target = _target(at, link)
+    target = target_at(at.kinematics.robot, link)
     carried = _carried(at, link) if at.robot.constraints else at.joint_loads[:, link.tip]
     loads = carried @ target.dualAction.T
     loads[:, :3] += weight @ at.bodies.R[:, link.tip] @ target.rotation.T
@@ -205,7 +201,8 @@ def _carried(at: Situation, link: MovingLink) -> Floats:
     """
     own, inertia = index_of(link.joint_id), at.robot.model.inertias[link.joint_id]
     R, T = _tip_from_joint(at, link)
-    centre = T + R @ _tip_on_link(at, link).actInv(np.array(inertia.lever))
+    robot = at.kinematics.robot
+    centre = T + R @ _tip(robot, link, robot.tcp_placement).actInv(np.array(inertia.lever))
     weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.R[:, own]
     loads = at.joint_loads[:, own] - np.concatenate([weight, np.cross(centre, weight)], axis=1)
     return np.asarray(np.einsum("nij,ni->nj", tip_to_joint(at, link), loads))

@@ -9,7 +9,7 @@ from itertools import combinations, count, product
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect
+from gtpin.effects.effect import ChainWords, Effect, Parameters
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import carts, joints
 from gtpin.effects.situation import Situation
@@ -66,11 +66,9 @@ class CrossCoupling(Effect):
     of_travel = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every actuator of a robot with two or more."""
         return carts(robot) if robot.n_actuators > 1 else ()
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The commands of all actuators."""
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -95,8 +93,7 @@ class CrossCoupling(Effect):
         chosen = _products(robot.n_actuators - 1, site not in joints(robot), robot.sites.index(site))
         return [[k * chosen.single + order for order in range(LOWEST)] for k in range(chosen.others)]
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Change of the mean of f from the lower to the upper end of each other actuator's range."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         chosen = _with_count(len(coefficients))
         # A wave of odd order falls from 1 to -1; a wave of even order has the same value at both ends.
         single = coefficients[: chosen.others * chosen.single].reshape(chosen.others, -1)

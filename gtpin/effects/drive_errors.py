@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import number
 from gtpin.effects.situation import Situation
@@ -53,8 +53,7 @@ class EncoderScale(Effect):
         columns, size = modulated(at.q[:, j], [at.travel[:, j]], MODULATION.scale)
         return along_track(at, site, columns, unit(size, 1e-4))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The scale, and its change from the lower to the upper end of the range."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         return {"scale": (float(coefficients[0]), "m/m"), "uneven": (-2.0 * float(coefficients[1]), "m/m")}
 
 
@@ -94,8 +93,7 @@ class Linearity(Effect):
         columns, size = smooth_cosines(at, j, SMOOTH_ORDERS, SMOOTH_DECAY)
         return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Root mean square and peak to valley about the best straight line, and the difference between the ends."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         rms, span = extent(coefficients)
         ends = -2.0 * float(coefficients[::2].sum())
         return {"rms": (rms, "m"), "peak_to_valley": (span, "m"), "end_to_end": (ends, "m")}
@@ -130,8 +128,7 @@ class ZeroShift(Effect):
         columns = session_columns(at)
         return along_track(at, site, columns, drive_sizes(at, site, np.ones(columns.shape[1]), 4e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Shift of each session, and the largest difference between two; ``shift`` alone since an earlier model."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         if len(coefficients) == 1:
             return {"shift": (float(coefficients[0]), "m")}
         shifts = coefficients - coefficients.mean()
@@ -171,7 +168,6 @@ class Backlash(Effect):
     }
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The actuator's direction of approach."""
         return (f"approach{number(robot, site)}",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -182,8 +178,7 @@ class Backlash(Effect):
         columns, size = modulated(approach, [at.travel[:, j], load / 2.0], MODULATION.play)
         return along_track(at, site, columns, drive_sizes(at, site, size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The half width and the reversal error."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         half = float(coefficients[0])
         return {"half_width": (half, "m"), "reversal": (2.0 * half, "m")}
 
@@ -219,7 +214,6 @@ class ServoLag(Effect):
     }
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The actuator's speed."""
         return (f"speed{number(robot, site)}",)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:

@@ -13,7 +13,7 @@ from gtpin.data import Dataset
 from gtpin.data.description import MOTIONS, Driver
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Effect
+from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import guided, links, turns
 from gtpin.effects.situation import Situation
@@ -145,15 +145,12 @@ class DriverEffect(Effect):
         return [driver for driver in self.drivers if driver.site == site]
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """The sites that the dataset's ``[[driver]]`` tables name."""
         return self._places
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The column."""
         return (self.column.name,)
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
-        """The column."""
         return (self.column.name,)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -164,11 +161,8 @@ class DriverEffect(Effect):
         sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
         return moved(at, site, [driver.motion for driver in mine], columns, sigma, self.instrument)
 
-    def parameters_at(
-        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
-    ) -> dict[str, tuple[float, str]]:
-        """Motion over the column's range, and its curvature."""
-        found: dict[str, tuple[float, str]] = {}
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+        found: Parameters = {}
         for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
             angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))
             unit = "rad" if angular else "m"

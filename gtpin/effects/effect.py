@@ -21,6 +21,10 @@ Nature = Literal["mechanism", "profile", "description"]
 or a track over its own travel; or a description, a family that fits any smooth function of several coordinates or motions."""
 
 
+Parameters = dict[str, tuple[float, str]]
+"""Physical parameters by name: value and unit."""
+
+
 class Range(NamedTuple):
     """A range of a parameter: lowest and highest value in the parameter's unit, and ``why``, a clause that reports quote."""
 
@@ -239,7 +243,7 @@ class Effect(ABC):
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         """Physical parameters computed from the coefficients, by name: value and unit. Nonlinear parameters come first.
 
         By default there is one parameter: the first coefficient, with the name and unit in ``coefficient``.
@@ -247,9 +251,7 @@ class Effect(ABC):
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
 
-    def parameters_at(
-        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
-    ) -> dict[str, tuple[float, str]]:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
         """The physical parameters at a site, in the units of that site: m where its actuator slides, rad where it turns."""
         found = self.parameters(coefficients, nonlinear)
         if not (self.of_travel and turns(robot, site)):
@@ -262,13 +264,11 @@ class Effect(ABC):
             return self.basis(at, site, *values)
         return side_by_side([self.basis(at, site, value) for value in values])
 
-    def parameters_of(
-        self, robot: Robot, site: str, coefficients: Floats, values: Sequence[float]
-    ) -> dict[str, tuple[float, str]]:
+    def parameters_of(self, robot: Robot, site: str, coefficients: Floats, values: Sequence[float]) -> Parameters:
         """Physical parameters for several values of the nonlinear parameter; for the second value ``NAME_2``, and so on."""
         if len(values) < 2:
             return self.parameters_at(robot, site, coefficients, values[0] if len(values) else None)
-        found: dict[str, tuple[float, str]] = {}
+        found: Parameters = {}
         for i, (part, value) in enumerate(zip(np.split(coefficients, len(values)), values, strict=True)):
             own = self.parameters_at(robot, site, part, value)
             found |= {f"{name}_{i + 1}" if i else name: parameter for name, parameter in own.items()}

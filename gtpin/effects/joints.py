@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Effect, Range, unit
+from gtpin.effects.effect import Effect, Parameters, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.situation import Situation
@@ -64,15 +64,11 @@ class JointCompliance(Effect):
         sizes = [1.0, MODULATION.stiffening, MODULATION.friction]
         return along_track(at, site, columns, unit(sizes, GIVE[turns(at.robot, site)]))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The compliance, and its dependence on the load and on the direction of approach."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         names = ("compliance", "stiffening", "hysteresis")
         return {name: (float(c), "rad/(N m)") for name, c in zip(names, coefficients, strict=True)}
 
-    def parameters_at(
-        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
-    ) -> dict[str, tuple[float, str]]:
-        """The same parameters, in m/N where the joint slides."""
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
         unit = "rad/(N m)" if turns(robot, site) else "m/N"
         return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, nonlinear).items()}
 
@@ -137,8 +133,7 @@ class BearingCompliance(Effect):
             at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, MODULATION.stiffening] * 2, 5e-6)
         )
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Mean compliance in tilt, the difference between a and b, and the dependence on the load."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         a, harder_a, b, harder_b = (float(c) for c in coefficients)
         found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
         return {name: (value, "rad/(N m)") for name, value in found.items()}
@@ -205,8 +200,7 @@ class AxisMotion(Effect):
             return [[2 * HARMONICS * m + w for m in ms for w in wave] for ms in motions for wave in waves]
         return [[ORDERS * m + w for m in ms for w in range(LOWEST)] for ms in motions]
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Sizes of the error motions: root mean squares over a turn."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         a, b, c, tilt_a, tilt_b = (float(v) for v in np.sqrt((coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0))
         return {
             "radial": (float(np.hypot(a, b)), "m"),
@@ -214,10 +208,7 @@ class AxisMotion(Effect):
             "tilt": (float(np.hypot(tilt_a, tilt_b)), "rad"),
         }
 
-    def parameters_at(
-        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
-    ) -> dict[str, tuple[float, str]]:
-        """The parameters at a site; for a sliding joint straightness and rotation."""
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
         if turns(robot, site):
             return self.parameters(coefficients, nonlinear)
         squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0

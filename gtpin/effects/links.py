@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import beam, bending, lengthened, of_tips, tip_loads, torsion
-from gtpin.effects.effect import ChainWords, Effect, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
 from gtpin.effects.joints import no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import arm_and_links, links, links_at
@@ -102,8 +102,7 @@ class LinkCompliance(Effect):
             sizes.append(MODULATION.extension)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The compliance, its dependence on the load, and the difference between links."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
         drawn = coefficients[4 + len(own) :]
@@ -117,10 +116,7 @@ class LinkCompliance(Effect):
         found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
         return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})
 
-    def parameters_at(
-        self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None
-    ) -> dict[str, tuple[float, str]]:
-        """The same parameters; for a robot without rods, the flexibilities of a beam, 1/(N m^2)."""
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
         if links(robot):
             return self.parameters(coefficients, nonlinear)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
@@ -199,8 +195,7 @@ class ThermalLinks(Effect):
         sizes = [1.0, MODULATION.warming, MODULATION.late, *[MODULATION.links] * own]
         return lengthened(at, site, strain, unit(sizes, 8e-6 if rods else 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The mean expansion, and the standard deviation between links."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         own = coefficients[3:]
         if not own.size:
             return {"expansion": (float(coefficients[0]), "1/K")}

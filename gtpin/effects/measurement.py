@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.effects.basis import Basis
-from gtpin.effects.effect import Effect, unit
+from gtpin.effects.effect import Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import the_frame, the_platform
 from gtpin.effects.situation import Situation
@@ -47,8 +47,7 @@ class TrackerDrift(Effect):
         columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
         return Basis(np.concatenate([freedom * s for s in size]), twist=columns)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The drift from beginning to end, and the largest difference between two times."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)
         drift = -2.0 * by_order[::2].sum(axis=0)
         spans = [span(c) for c in by_order.T]
@@ -91,8 +90,7 @@ class FrameShift(Effect):
         columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
         return Basis(np.tile(freedom, sessions.shape[1]), twist=columns)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Shifts and turns of the frame in each session, less their means over the sessions."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         by_session = coefficients.reshape(-1, 6)
         if len(by_session) == 1:
             return {name: (float(value), unit) for (name, unit), value in zip(FREEDOMS, by_session[0], strict=True)}
@@ -172,6 +170,5 @@ class TargetOffset(Effect):
         twist[:, :3] = at.poses.R
         return Basis(unit(np.ones(3), 1e-3), twist=twist)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The offset's components."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, unit
+from gtpin.effects.effect import ChainWords, Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import joints, tracks, turning_joint
 from gtpin.effects.situation import Situation
@@ -105,8 +105,7 @@ class RackPeriodic(Effect):
             sizes = [1.0, 1.0, *[MODULATION.period] * 6]
         return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Period, amplitude, phase, and for robots with rods the second harmonic."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         c, s = coefficients[:2]
         found = {
             "period": (float(nonlinear or 0.0), "m"),
@@ -169,7 +168,6 @@ class RackStep(Effect):
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 
     def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
-        """The place of the step."""
         return () if nonlinear is None else (nonlinear,)
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -183,7 +181,6 @@ class RackStep(Effect):
         sizes = [1.0, MODULATION.slope / span, *[MODULATION.flank] * len(FLANKS)]
         return along_track(at, site, np.stack([beyond, beyond * past, *flanks], axis=1), unit(sizes, 5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Place and height of the step, and the slope beyond."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         step, slope = (float(c) for c in coefficients[:2])
         return {"place": (float(nonlinear or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}

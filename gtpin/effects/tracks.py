@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import ChainWords, Effect, Range, unit
+from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.sites import sliding_carts, tracks, turns
 from gtpin.effects.situation import Situation
@@ -22,7 +22,36 @@ ORDERS, DECAY = 20, 1.2
 """Number of cosines along the track for each direction or axis, and the power p: the size of order k goes with k^-p."""
 
 
-class Straightness(Effect):
+class _GuideErrors(Effect):
+    """Error motions of a cart in its guide, each a sum of cosines along the track, smaller for higher orders."""
+
+    nature = "profile"
+    coefficient = ("first_wave", "m")
+    acts_at = staticmethod(sliding_carts)
+    motions: ClassVar[tuple[str, ...]]
+    """The motions, as in the names of parameters: along, or about, the track (``roll``), a and b."""
+    size: ClassVar[float]
+    """Typical size of a motion, m or rad."""
+
+    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+        """Cosines along the track for each motion."""
+        waves, size = cosines(at.travel[:, at.robot.sites.index(site)], 1, ORDERS, DECAY)
+        frame, ways = joint_frame(at, site), np.zeros((6, len(self.motions)))
+        axes = {"roll": frame.axis, "a": frame.across[0], "b": frame.across[1]}
+        first = 3 if self.coefficient[1] == "rad" else 0
+        ways[first : first + 3] = np.array([axes[motion] for motion in self.motions]).T
+        columns = np.broadcast_to(waves[:, None, :], (len(at), len(self.motions), ORDERS))
+        return of_joint(at, site, ways, columns, unit(np.tile(size, len(self.motions)), self.size))
+
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+        found: Parameters = {}
+        for motion, part in zip(self.motions, np.split(coefficients, len(self.motions)), strict=True):
+            for name, value in zip(("rms", "peak_to_valley"), extent(part), strict=True):
+                found[f"{name}_{motion}"] = (value, self.coefficient[1])
+        return found
+
+
+class Straightness(_GuideErrors):
     """dC = f_a(q) a + f_b(q) b, a smooth displacement of the cart, m, the same for all its joints. ISO 230-1: EYX, EZX.
 
     q is the command. a and b are unit vectors across the track, base frame: the parameters ``track_direction[cart].a`` and
@@ -36,32 +65,14 @@ class Straightness(Effect):
     """
 
     id = "straightness"
-    nature = "profile"
     title = "track that is not straight"
     clause = "the track of {site} is not straight"
     remedy = "Realign the guideway by the curve below, or use the corrected model."
-    coefficient = ("first_wave", "m")
-    acts_at = staticmethod(sliding_carts)
-
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Cosines along the track in two directions across it."""
-        j = at.robot.sites.index(site)
-        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        ways = np.zeros((6, 2))
-        ways[:3] = joint_frame(at, site).across.T
-        columns = np.broadcast_to(waves[:, None, :], (len(at), 2, waves.shape[1]))
-        return of_joint(at, site, ways, columns, unit(np.tile(size, 2), 4e-5))
-
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Root mean square and peak to valley of the deviation in each direction."""
-        found: dict[str, tuple[float, str]] = {}
-        for direction, part in zip("ab", np.split(coefficients, 2), strict=True):
-            rms, span = extent(part)
-            found |= {f"rms_{direction}": (rms, "m"), f"peak_to_valley_{direction}": (span, "m")}
-        return found
+    motions = ("a", "b")
+    size = 4e-5
 
 
-class CartRotation(Effect):
+class CartRotation(_GuideErrors):
     """dC = w(q) x (C - M), M the mean of the cart's joints. ISO 230-1: EAX, EBX and ECX of a track X.
 
     C are the positions of the cart's joints, base frame, m, and dC their displacements. w is a small right-handed rotation
@@ -77,33 +88,16 @@ class CartRotation(Effect):
     """
 
     id = "cart_rotation"
-    nature = "profile"
     title = "roll, pitch and yaw along the track"
     clause = "{site} rolls, pitches or yaws along its track"
     remedy = "Check the guideway's parallelism and the carriage's preload, or use the corrected model."
     coefficient = ("first_wave", "rad")
-    acts_at = staticmethod(sliding_carts)
+    motions = ("roll", "a", "b")
+    size = 1e-4
 
     def untestable(self, at: Situation, site: str) -> Untestable | None:
         """``single_joint`` where the cart has one joint, because a rotation of the cart about it does not move it."""
         return None if len(joint_frame(at, site).indices) > 1 else Untestable("single_joint")
-
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        """Rotations about the track, a and b, each a sum of cosines along the track."""
-        j = at.robot.sites.index(site)
-        waves, size = cosines(at.travel[:, j], 1, ORDERS, DECAY)
-        frame, ways = joint_frame(at, site), np.zeros((6, 3))
-        ways[3:] = np.vstack([frame.axis, frame.across]).T
-        columns = np.broadcast_to(waves[:, None, :], (len(at), 3, waves.shape[1]))
-        return of_joint(at, site, ways, columns, unit(np.tile(size, 3), 1e-4))
-
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """Root mean square and peak to valley of the rotation about each axis."""
-        found: dict[str, tuple[float, str]] = {}
-        for axis, part in zip(("roll", "a", "b"), np.split(coefficients, 3), strict=True):
-            rms, span = extent(part)
-            found |= {f"rms_{axis}": (rms, "rad"), f"peak_to_valley_{axis}": (span, "rad")}
-        return found
 
 
 class ThermalTrack(Effect):
@@ -137,7 +131,7 @@ class ThermalTrack(Effect):
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        """Every sliding actuator of a robot with rods: an angle does not grow with heat."""
+        # An angle does not grow with heat.
         return tuple(site for site in tracks(robot) if not turns(robot, site))
 
     def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
@@ -152,8 +146,7 @@ class ThermalTrack(Effect):
             sizes += [MODULATION.late, MODULATION.late_zero]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> dict[str, tuple[float, str]]:
-        """The expansion, the motion of the track's zero, and the fixed point."""
+    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
         expansion, zero = (float(c) for c in coefficients[:2])
         fixed = -zero / expansion if expansion else 0.0
         return {"expansion": (expansion, "1/K"), "at_zero": (zero, "m/K"), "fixed_point": (fixed, "m")}

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection
 from math import isfinite
 from pathlib import Path
 from typing import Literal, get_args
-from xml.etree.ElementTree import Element, SubElement
 
 from gtpin.compensation.corrections import MOST, TRIPLETS, correctable, correction_table, corrections, linuxcnc_file
 from gtpin.errors import GtpinError, check_kind, warn
@@ -18,20 +16,15 @@ from gtpin.export.loss import with_losses, with_remainders
 from gtpin.export.machine_error import left_of_drives
 from gtpin.export.mechanism import mechanism
 from gtpin.export.mjcf import to_mjcf
-from gtpin.export.parallel_robots import side_file, with_anchors
 from gtpin.export.sdf import to_sdf
 from gtpin.export.springs import with_joint_springs, with_link_springs
-from gtpin.export.tables import (
-    TablesFor,
-    grid_file,
-    printer_files,
-)
-from gtpin.export.text import numbers, xml_text
+from gtpin.export.tables import Export, TablesFor, grid_file, printer_files
+from gtpin.export.urdf import side_file, with_anchors, with_transmissions
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
-from gtpin.robot.description import RobotDescription, parse_xml
+from gtpin.robot.description import RobotDescription
 from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
@@ -47,23 +40,6 @@ SUFFIXES: dict[str, Format] = {
     ".cfg": "klipper",
     ".g": "reprapfirmware",
 }
-SIMPLE = "transmission_interface/SimpleTransmission"
-"""The transmission whose joint moves by the actuator's travel over ``mechanicalReduction``."""
-
-
-@dataclass(frozen=True)
-class Export:
-    """The files' texts by file name, and names of the parts of the model that the files can't represent.
-
-    ``in_transmissions``: those of these parts that a URDF has only as ``<transmission>``. ``inexact``: names of the effects
-    that the files represent with an error, each with this error. ``notes``: other messages.
-    """
-
-    files: dict[str, str]
-    left_out: tuple[str, ...]
-    in_transmissions: tuple[str, ...] = ()
-    inexact: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 def export(
@@ -130,25 +106,23 @@ def texts(
     """The files that :func:`export` writes, as texts."""
     wanted = tables or TablesFor()
     if form in TABLES:
-        made = (
-            grid_file(model, file, wanted, session)
-            if form == "grid"
-            else printer_files(model, file, form, wanted, session)
-        )
-        return Export(made.files, made.left_out, notes=made.notes)
+        if form == "grid":
+            return grid_file(model, file, wanted, session)
+        return printer_files(model, file, form, wanted, session)
     if tables is not None:
         what = f"{form} takes no box, temperatures, firmware or controller"
         raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
     if form == "dh":
         missing = tuple(name for name in left_out(model) if "@" in name)
-        return Export({file.name: _dh(model)}, missing, notes=_doubt(model))
+        return Export({file.name: _dh(model)}, missing, _doubt(model))
     if form in ("csv", "linuxcnc"):
         return _corrections(model, file, form, session)
     urdf = calibrated_urdf(model)
     if form == "urdf":
         scales, carried = drive_scales(model)
         urdf = with_transmissions(urdf, model.robot, scales)
-        return Export({file.name: urdf}, left_out(model), tuple(name for name in left_out(model) if name in carried))
+        in_transmissions = tuple(name for name in left_out(model) if name in carried)
+        return Export({file.name: urdf}, left_out(model), in_transmissions=in_transmissions)
     robot = Robot(RobotDescription.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
@@ -176,7 +150,7 @@ def _corrections(model: Model, file: Path, form: Format, session: str | None) ->
         files = {file.name: correction_table(tables).to_csv(index=False, lineterminator="\n")}
     else:
         files = {f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}
-    return Export(files, missing, notes=left_of_drives(model, carried, session))
+    return Export(files, missing, left_of_drives(model, carried, session))
 
 
 def _doubt(model: Model) -> tuple[str, ...]:
@@ -232,39 +206,3 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     }
     names = [name for name, there in has.items() if there] + [active.name for active in model.effects]
     return tuple(name for name in names if name not in carried)
-
-
-def with_transmissions(urdf: str, robot: Robot, scales: Mapping[str, float]) -> str:
-    """The URDF with a transmission for each drive whose travel per command is not 1: its reduction is divided by this scale.
-
-    A ``<mimic>`` is not used: it needs an additional joint, which other software would treat as another driven joint.
-    """
-    odd = [
-        (actuator, scales[site])
-        for actuator, site in zip(robot.actuators, robot.sites, strict=True)
-        if scales[site] != 1.0
-    ]
-    if not odd:
-        return urdf
-    root = parse_xml(urdf, f"the URDF of {robot.name}")
-    own = {joint.get("name"): t for t in root.findall("transmission") for joint in t.findall("joint")}
-    for actuator, scale in odd:
-        reduction = _reduction(root, own.get(actuator.joint), actuator.joint)
-        try:
-            before = float(reduction.text or 1.0)
-        except ValueError:
-            continue  # not a number: no reader knows what it means
-        reduction.text = numbers(before / scale)
-    return xml_text(root)
-
-
-def _reduction(root: Element, transmission: Element | None, joint: str) -> Element:
-    """The element with a joint's reduction; added if there is none."""
-    if transmission is None:
-        transmission = SubElement(root, "transmission", name=f"{joint}_scale")
-        SubElement(transmission, "type").text = SIMPLE
-        SubElement(transmission, "joint", name=joint)
-    motor = transmission.find("actuator")
-    motor = SubElement(transmission, "actuator", name=f"{joint}_drive") if motor is None else motor
-    found = next(transmission.iter("mechanicalReduction"), None)
-    return SubElement(motor, "mechanicalReduction") if found is None else found

@@ -143,7 +143,7 @@ def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str,
         return {}
     ways = np.eye(3) if set(FORCES) & set(references.covariates) else gravity[None] / np.linalg.norm(gravity)
     unit = np.sqrt(3.0) * np.random.default_rng(0).uniform(-1.0, 1.0, (len(at), len(ways)))
-    if model.robot.rods:
+    if model.robot.rod_sites:
         one = np.ones(len(at))
         response = np.stack([at.with_covariate(name, one).force - at.force for name in FORCES], axis=2) @ ways.T
         mean, spread = references.force

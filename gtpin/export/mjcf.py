@@ -7,9 +7,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from gtpin.export.mechanism import WORLD, Body, Guide, Joint, Mechanism, Shape, Spring
+from gtpin.export.mechanism import WORLD, Body, Guide, Joint, Mechanism, Shape, Spring, numbers, xml_text
 from gtpin.export.mjcf_couplings import STIFF, add_couplings, add_plays, with_cranks
-from gtpin.export.text import numbers, xml_text
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.robot.mjcf import PLANE_MARK, TCP_MARK
 

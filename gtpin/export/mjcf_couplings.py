@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.export.curves import SAME, Harmonic
-from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism
-from gtpin.export.text import numbers
+from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism, numbers
 
 ROD, RADIUS = 1.0, 1e-3
 """Distance, m, from a crank's axis to the far end of its tendon, and to its pin. RADIUS / (2 ROD) is the relative error of a

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, tip_loads, torsion
+from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, target_at, tip_loads, torsion
 from gtpin.effects.sites import links_at
 from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import loads_of
@@ -119,7 +119,7 @@ def _flexibilities(
     total = np.zeros((len(at), 6))
     for link in links_at(model.robot, active.site):
         length, loads = beam(at, link), tip_loads(at, link)
-        to_target = _target(model, link).inverse().action
+        to_target = target_at(model.kinematics.robot, link).inverse().action
         bent, twisted = (shape(length, loads) @ to_target.T for shape in (bending, torsion))
         g = max(float(active.coefficients[1]), 0.0)
         left = twists[link.tip] @ active.coefficients - active.coefficients[1] * twisted
@@ -139,7 +139,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     length = float(np.linalg.norm(along))
     if length == 0.0:
         return mechanism
-    tip = pin.SE3(here.bodies.R[0, link.tip], here.bodies.T[0, link.tip]) * _target(model, link).inverse()
+    tip = pin.SE3(here.bodies.R[0, link.tip], here.bodies.T[0, link.tip]) * target_at(robot, link).inverse()
     u = along / length
     a, b = rotation_axes(u)[:2]
     ways: Sequence[tuple[str, Floats, float]] = (
@@ -179,13 +179,6 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
         else:
             bodies.append(body)
     return replace(mechanism, bodies=tuple(bodies))
-
-
-def _target(model: Model, link: MovingLink) -> pin.SE3:
-    """Placement, in the frame of a link's tip, of the frame that the loads and motions of ``Bodies`` at this tip refer to."""
-    robot = model.kinematics.robot
-    last = link.tip == robot.model.njoints - 1
-    return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
 
 
 def _home(model: Model, active: ActiveEffect | None = None) -> Situation:

@@ -84,20 +84,18 @@ class TablesFor:
 
 
 @dataclass(frozen=True)
-class Written:
-    """Text by file name, names of effects that the files do not contain, and messages on the errors that remain."""
+class Export:
+    """What is written: texts by file name, and names of the parts of the model that the files don't contain.
+
+    ``notes``: messages, such as on the errors that remain. ``in_transmissions``: those of these parts that a URDF has only as
+    ``<transmission>``. ``inexact``: names of the effects that the files represent with an error, each with this error.
+    """
 
     files: dict[str, str]
     left_out: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Present:
-    """A delta as its firmware is configured now: its drives, and for each tower the rotation distance, mm, or steps per mm."""
-
-    drives: Drives
-    per_tower: Floats
+    notes: tuple[str, ...] = ()
+    in_transmissions: tuple[str, ...] = ()
+    inexact: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +119,7 @@ class PrinterCorrection:
     changes: tuple[str, ...] = ()
 
 
-def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Written:
+def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Export:
     """Klipper's configuration, or RepRapFirmware's macro with a height map for each temperature.
 
     Raises `GtpinError` if the robot does not have three actuators, a box is missing or can't be reached, the firmware's
@@ -135,20 +133,20 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
         hint = "give x0 x1 y0 y1 z0 z1 in the controller's coordinates, m, and its --origin"
         raise GtpinError("tables of a printer's firmware need --box", file=file, hint=hint)
     believed = wanted.believed(model)
-    present = None if wanted.firmware is None else _present(wanted.firmware, form, believed, box, file)
+    drives, per_tower = (
+        (None, None) if wanted.firmware is None else _present(wanted.firmware, form, believed, box, file)
+    )
     machine, unknown = wanted.machine(model, session)
     steps: Sequence[float | None] = sorted(set(wanted.temperatures)) or [None]
     known = [{} if t is None else dict.fromkeys(machine.temperature_columns, t) for t in steps]
     machines = [replace(machine, temperatures=temperatures) for temperatures in known]
-    found = printer_correction(
-        model, machines, believed, box, None if present is None else present.drives, undetermined=wanted.undetermined
-    )
+    found = printer_correction(model, machines, believed, box, drives, undetermined=wanted.undetermined)
     notes = [some.words("the box", at.temperatures) for at, some in zip(machines, found.left, strict=True)]
     notes += [found.left[0].size(box.fill(POINTS)), *found.changes]
     if found.alone:
         notes.append(f"leaves alone what the data do not determine: {', '.join(found.alone)}")
-    title = f"{robot.name}, for a controller with {_kinematics(wanted, present)}"
-    per_tower = None if present is None else present.per_tower
+    kinematics = "its nominal kinematics" if wanted.controller is None else "the kinematics of the model given"
+    title = f"{robot.name}, for a controller with {kinematics if drives is None else 'the dimensions below'}"
     if form == "klipper":
         tables = list(zip(steps, found.tables, strict=True))
         files = {file.name: klipper_config(title, tables, found.towers, per_tower)}
@@ -159,7 +157,7 @@ def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, sessio
             heights = f"{stem}_heightmap.csv"
             files[f"{stem}{file.suffix}"] = rrf_macro(title, table, heights, found.towers, per_tower)
             files[heights] = rrf_heightmap(table)
-    return Written(files, (*unknown, *found.absent), (*notes, *found.notes))
+    return Export(files, (*unknown, *found.absent), (*notes, *found.notes))
 
 
 def printer_correction(
@@ -239,14 +237,10 @@ def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None
     return free
 
 
-def _kinematics(wanted: TablesFor, present: _Present | None) -> str:
-    if present is not None:
-        return "the dimensions below"
-    return "its nominal kinematics" if wanted.controller is None else "the kinematics of the model given"
+def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> tuple[Drives, Floats]:
+    """The drives of a delta as its firmware is configured now, and for each tower the rotation distance, mm, or steps per mm.
 
-
-def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> _Present:
-    """Read the dimensions of a delta; raises `GtpinError` if they are not those of the nominal robot.
+    Raises `GtpinError` if the dimensions are not those of the nominal robot.
 
     A configuration may include the file ``output`` that is about to be written: what is there now does not count.
     """
@@ -258,10 +252,10 @@ def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> _
         found = read_rrf_delta(file)
         radius, arms, ends, angles, per_tower = found.radius, found.arms, found.ends, found.angles, found.steps
     towers = Towers(1e-3 * radius, 1e-3 * arms, np.radians(angles), 1e-3 * ends, np.ones(3))
-    return _Present(drives_of(towers, nominal, box), per_tower)
+    return drives_of(towers, nominal, box), per_tower
 
 
-def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Written:
+def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Export:
     """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
 
     Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are
@@ -285,7 +279,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     if missing.any():
         notes.append(f"has no numbers at {missing.sum()} of {missing.size} nodes, where the robot can't be")
     text = table.frame().to_csv(index=False, lineterminator="\n", float_format="%.10g")
-    return Written({file.name: text}, (*unknown, *absent), tuple(notes))
+    return Export({file.name: text}, (*unknown, *absent), tuple(notes))
 
 
 def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model | None = None) -> Left:

@@ -82,7 +82,7 @@ def check_delta(sections: Sections, file: Path) -> None:
     if kinematics.text == "rotary_delta":
         what = "a rotary_delta: its drives turn the arms, and a step is an angle; gtpin reads steps of sliding carriages only"
         hint = "give single touches: gtpin import klipper-probe"
-    raise DatasetError(what, file=kinematics.file, row=kinematics.row, column="kinematics", hint=hint)
+    raise kinematics.error(what, hint)
 
 
 def _step(sections: Sections, tower: str, file: Path) -> float:
@@ -102,8 +102,7 @@ def _ratio(option: Option) -> float:
     for pair in option.text.split(","):
         values = [decimal(text, option.file, option.row, option.name) for text in pair.split(":")]
         if len(values) != 2 or min(values) <= 0.0:
-            what = f"{pair.strip()[:40]!r} is no gear ratio"
-            raise DatasetError(what, file=option.file, row=option.row, column=option.name, hint="write it as 80:20")
+            raise option.error(f"{pair.strip()[:40]!r} is no gear ratio", "write it as 80:20")
         ratio *= values[0] / values[1]
     return ratio
 
@@ -111,8 +110,7 @@ def _ratio(option: Option) -> float:
 def _positive(option: Option) -> float:
     value = option.number()
     if value <= 0.0:
-        what = f"{option.text[:40]} can't be"
-        raise DatasetError(what, file=option.file, row=option.row, column=option.name, hint="it is above 0")
+        raise option.error(f"{option.text[:40]} can't be", "it is above 0")
     return value
 
 
@@ -236,15 +234,14 @@ def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float
     low, high = (needed(sections, name, f"{end}_{axis}", file) for end in ("min", "max"))
     if high.number() <= low.number():
         what = f"max_{axis} = {high.text[:40]} is not above min_{axis} = {low.text[:40]}"
-        raise DatasetError(what, file=high.file, row=high.row, column=high.name, hint="restore the file")
+        raise high.error(what, "restore the file")
     return low.number(), high.number()
 
 
 def _count(option: Option) -> int:
     value = option.number()
     if value != int(value) or not 2 <= value <= 1000:
-        what, hint = f"{option.text[:40]} can't be", "restore the file"
-        raise DatasetError(what, file=option.file, row=option.row, column=option.name, hint=hint)
+        raise option.error(f"{option.text[:40]} can't be", "restore the file")
     return int(value)
 
 

@@ -64,6 +64,10 @@ class Option:
         """Its lines, joined by spaces."""
         return " ".join(line.text for line in self.lines).strip()
 
+    def error(self, what: str, hint: str) -> DatasetError:
+        """The error that this option is wrong, with its place."""
+        return DatasetError(what, file=self.file, row=self.row, column=self.name, hint=hint)
+
     def number(self) -> float:
         """Its value as a finite number; raises `DatasetError`."""
         return decimal(self.text, self.file, self.row, self.name)
@@ -72,8 +76,7 @@ class Option:
         """Its value as ``count`` finite numbers separated by commas; raises `DatasetError`."""
         texts = self.text.split(",")
         if len(texts) != count:
-            what = f"{len(texts)} numbers where {count} belong"
-            raise DatasetError(what, file=self.file, row=self.row, column=self.name, hint="correct the line")
+            raise self.error(f"{len(texts)} numbers where {count} belong", "correct the line")
         return [decimal(text, self.file, self.row, self.name) for text in texts]
 
 

@@ -247,24 +247,23 @@ def read_points(
         for name, values in table.values.items()
         if name not in (*POSITION, *ORIENTATION) and not is_command(name)
     }
-    numbered = np.array([str(number) for number in range(1, len(table.row) + 1)], dtype=object)
     machine = load_robot(robot, tcp)
     if commands is None:
+        numbered = np.array([str(number) for number in range(1, len(table.row) + 1)], dtype=object)
         q = np.column_stack([table.values[name] for name in own]) * _scale(machine, len(own), unit, angle)
-        pose = numbered if table.pose is None else table.pose
-        check_ranges(Commands(pose, q, row=table.row, file=file), machine)
+        commands = Commands(numbered if table.pose is None else table.pose, q, row=table.row, file=file)
+        at = np.arange(len(table.row))
     else:
         assert match is not None
         time = table.values.get("time")
         at = matched(commands, match, file=file, row=table.row, pose=table.pose, time=time, within=within)
-        check_ranges(commands, machine)
-        q, pose = commands.q[at], commands.pose[at]
-        covariates = {name: values[at] for name, values in commands.covariates.items()} | covariates
+    check_ranges(commands, machine)
+    covariates = {name: values[at] for name, values in commands.covariates.items()} | covariates
     turned = ORIENTATION[0] in table.values
     return Dataset(
         robot=robot,
-        pose=pose,
-        q=q,
+        pose=commands.pose[at],
+        q=commands.q[at],
         position=np.column_stack([table.values[name] for name in POSITION]) * LENGTHS[unit],
         orientation=np.column_stack([table.values[name] for name in ORIENTATION]) if turned else None,
         covariates=covariates,

@@ -90,43 +90,34 @@ def read_rrf_heightmap(file: Path | str, offset: tuple[float, float, float] = (0
 
 
 def _grid(file: Path, names: list[str], line: str) -> dict[str, float]:
+    """The numbers of the third line by name, mm; raises `DatasetError` where they do not agree."""
+
+    def check(right: bool, what: str, column: str | None = None, hint: str = "restore the file") -> None:
+        if not right:
+            raise DatasetError(what, file=file, row=3, column=column, hint=hint)
+
     texts = line.split(",")
-    if len(texts) != len(names):
-        what = f"{len(texts)} values of the grid for {len(names)} names"
-        raise DatasetError(what, file=file, row=3, hint="restore the file")
+    check(len(texts) == len(names), f"{len(texts)} values of the grid for {len(names)} names")
     given = dict(zip(names, texts, strict=True))
     axes = [given.pop(name).strip() for name in ("axis0", "axis1") if name in given]
-    if axes not in ([], ["X", "Y"]):
-        hint = "gtpin reads maps over X and Y"
-        raise DatasetError(f"a map over {' and '.join(axes)[:20]}", file=file, row=3, column="axis0", hint=hint)
+    only = "gtpin reads maps over X and Y"
+    check(axes in ([], ["X", "Y"]), f"a map over {' and '.join(axes)[:20]}", "axis0", only)
     grid = {name: decimal(text, file, 3, name) for name, text in given.items()}
     if "spacing" in grid:
         grid["xspacing"] = grid["yspacing"] = grid["spacing"]
     for name in ("xnum", "ynum"):
-        if grid[name] != int(grid[name]) or grid[name] < 1 or grid["xnum"] * grid["ynum"] > MOST:
-            raise DatasetError(
-                f"{grid[name]:g} points can't be", file=file, row=3, column=name, hint="restore the file"
-            )
+        some = grid[name] == int(grid[name]) and grid[name] >= 1 and grid["xnum"] * grid["ynum"] <= MOST
+        check(some, f"{grid[name]:g} points can't be", name)
     for axis in "xy":
-        _check_axis(file, axis, grid[f"{axis}min"], grid[f"{axis}max"], grid[f"{axis}spacing"], int(grid[f"{axis}num"]))
+        low, high, spacing = grid[f"{axis}min"], grid[f"{axis}max"], grid[f"{axis}spacing"]
+        check(low < high, f"{axis} goes from {low:g} to {high:g}", f"{axis}max")
+        check(spacing > 0.0, f"a spacing of {spacing:g} can't be", f"{axis}spacing")
+        # The firmware takes as many points as the spacing has room for: the last one can be below the upper bound.
+        count = int(grid[f"{axis}num"])
+        rounded = ROUNDING * (count + 2)
+        agree = (count - 1) * spacing - rounded <= high - low <= count * spacing + rounded
+        check(agree, f"{count} points {spacing:g} apart do not go from {low:g} to {high:g}", f"{axis}spacing")
     return grid
-
-
-def _check_axis(file: Path, axis: str, low: float, high: float, spacing: float, count: int) -> None:
-    """Check that the bounds, the spacing and the number of points of an axis agree.
-
-    The firmware takes as many points as the spacing has room for from the lower bound: the last one can be below the upper.
-    """
-    if high <= low:
-        what = f"{axis} goes from {low:g} to {high:g}"
-        raise DatasetError(what, file=file, row=3, column=f"{axis}max", hint="restore the file")
-    if spacing <= 0.0:
-        what = f"a spacing of {spacing:g} can't be"
-        raise DatasetError(what, file=file, row=3, column=f"{axis}spacing", hint="restore the file")
-    rounded = ROUNDING * (count + 2)
-    if not (count - 1) * spacing - rounded <= high - low <= count * spacing + rounded:
-        what = f"{count} points {spacing:g} apart do not go from {low:g} to {high:g}"
-        raise DatasetError(what, file=file, row=3, column=f"{axis}spacing", hint="restore the file")
 
 
 def read_rrf_g32(file: Path | str, points: Path | str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Touches:

@@ -146,43 +146,29 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     """
     robot = kinematics.geometry.robot
     if touches.q is not None:
-        return _given(touches, kinematics)
-    assert touches.position is not None
-    if robot.n_actuators != FREE and robot.n_actuators < WHOLE:
-        raise DatasetError(
-            f"positions do not determine the {robot.n_actuators} commands of {robot.name}",
-            file=touches.file,
-            hint="give a robot of three, or of six or more actuators",
-        )
-    home = kinematics.forward(robot.home_q[None])
-    R = None if robot.n_actuators == FREE else np.repeat(home.R, len(touches), axis=0)
-    q, poses = commands_for(kinematics, touches.position + origin, R)
+        q = touches.q
+        if q.shape[1] != robot.n_actuators:
+            what = f"{q.shape[1]} axes for the {robot.n_actuators} actuators of {robot.name}"
+            hint = "name one axis for each, in the order q1 .. qn"
+            raise DatasetError(what, file=touches.file, column="axes", hint=hint)
+        poses = kinematics.forward(q)
+    else:
+        assert touches.position is not None
+        if robot.n_actuators != FREE and robot.n_actuators < WHOLE:
+            what = f"positions do not determine the {robot.n_actuators} commands of {robot.name}"
+            raise DatasetError(what, file=touches.file, hint="give a robot of three, or of six or more actuators")
+        home = kinematics.forward(robot.home_q[None])
+        R = None if robot.n_actuators == FREE else np.repeat(home.R, len(touches), axis=0)
+        q, poses = commands_for(kinematics, touches.position + origin, R)
+        _refuse(touches, poses, robot)
+        if touches.travel is None:
+            _compare(touches, q, robot)
+        else:
+            q = by_travel(q, touches.travel, touches.file, robot.name)
+            poses = kinematics.forward(q)
     _refuse(touches, poses, robot)
-    if touches.travel is None:
-        _compare(touches, q, robot)
-        return _in_range(touches, q, robot), poses
-    q = by_travel(q, touches.travel, touches.file, robot.name)
-    poses = kinematics.forward(q)
-    _refuse(touches, poses, robot)
-    return _in_range(touches, q, robot), poses
-
-
-def _given(touches: Touches, kinematics: Kinematics) -> tuple[Floats, Poses]:
-    q, robot = touches.q, kinematics.geometry.robot
-    assert q is not None
-    if q.shape[1] != robot.n_actuators:
-        what = f"{q.shape[1]} axes for the {robot.n_actuators} actuators of {robot.name}"
-        raise DatasetError(what, file=touches.file, column="axes", hint="name one axis for each, in the order q1 .. qn")
-    poses = kinematics.forward(q)
-    _refuse(touches, poses, robot)
-    return _in_range(touches, q, robot), poses
-
-
-def _in_range(touches: Touches, q: Floats, robot: Robot) -> Floats:
-    """The commands; raises `DatasetError` for one that is far outside the robot's range."""
-    given = Commands(touches.pose, q, {}, touches.row, touches.file)
-    check_ranges(given, robot)
-    return q
+    check_ranges(Commands(touches.pose, q, {}, touches.row, touches.file), robot)
+    return q, poses
 
 
 def _refuse(touches: Touches, poses: Poses, robot: Robot) -> None:

@@ -54,11 +54,17 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def calibrated(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What ``gtpin calibrate`` makes of the dataset; not to be changed."""
+def calibration(source: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+    """What ``gtpin calibrate`` makes of the dataset, not to be changed, and how it ended."""
     folder = tmp_path_factory.mktemp("result") / "calibrated"
-    assert called("calibrate", source, "-o", folder).code == 0
-    return folder
+    return folder, called("calibrate", source, "-o", folder)
+
+
+@pytest.fixture(scope="session")
+def calibrated(calibration: tuple[Path, Ran]) -> Path:
+    """The folder of that calibration."""
+    assert calibration[1].code == 0
+    return calibration[0]
 
 
 @pytest.fixture

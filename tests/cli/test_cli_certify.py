@@ -31,12 +31,18 @@ def folder(tmp_path_factory):
     return made
 
 
-def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is_blank(run, folder, tmp_path):
-    done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / "o")
+@pytest.fixture(scope="module")
+def certified(run, folder):
+    """What ``gtpin certify`` writes for the dataset and the model; not to be changed."""
+    done = run("certify", folder / "data", "--model", folder / "model", "-o", folder / "o")
     assert done.code == 0, done.err
-    assert str(tmp_path / "o" / "certificate.html") in done.out
-    assert sorted(f.name for f in (tmp_path / "o").glob("[!.]*")) == ["certificate.html", "certificate.json", "model"]
-    told = json.loads((tmp_path / "o" / "certificate.json").read_text())
+    assert str(folder / "o" / "certificate.html") in done.out
+    return folder / "o"
+
+
+def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is_blank(certified):
+    assert sorted(f.name for f in certified.glob("[!.]*")) == ["certificate.html", "certificate.json", "model"]
+    told = json.loads((certified / "certificate.json").read_text())
     assert told["schema"] == "gtpin-certificate/1"
     for number in told["quantities"]:
         assert (number["value"] is None) == bool(number["reason"]), number
@@ -45,22 +51,20 @@ def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is
     for row in told["budget"]["contributions"]:
         assert (row["standard_uncertainty"] is None) == bool(row["reason"]), row
     assert told["basis"] == "fitted"
-    page = (tmp_path / "o" / "certificate.html").read_text()
+    page = (certified / "certificate.html").read_text()
     assert "@media print" in page
     assert "What the data do not suffice for" in page
     assert not re.search(r"\bnan\b|\bNone\b|\{have\}", page)
     assert {number["symbol"] for number in told["quantities"]} == set(DEFINITIONS)
 
 
-def test_the_model_that_corrects_the_machine_is_beside_the_page_which_has_its_digest(run, folder, tmp_path):
-    done = run("certify", folder / "data", "--model", folder / "model", "-o", tmp_path / "o")
-    assert done.code == 0, done.err
-    digest = hashlib.sha256((tmp_path / "o" / "model" / "model.json").read_bytes()).hexdigest()
-    assert json.loads((tmp_path / "o" / "certificate.json").read_text())["model"]["sha256"] == digest
-    assert digest in (tmp_path / "o" / "certificate.html").read_text()
+def test_the_model_that_corrects_the_machine_is_beside_the_page_which_has_its_digest(folder, certified):
+    digest = hashlib.sha256((certified / "model" / "model.json").read_bytes()).hexdigest()
+    assert json.loads((certified / "certificate.json").read_text())["model"]["sha256"] == digest
+    assert digest in (certified / "certificate.html").read_text()
     q = gtpin.Dataset.read(folder / "data").q
-    certified, given = gtpin.read_model(tmp_path / "o").predict(q), gtpin.read_model(folder / "model").predict(q)
-    assert np.array_equal(certified.T, given.T)
+    one, given = gtpin.read_model(certified).predict(q), gtpin.read_model(folder / "model").predict(q)
+    assert np.array_equal(one.T, given.T)
 
 
 @pytest.mark.slow

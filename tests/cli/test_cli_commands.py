@@ -64,8 +64,8 @@ def test_json_prints_the_result_and_nothing_else(run, source, calibrated, tmp_pa
         assert [row["pose"] for row in told] == [str(p) for p in pd.read_csv(tmp_path / "p.csv")["pose"]]
 
 
-def test_without_json_people_are_told_what_was_written(run, source, tmp_path):
-    ran = run("calibrate", source, "-o", tmp_path / "out")
+def test_without_json_people_are_told_what_was_written(calibration):
+    ran = calibration[1]
     assert ran.code == 0
     assert ran.err == ""
     assert "calibration.json" in ran.out

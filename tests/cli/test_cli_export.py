@@ -13,12 +13,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from ran import refused
+from with_effects import active
 
 import gtpin
 from gtpin.data import Commands
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 
 Run = Callable[..., Any]
 
@@ -27,14 +25,8 @@ Run = Callable[..., Any]
 def erring(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model folder whose second drive errs by its scale, and whose plate's target is off."""
     model = gtpin.read_model("gantry_tau")
-    at = Situation(model.kinematics, np.zeros((1, 3)), model.kinematics.home, {})  # type: ignore[arg-type]
-    effects = []
-    for name, site, value in (("encoder_scale", "cart2", 3e-4), ("target_offset", "platform", 1e-3)):
-        size = len(effects_by_id()[name].basis(at, site))
-        coefficients = value * (np.arange(size) == 0)
-        effects.append(
-            ActiveEffect(effects_by_id()[name], site, None, coefficients, np.zeros((size, size)), at.references)
-        )
+    given = (("encoder_scale", "cart2", 3e-4), ("target_offset", "platform", 1e-3))
+    effects = (active(model, model.robot.home_q[None], name, site, first=value) for name, site, value in given)
     folder = tmp_path_factory.mktemp("models") / "erring"
     gtpin.write_model(replace(model, effects=tuple(effects)), folder)
     return folder

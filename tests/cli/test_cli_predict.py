@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from ran import refused
+from with_effects import active
 
 import gtpin
 from gtpin.bench.simulator.instruments.build import simulate_measured
 from gtpin.data import Dataset
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 
 COUNT = 30
 PLACES = (("zero_shift", "cart1"), ("frame_shift", "frame"), ("link_compliance", "arm"))
@@ -23,17 +22,14 @@ PLACES = (("zero_shift", "cart1"), ("frame_shift", "frame"), ("link_compliance",
 @pytest.fixture(scope="module")
 def model():
     """The nominal robot with three effects, as if fitted to sessions 1, 2 and 3."""
-    rng = np.random.default_rng(2)
-    geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
-    kinematics, q = gtpin.Model(geometry).kinematics, rng.uniform(-0.3, 0.3, (COUNT, 3))
-    session = np.array([str(1 + i % 3) for i in range(COUNT)], dtype=object)
-    at = Situation(kinematics, q, kinematics.forward(q), {"session": session, "payload": rng.uniform(0, 20, COUNT)})
-    effects = []
-    for name, site in PLACES:
-        size = effects_by_id()[name].basis(at, site).sigma
-        drawn = size * (1.0 + rng.standard_normal(len(size)))
-        effects.append(ActiveEffect(effects_by_id()[name], site, None, drawn, np.diag(size**2), at.references))
-    return gtpin.Model(geometry, effects=tuple(effects))
+    rng, plain = np.random.default_rng(2), gtpin.read_model("gantry_tau")
+    q, session = rng.uniform(-0.3, 0.3, (COUNT, 3)), np.array([str(1 + i % 3) for i in range(COUNT)], dtype=object)
+    told = {"session": session, "payload": rng.uniform(0, 20, COUNT)}
+
+    def drawn(sigma):
+        return sigma * (1.0 + rng.standard_normal(len(sigma)))
+
+    return replace(plain, effects=tuple(active(plain, q, *at, covariates=told, drawn=drawn) for at in PLACES))
 
 
 @pytest.fixture

@@ -69,12 +69,27 @@ def test_without_a_command_help_is_shown_and_without_its_arguments_what_is_missi
     assert "Missing argument 'model'" in run("export").failed()
 
 
+STARTS = (["-c", "import gtpin.cli; gtpin.cli.main()"], ["-m", "gtpin"])
+
+
+def started(*arguments: object, start: int = 0, **more) -> subprocess.Popen:
+    """A program of its own, whose standard error is read."""
+    path = os.pathsep.join([*more.pop("paths", []), str(Path(gtpin.__file__).parents[1])])
+    environment = {**os.environ, "PYTHONPATH": path, **more.pop("environment", {})}
+    command = [sys.executable, *STARTS[start], *map(str, arguments)]
+    # A shell's background job ignores Ctrl-C, and so would what it starts.
+    more = {"stderr": subprocess.PIPE, **more}
+    return subprocess.Popen(command, env=environment, preexec_fn=_heeding_signals, **more)
+
+
+def _heeding_signals() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 def test_the_version_is_told_by_the_program_and_by_the_package(run):
-    as_package = subprocess.run(
-        [sys.executable, "-m", "gtpin", "--version"], capture_output=True, text=True, check=True
-    )
-    for out in (run("--version").out, as_package.stdout):
+    as_package = started("--version", start=1, stdout=subprocess.PIPE).communicate(timeout=600)[0].decode()
+    for out in (run("--version").out, as_package):
         assert out.strip() == f"gtpin {gtpin.__version__}"
 
 
@@ -89,24 +104,17 @@ def test_piped_output_has_neither_colour_nor_progress(program, source, tmp_path)
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_no_color_is_respected_on_a_terminal(source, tmp_path):
+def test_no_color_is_respected_on_a_terminal(source, tmp_path, monkeypatch):
     import pty
 
     shown = {}
     for name, value in (("plain", "1"), ("coloured", None)):
-        environment = {
-            k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "CI", "GITHUB_ACTIONS")
-        }
-        environment |= {"TERM": "xterm-256color", "PYTHONPATH": str(Path(gtpin.__file__).parents[1])}
-        environment |= {} if value is None else {"NO_COLOR": value}
+        for variable in ("NO_COLOR", "FORCE_COLOR", "CI", "GITHUB_ACTIONS"):
+            monkeypatch.delenv(variable, raising=False)
+        environment = {"TERM": "xterm-256color", **({} if value is None else {"NO_COLOR": value})}
         leader, follower = pty.openpty()
-        code = "import gtpin.cli; gtpin.cli.main()"
-        process = subprocess.Popen(
-            [sys.executable, "-c", code, "calibrate", str(source), "-o", str(tmp_path / name)],
-            stdout=subprocess.DEVNULL,
-            stderr=follower,
-            env=environment,
-        )
+        silent = {"stdout": subprocess.DEVNULL, "stderr": follower}
+        process = started("calibrate", source, "-o", tmp_path / name, environment=environment, **silent)
         os.close(follower)
         said = b""
         while True:
@@ -127,33 +135,15 @@ def test_no_color_is_respected_on_a_terminal(source, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_reader_that_closes_the_pipe_is_no_fault(source, tmp_path):
-    code = "import gtpin.cli; gtpin.cli.main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "calibrate", str(source), "-o", str(tmp_path / "out"), "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(Path(gtpin.__file__).parents[1])},
-    )
+@pytest.mark.parametrize("words", ["calibrate SET -o OUT --json", "--help", "--version", "robots --json"])
+def test_a_reader_that_closes_the_pipe_is_no_fault(source, tmp_path, words):
+    words = words.replace("SET", str(source)).replace("OUT", str(tmp_path / "out")).split()
+    process = started(*words, stdout=subprocess.PIPE)
     process.stdout.close()
     said = process.stderr.read().decode()
     process.stderr.close()
-    assert process.wait(60) == 141  # 128 + SIGPIPE
-    assert said == ""
-    assert (tmp_path / "out" / "calibration.json").is_file()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("words", ["--help", "--version", "robots --json"])
-def test_whatever_is_printed_ends_quietly_where_nobody_reads_it(words):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gtpin", *words.split()], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    process.stdout.close()
-    said = process.stderr.read().decode()
-    process.stderr.close()
-    assert process.wait(60) == 141
-    assert said == ""
+    assert (process.wait(60), said) == (141, "")  # 128 + SIGPIPE
+    assert (tmp_path / "out" / "calibration.json").is_file() == (words[0] == "calibrate")
 
 
 def test_a_still_image_is_told_as_json(run, tmp_path):
@@ -167,23 +157,23 @@ def test_a_still_image_is_told_as_json(run, tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes can't be listed")
 def test_a_program_that_is_told_to_end_leaves_no_processes(tmp_path):
-    program = [sys.executable, "-m", "gtpin", "blind", "--cases", "10", "-o", str(tmp_path / "check")]
-    started = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    unread = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+    program = started("blind", "--cases", "10", "-o", tmp_path / "check", start=1, **unread)
     try:
         for _ in range(600):
-            if list((tmp_path / "check").glob("sealed/*")) or started.poll() is not None:
+            if list((tmp_path / "check").glob("sealed/*")) or program.poll() is not None:
                 break
             time.sleep(0.1)
-        started.send_signal(signal.SIGTERM)
-        assert started.wait(timeout=60) != 0
+        program.send_signal(signal.SIGTERM)
+        assert program.wait(timeout=60) != 0
         for _ in range(300):
-            if not _members(started.pid):
+            if not _members(program.pid):
                 break
             time.sleep(0.1)
-        assert _members(started.pid) == []
+        assert _members(program.pid) == []
     finally:
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(started.pid, signal.SIGKILL)
+            os.killpg(program.pid, signal.SIGKILL)
 
 
 def _members(group: int) -> list[int]:
@@ -198,20 +188,6 @@ def _members(group: int) -> list[int]:
 
 
 # ------------------------------------------------------------------------------ outputs that do not take what is said
-
-STARTS = (["-c", "import gtpin.cli; gtpin.cli.main()"], ["-m", "gtpin"])
-
-
-def started(*arguments: object, start: int = 0, **more) -> subprocess.Popen:
-    path = os.pathsep.join([*more.pop("paths", []), str(Path(gtpin.__file__).parents[1])])
-    environment = {**os.environ, "PYTHONPATH": path, **more.pop("environment", {})}
-    command = [sys.executable, *STARTS[start], *map(str, arguments)]
-    # A shell's background job ignores Ctrl-C, and so would what it starts.
-    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, preexec_fn=_heeding_signals, **more)
-
-
-def _heeding_signals() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.slow
@@ -273,24 +249,11 @@ def test_a_name_that_is_too_long_is_one_line_that_names_it(run, source, tmp_path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [0, 1])
-@pytest.mark.parametrize("module", ["typer", "pydantic"])
-def test_an_interruption_of_the_imports_is_one_line(tmp_path, start, module):
+@pytest.mark.parametrize("module", ["typer", "pydantic", "jinja2"])  # jinja2 is imported amid the work, for the report
+def test_an_interruption_of_an_import_is_one_line(source, tmp_path, start, module):
     number = int(signal.SIGTERM if start else signal.SIGINT)
     code = f"import os, time\nos.kill(os.getpid(), {number})\ntime.sleep(600)\n"
     (tmp_path / f"{module}.py").write_text(code)  # stands in for one of the many that are imported
-    process = started("calibrate", "set", "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
-    said = process.communicate(timeout=600)[1].decode()
-    assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("start", [0, 1])
-def test_an_interruption_of_an_import_amid_the_work_is_one_line(source, tmp_path, start):
-    code = (
-        f"import os, time\nos.kill(os.getpid(), {int(signal.SIGTERM if start else signal.SIGINT)})\ntime.sleep(600)\n"
-    )
-    (tmp_path / "jinja2.py").write_text(code)  # it is imported when the report is made
     process = started("calibrate", source, "-o", tmp_path / "out", start=start, paths=[str(tmp_path)])
     said = process.communicate(timeout=600)[1].decode()
     assert (process.returncode, said) == (130, "gtpin: error: interrupted\n")

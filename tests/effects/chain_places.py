@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from effect_places import EFFECTS, SETTINGS, covariates, moved  # noqa: F401
+from effect_places import covariates
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import Basis
 from gtpin.effects.situation import Column, References, Situation
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.robot.description import RobotDescription
@@ -47,25 +45,6 @@ def situation(
 
 FIT = situation(120, seed=7)
 """What the effects were fitted to, as it were."""
-
-
-def setting(name: str) -> float | None:
-    return {"rack_periodic": 0.52}.get(name, SETTINGS.get(name))
-
-
-def basis(name: str, site: str, at: Situation) -> Basis:
-    return EFFECTS[name].basis(at, site, setting(name))
-
-
-def active(name: str, site: str, coefficients: Floats, references: References = FIT.references) -> ActiveEffect:
-    m = len(coefficients)
-    return ActiveEffect(EFFECTS[name], site, setting(name), coefficients, np.zeros((m, m)), references)
-
-
-def some(name: str, site: str, at: Situation, seed: int = 3) -> Floats:
-    """Coefficients of the typical size."""
-    sigma = basis(name, site, at).sigma
-    return sigma * np.random.default_rng(seed).standard_normal(len(sigma))
 
 
 def robot_of(xml: str) -> gtpin.Robot:

@@ -15,6 +15,9 @@ from gtpin.kinematics.rod_kinematics import RodKinematics
 Floats = np.ndarray
 EFFECTS = effects_by_id()
 SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.051}
+"""Nonlinear parameters, m."""
+TURNING = {**SETTINGS, "rack_periodic": 0.52}
+"""Of joints of arms, rad."""
 
 
 def drawn(name: str = "gantry_tau", seed: int = 0) -> gtpin.Geometry:
@@ -67,13 +70,18 @@ FIT = situation(120, seed=7)
 """What the effects were fitted to, as it were."""
 
 
+def setting(name: str, references: References) -> float | None:
+    """The nonlinear parameter; references of arms have ranges of commands, those of robots with rods have none."""
+    return (TURNING if len(references.commands[0]) else SETTINGS).get(name)
+
+
 def basis(name: str, site: str, at: Situation) -> Basis:
-    return EFFECTS[name].basis(at, site, SETTINGS.get(name))
+    return EFFECTS[name].basis(at, site, setting(name, at.references))
 
 
 def active(name: str, site: str, coefficients: Floats, references: References = FIT.references) -> ActiveEffect:
     m = len(coefficients)
-    return ActiveEffect(EFFECTS[name], site, SETTINGS.get(name), coefficients, np.zeros((m, m)), references)
+    return ActiveEffect(EFFECTS[name], site, setting(name, references), coefficients, np.zeros((m, m)), references)
 
 
 def applied(at: Situation, *effects: ActiveEffect) -> Poses:

@@ -6,21 +6,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from chain_places import (
-    ARM,
-    ARM_FILE,
-    FIT,
-    active,
-    basis,
-    beam,
-    drawn,
-    moved,
-    robot_of,
-    setting,
-    situation,
-    some,
-)
-from effect_places import EFFECTS
+from chain_places import ARM, ARM_FILE, FIT, beam, drawn, robot_of, situation
+from effect_places import EFFECTS, active, basis, moved, setting, some
 
 import gtpin
 from gtpin.effects.chain_motions import joint_frame
@@ -119,7 +106,7 @@ def test_the_axis_of_a_joint_does_not_turn_the_joint_itself() -> None:
     "name", ["encoder_scale", "linearity", "zero_shift", "backlash", "joint_clearance", "cross_coupling"]
 )
 def test_travel_of_a_turning_joint_is_told_in_radians(name: str) -> None:
-    found = EFFECTS[name].parameters_at(ARM, "elbow", some(name, "elbow", FIT), setting(name))
+    found = EFFECTS[name].parameters_at(ARM, "elbow", some(name, "elbow", FIT), setting(name, FIT.references))
     assert {unit for _, unit in found.values()} <= {"rad", "rad/rad"}
 
 

@@ -4,17 +4,38 @@ import ast
 import doctest
 import importlib
 import inspect
+import sys
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from effect_places import EFFECTS, FIT, PLACES, ROBOT, SEEN, SETTINGS, active, basis, moved, situation, some
+from effect_places import (
+    EFFECTS,
+    FIT,
+    PLACES,
+    ROBOT,
+    SEEN,
+    SETTINGS,
+    Floats,
+    active,
+    basis,
+    drawn,
+    moved,
+    situation,
+    some,
+)
 
 import gtpin
+from gtpin.data import Driver
 from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.catalogue import OWN
+from gtpin.effects.driver import DriverColumn, DriverEffect
+from gtpin.effects.modulation import MODULATION
 from gtpin.effects.situation import Situation
 from gtpin.effects.untestable import Untestable
+from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.rod_kinematics import RodKinematics
 
 CARTS = ("cart1", "cart2", "cart3")
 LINKS = ("link1", "link2a", "link2b", "link3a", "link3b", "link3c")
@@ -192,12 +213,11 @@ def test_the_catalogue_has_every_effect_of_the_folder_once() -> None:
     written = [
         node.name
         for node in nodes
-        if isinstance(node, ast.ClassDef) and "Effect" in {getattr(base, "id", "") for base in node.bases}
+        if isinstance(node, ast.ClassDef)
+        and "id" in {ast.unparse(n.targets[0]) for n in node.body if isinstance(n, ast.Assign)}
     ]
-    assert sorted(kind.__name__ for kind in OWN) == sorted(
-        {*written} - {"DriverEffect"}
-    )  # that one is made from a dataset
-    assert len({kind.id for kind in OWN}) == len(OWN) == len(written) - 1
+    assert sorted(kind.__name__ for kind in OWN) == sorted(written)
+    assert len({kind.id for kind in OWN}) == len(OWN) == len(written) > 20
 
 
 @pytest.mark.parametrize("module", ["gtpin.effects.effect", "gtpin.effects.catalogue"])
@@ -205,3 +225,37 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
     found = doctest.testmod(importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE)
     assert found.attempted > 0
     assert found.failed == 0
+
+
+MACHINES = [situation(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
+MACHINES.append(situation(10, kinematics=ChainKinematics(drawn("ur5"))))
+DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
+WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
+
+
+def sizes_of_modulations() -> dict[tuple[str, str, str], Floats]:
+    """Typical sizes of the coefficients, by robot, effect and site."""
+    return {
+        (at.robot.name, name, site): effect.basis(at, site, SETTINGS.get(name)).sigma
+        for at in MACHINES
+        for name, effect in WITH_DRIVEN.items()
+        for site in effect.sites(at.robot)
+    }
+
+
+@pytest.fixture(scope="module")
+def unchanged_sizes() -> dict[tuple[str, str, str], Floats]:
+    return sizes_of_modulations()
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(MODULATION)])
+def test_every_number_changes_the_modulation_of_an_effect_and_no_core(name, unchanged_sizes, monkeypatch):
+    before = unchanged_sizes
+    doubled = replace(MODULATION, **{name: 2.0 * getattr(MODULATION, name)})
+    users = [m for key, m in sys.modules.items() if key.startswith("gtpin.effects.") and hasattr(m, "MODULATION")]
+    for module in users:
+        monkeypatch.setattr(module, "MODULATION", doubled)
+    changed = {place: np.flatnonzero(after != before[place]) for place, after in sizes_of_modulations().items()}
+    assert any(len(columns) for columns in changed.values())
+    for (_, effect, _), columns in changed.items():
+        assert not set(columns) & set(WITH_DRIVEN[effect].core)

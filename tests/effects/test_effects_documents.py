@@ -22,7 +22,7 @@ def told(name: str) -> dict[str, str]:
     """Units of all parameters at all sites of the Gantry-Tau; of an arm where it has none."""
     effect = EFFECTS[name]
     if not effect.sites(ROBOT):
-        found = [effect.parameters(chain_places.some(name, s, chain_places.FIT), None) for s in effect.sites(ARM)]
+        found = [effect.parameters(some(name, s, chain_places.FIT), None) for s in effect.sites(ARM)]
     else:
         found = [effect.parameters(some(name, s, FIT), SETTINGS.get(name)) for s in effect.sites(ROBOT)]
     return {re.sub(r"\[\d+\]", "[k]", parameter): unit for one in found for parameter, (_, unit) in one.items()}

@@ -3,7 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chain_places import active, basis, moved, robot_of
+from chain_places import robot_of
+from effect_places import active, basis, moved
 
 import gtpin
 from gtpin.effects.chain_motions import OWN_WEIGHT, tip_loads

@@ -279,8 +279,7 @@ def test_a_scale_is_travel_for_every_unit_of_command() -> None:
 
 
 def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
-    c = np.zeros(len(basis("backlash", "cart2", FIT)))
-    c[0] = -2e-5
+    c = only("backlash", "cart2", FIT, 0, -2e-5)
     q = np.array([-0.1, 0.2])
     up, down = (travel("backlash", q, c, approach2=np.full(2, side)) for side in (1.0, -1.0))
     np.testing.assert_allclose(up - down, parameters("backlash", c)["reversal"], rtol=1e-12)
@@ -288,8 +287,7 @@ def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
 
 
 def test_a_drive_that_lags_is_behind_its_command() -> None:
-    c = np.zeros(len(basis("servo_lag", "cart2", FIT)))
-    c[0] = 3e-4
+    c = only("servo_lag", "cart2", FIT, 0, 3e-4)
     np.testing.assert_allclose(
         travel("servo_lag", np.zeros(2), c, speed2=np.array([0.2, -0.1])), [-6e-5, 3e-5], rtol=1e-12
     )

@@ -1,10 +1,8 @@
 """An effect's signature is the derivative of its exact application, and its application is Pinocchio's closed chain."""
 
 from functools import cache
-from types import ModuleType
 
 import chain_places
-import effect_places
 import numpy as np
 import pytest
 import test_effects_loops
@@ -15,6 +13,7 @@ from effect_places import (
     ROBOT,
     active,
     applied,
+    basis,
     displaced,
     drawn,
     moved,
@@ -34,29 +33,29 @@ slow = pytest.mark.slow
 
 
 @cache
-def machine(name: str) -> tuple[ModuleType, Situation]:
-    """How effects are set on a machine, and commands at which they show."""
+def machine(name: str) -> Situation:
+    """Commands of a machine at which effects show."""
     if name == "arm":
-        return chain_places, chain_places.situation(6, seed=1, fixed=chain_places.FIT.references)
+        return chain_places.situation(6, seed=1, fixed=chain_places.FIT.references)
     if name == "parallelogram":
-        return chain_places, test_effects_loops.situation(chain_places.drawn(test_effects_loops.parallelogram()))
+        return test_effects_loops.situation(chain_places.drawn(test_effects_loops.parallelogram()))
     if name == "gantry_tau":
-        return effect_places, situation(8, seed=1, fixed=FIT.references)
-    return effect_places, situation(6, seed=1, kinematics=RodKinematics(drawn(name)))
+        return situation(8, seed=1, fixed=FIT.references)
+    return situation(6, seed=1, kinematics=RodKinematics(drawn(name)))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize("name", ["gantry_tau", "arm", "parallelogram", *(pytest.param(o, marks=slow) for o in OTHERS)])
 def test_the_signature_is_the_derivative_of_the_exact_application(name: str, effect: str) -> None:
-    places, at = machine(name)
+    at = machine(name)
     assert at.poses.reached.all()
     size, within = (1.0, 1e-6) if name == "gantry_tau" else (0.1, 1e-5)
     for site in EFFECTS[effect].sites(at.robot):
         if not set(EFFECTS[effect].covariates(at.robot, site)) <= set(at.covariates):
             continue
-        c = size * places.some(effect, site, at)
-        predicted = places.basis(effect, site, at).displacement(at) @ c
-        forth, back, none = (places.moved(at, places.active(effect, site, s * c, at.references)) for s in (1, -1, 0))
+        c = size * some(effect, site, at)
+        predicted = basis(effect, site, at).displacement(at) @ c
+        forth, back, none = (moved(at, active(effect, site, s * c, at.references)) for s in (1, -1, 0))
         atol = within * np.abs(predicted).max() + 1e-12
         np.testing.assert_allclose((forth - back) / 2.0, predicted, rtol=0, atol=atol, err_msg=site)
         np.testing.assert_allclose(none, 0.0, rtol=0, atol=1e-13)

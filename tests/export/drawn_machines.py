@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import gtpin
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
+from gtpin.errors import GtpinWarning
+from gtpin.export import TablesFor, export
 
 
 @dataclass(frozen=True)
@@ -33,3 +38,11 @@ def draw(name: str) -> Drawn:
     model = without_scales(gtpin.Model(machine.geometry))
     q = draw_commands(TrueRobot(model.geometry), 50, rng)
     return Drawn(model, q, model.predict(q))
+
+
+def told(model: gtpin.Model, file: Path, form: Any = None, session: str | None = None, **tables: Any) -> list[str]:
+    """Write a file; what the export says in its warnings. ``tables``: options of ``TablesFor``."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", GtpinWarning)
+        export(model, file, form, session=session, tables=TablesFor(**tables) if tables else None)
+    return [str(warning.message) for warning in said]

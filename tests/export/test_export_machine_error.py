@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from drawn_machines import Drawn
+from drawn_machines import Drawn, told
 from scipy.stats import binom
 from with_effects import active
 
@@ -19,8 +19,7 @@ from gtpin.compensation.machine import machine_at
 from gtpin.compensation.plane_tables import NODES, PARTS, PlaneTables
 from gtpin.compensation.towers import DIMENSIONS, drives_of
 from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, TrackerTable
-from gtpin.errors import GtpinWarning
-from gtpin.export import Box, TablesFor, export
+from gtpin.export import Box
 from gtpin.export.machine_error import (
     Left,
     OpenDirections,
@@ -69,9 +68,7 @@ def test_settings_change_only_where_the_data_determine_them(drawn_of: Callable[[
     nothing_learned = replace(model, covariance=np.diag(model.geometry.tolerance**2))
     (tmp_path / "all").mkdir()
     for folder, every in ((tmp_path, False), (tmp_path / "all", True)):
-        with pytest.warns(GtpinWarning) as told:
-            export(nothing_learned, folder / "gtpin.cfg", tables=TablesFor(box=BOX, undetermined=every))
-        words = "\n".join(str(one.message) for one in told)
+        words = "\n".join(told(nothing_learned, folder / "gtpin.cfg", box=BOX, undetermined=every))
         assert re.search(
             r"expected error of the machine's TCP of \S+ of \S+ um in the box \(95 %: \S+ to \S+ um", words
         )
@@ -148,10 +145,8 @@ def test_a_place_on_the_bed_stays_as_it_is_whatever_the_box(height: float, tmp_p
     touched = FittedInstrument(PlaneTable(name="bed", kind="plane", planes={"A": UP}))
     box = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, height), (0.0, 0.0, 0.3))
     for instruments, stays in (((touched,), True), ((), False)):
-        machine, where = replace(known, instruments=instruments), tmp_path / f"{stays}.cfg"
-        with pytest.warns(GtpinWarning) as told:
-            export(machine, where, tables=TablesFor(box=box))
-        said = "\n".join(str(one.message) for one in told)
+        machine = replace(known, instruments=instruments)
+        said = "\n".join(told(machine, tmp_path / f"{stays}.cfg", box=box))
         assert ("offset x, offset y" in said) is stays
         assert ("a shift or turn of the part on the bed is no error" in said) is stays
 

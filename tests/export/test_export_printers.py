@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_machines import Drawn
+from drawn_machines import Drawn, told
 from printer_firmware import ARM, BED, CONFIG_G, END, PRINTER_CFG, RADIUS, ROTATION, Firmware, klipper, reprapfirmware
 from with_effects import active
 
 import gtpin
 from gtpin.compensation.plane_tables import PlaneTables
 from gtpin.compensation.printer_files import klipper_config, rrf_heightmap, rrf_macro
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import GtpinError
 from gtpin.export import Box, TablesFor, export
 from gtpin.importers.klipper import read_klipper_mesh
 from gtpin.importers.rrf import read_rrf_heightmap
@@ -77,11 +77,10 @@ def rms(off: np.ndarray) -> float:
     return 1e6 * float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
-def printed(recorded: pytest.WarningsRecorder) -> list[tuple[float, ...]]:
+def printed(words: list[str]) -> list[tuple[float, ...]]:
     """What was said to be left, and of how much; then the same of z, micrometres."""
     pattern = r"leaves (\S+) of (\S+) um of the TCP's error in .* \(z: (\S+) of (\S+) um\)"
-    found = [re.search(pattern, str(warning.message)) for warning in recorded]
-    return [tuple(map(float, match.groups())) for match in found if match]
+    return [tuple(map(float, match.groups())) for word in words if (match := re.search(pattern, word))]
 
 
 def test_the_firmware_without_corrections_is_the_nominal_robot(folder: Path) -> None:
@@ -111,9 +110,8 @@ def test_firmwares_do_what_the_tables_say(folder: Path) -> None:
 def test_a_delta_is_as_near_as_the_command_says(
     printer: gtpin.Model, folder: Path, file: str, dimensions: bool
 ) -> None:
-    with pytest.warns(GtpinWarning) as recorded:
-        export(printer, folder / file, tables=TablesFor(box=BOX, firmware=folder / FILES[file] if dimensions else None))
-    ((after, before, after_z, before_z),) = printed(recorded)
+    words = told(printer, folder / file, box=BOX, firmware=folder / FILES[file] if dimensions else None)
+    ((after, before, after_z, before_z),) = printed(words)
     (folder / "plain").mkdir()
     (folder / "plain" / FILES[file]).write_text((folder / FILES[file]).read_text())
     present, new = READERS[file](folder / "plain"), READERS[file](folder)
@@ -134,13 +132,9 @@ def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: P
     drawn = drawn_of("linear_delta")
     nominal = gtpin.read_model("linear_delta")
     scale = active(nominal, drawn.q, "encoder_scale", "cart2", first=3e-4)
-    with pytest.warns(GtpinWarning) as recorded:
-        export(
-            replace(nominal, effects=(scale,)),
-            folder / "gtpin.cfg",
-            tables=TablesFor(box=BOX, firmware=folder / "printer.cfg"),
-        )
-    assert "leaves under 0.01 of" in str(recorded[0].message)
+    scaled = replace(nominal, effects=(scale,))
+    words = told(scaled, folder / "gtpin.cfg", box=BOX, firmware=folder / "printer.cfg")
+    assert "leaves under 0.01 of" in words[0]
     new = klipper(folder)
     np.testing.assert_allclose(new.step * 3200.0, [ROTATION, ROTATION * (1.0 + 3e-4), ROTATION], rtol=1e-7)
     np.testing.assert_allclose(new.arms, ARM, rtol=0, atol=2e-3)
@@ -149,10 +143,8 @@ def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: P
 @pytest.mark.slow
 @pytest.mark.parametrize("file", READERS)
 def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Path, file: str) -> None:
-    tables = TablesFor(temperatures=(20.0, 35.0), box=BOX, firmware=folder / FILES[file])
-    with pytest.warns(GtpinWarning) as recorded:
-        export(printer, folder / file, tables=tables)
-    told = printed(recorded)
+    firmware = folder / FILES[file]
+    left_over = printed(told(printer, folder / file, temperatures=(20.0, 35.0), box=BOX, firmware=firmware))
     xyz = fresh()
     if file == "gtpin.cfg":
         files = {t: klipper(folder, f"gtpin_{t}") for t in (20, 35)}
@@ -162,14 +154,14 @@ def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Pa
     else:
         files = {t: reprapfirmware(folder, f"gtpin_{t}.g") for t in (20, 35)}
         present = reprapfirmware(folder)
-    for (t, firmware), (after, _, after_z, _) in zip(files.items(), told, strict=True):
+    for (t, firmware), (after, _, after_z, _) in zip(files.items(), left_over, strict=True):
         left = errors(printer, commands(firmware, present, xyz), xyz, float(t))
         assert rms(left) == pytest.approx(after, rel=0.05)
         assert rms(left[:, 2:]) == pytest.approx(after_z, rel=0.1)
     if file == "gtpin.cfg":
         assert not re.search(r"\d[A-Z_]", " ".join(macros))
     cold_at_35 = errors(printer, commands(files[20], present, xyz), xyz, 35.0)
-    assert rms(cold_at_35[:, 2:]) > 3.0 * told[1][2]
+    assert rms(cold_at_35[:, 2:]) > 3.0 * left_over[1][2]
 
 
 @pytest.mark.slow
@@ -186,9 +178,7 @@ def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[s
     model, nominal = drawn_of("gantry_tau").model, gtpin.read_model("gantry_tau")
     middle = nominal.kinematics.home.T[0]
     box = Box.of((-0.2, 0.2, -0.2, 0.2, -0.1, 0.1), middle)
-    with pytest.warns(GtpinWarning) as recorded:
-        export(model, tmp_path / "gtpin.g", tables=TablesFor(box=box))
-    ((after, before, after_z, before_z),) = printed(recorded)
+    ((after, before, after_z, before_z),) = printed(told(model, tmp_path / "gtpin.g", box=box))
     (tmp_path / "config.g").write_text(CONFIG_G)
     firmware = reprapfirmware(tmp_path)
     xyz = np.random.default_rng(0).uniform(box.low, box.high, (500, 3))
@@ -205,20 +195,17 @@ def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[s
 @pytest.mark.slow
 def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(printer: gtpin.Model, folder: Path) -> None:
     calibrated = replace(printer, effects=())
-    with pytest.warns(GtpinWarning) as recorded:
-        export(printer, folder / "gtpin.cfg", tables=TablesFor(calibrated, box=BOX))
-    ((after, before, _, _),) = printed(recorded)
+    words = told(printer, folder / "gtpin.cfg", controller=calibrated, box=BOX)
+    ((after, before, _, _),) = printed(words)
     assert after < before < 100.0
-    assert not any("geometry" in str(warning.message) for warning in recorded)
+    assert not any("geometry" in word for word in words)
 
 
 @pytest.mark.slow
 def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) -> None:
-    with pytest.warns(GtpinWarning) as recorded:
-        export(printer, folder / "gtpin.cfg", tables=TablesFor(box=BOX, firmware=folder / "printer.cfg"))
-    told = "\n".join(str(warning.message) for warning in recorded)
-    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um at 1 K more\)", told)
-    parts = re.search(r"leaves of each part alone: (.*)", told)
+    words = "\n".join(told(printer, folder / "gtpin.cfg", box=BOX, firmware=folder / "printer.cfg"))
+    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um at 1 K more\)", words)
+    parts = re.search(r"leaves of each part alone: (.*)", words)
     assert parts
     found = {
         m[1]: (float(m[2]), float(m[3]))
@@ -233,8 +220,7 @@ def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) 
 @pytest.mark.slow
 def test_importers_read_the_tables_back(printer: gtpin.Model, folder: Path) -> None:
     for file in READERS:
-        with pytest.warns(GtpinWarning):
-            export(printer, folder / file, tables=TablesFor(box=BOX))
+        assert told(printer, folder / file, box=BOX)
     mesh = read_klipper_mesh(folder / "printer.cfg", "gtpin")
     heights = read_rrf_heightmap(folder / "gtpin_heightmap.csv")
     assert mesh.position is not None

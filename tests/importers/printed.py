@@ -5,7 +5,13 @@ The formats are those of the sources that gtpin/importers names; nothing is copi
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
+
+Write = Callable[[str, str], Path]
+"""Writes a text to a file of a name: see ``conftest.py``."""
 
 ARM, RADIUS = 999.0, 524.25
 """Of the shipped linear delta, mm: three times Klipper's config/example-delta.cfg."""

@@ -38,36 +38,32 @@ def _bed(file: Path) -> Touches:
     return read_rrf_g32(console, file)
 
 
-FORMATS: dict[str, tuple[str, Read]] = {
-    "klipper-delta": (printer_cfg(places(4)), read_klipper_delta),
-    "klipper-probe": (PROBED, read_klipper_probe),
-    "klipper-mesh": (mesh_cfg(MESH), read_klipper_mesh),
-    "rrf-heightmap": (HEIGHTMAP, read_rrf_heightmap),
-    "rrf-g32": (G32, _g32),
-    "rrf-g32 bed.g": (BED_G, _bed),
-    "linuxcnc-probe": (PROBE_LOG, lambda file: read_linuxcnc_probe(file, "mm", "XYZAB")),
+POINT_COLUMNS = ["-", "-", "pose", "x", "y", "z"]
+FORMATS: dict[str, tuple[str, str, Read]] = {
+    "klipper-delta": (printer_cfg(places(4)), "height2_pos = ", read_klipper_delta),
+    "klipper-probe": (PROBED, "is z=", read_klipper_probe),
+    "klipper-mesh": (mesh_cfg(MESH), "#*# \t  0.2, ", read_klipper_mesh),
+    "rrf-heightmap": (HEIGHTMAP, " -0.054, ", read_rrf_heightmap),
+    "rrf-g32": (G32, "heights: 0.085 ", _g32),
+    "rrf-g32 bed.g": (BED_G, "P1 X", _bed),
+    "linuxcnc-probe": (PROBE_LOG, "-25.000000 -50.000000 ", lambda file: read_linuxcnc_probe(file, "mm", "XYZAB")),
     "points": (
         POINTS,
-        lambda file: read_points(
-            file, "ur5", ["-", "-", "pose", "x", "y", "z"], "space", "mm", commands=COMMANDS, match="pose"
-        ),
+        "p2 1198.0021 ",
+        lambda file: read_points(file, "ur5", POINT_COLUMNS, "space", "mm", commands=COMMANDS, match="pose"),
     ),
-    "ros-poses": (ROS, lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
-    "ros-poses of 2": (ROS2, lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
+    "ros-poses": (ROS, "tag,0.41,", lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
+    "ros-poses of 2": (ROS2, "tag,0.41,", lambda file: read_ros_poses(file, "ur5", COMMANDS, "time", within=1.0)),
 }
-DATA = {
-    "klipper-delta": "height2_pos = ",
-    "klipper-probe": "is z=",
-    "klipper-mesh": "#*# \t  0.2, ",
-    "rrf-heightmap": " -0.054, ",
-    "rrf-g32": "heights: 0.085 ",
-    "rrf-g32 bed.g": "P1 X",
-    "linuxcnc-probe": "-25.000000 -50.000000 ",
-    "points": "p2 1198.0021 ",
-    "ros-poses": "tag,0.41,",
-    "ros-poses of 2": "tag,0.41,",
-}
-"""What stands before a number that is read."""
+"""A file, what stands in it before a number that is read, and its reader."""
+
+
+def with_number(name: str, word: str, file: Path) -> int:
+    """Write a file with a word for a number that is read; the row of the number."""
+    text, before, _ = FORMATS[name]
+    at = text.index(before) + len(before)
+    file.write_text(text[:at] + re.sub(r"^[-0-9.]+", word, text[at:]), encoding="utf-8")
+    return text[:at].count("\n") + 1
 
 
 def check(read: Read, file: Path) -> None:
@@ -92,7 +88,7 @@ def check(read: Read, file: Path) -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_whole_file_is_read(name: str, tmp_path: Path) -> None:
-    text, read = FORMATS[name]
+    text, _, read = FORMATS[name]
     file = tmp_path / "file"
     file.write_text(text, encoding="utf-8")
     assert len(read(file)) >= 3
@@ -101,43 +97,28 @@ def test_the_whole_file_is_read(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", FORMATS)
 @pytest.mark.parametrize("word", ["nan", "NaN", "inf", "-Infinity", "1e999", "1_0", "x", "--", "٣"])
 def test_a_number_that_is_none_is_refused_with_its_row(name: str, word: str, tmp_path: Path) -> None:
-    text, read = FORMATS[name]
-    before = DATA[name]
-    at = text.index(before) + len(before)
-    end = at + re.match(r"[-0-9.]+", text[at:]).end()  # type: ignore[union-attr]
     file = tmp_path / "file"
-    file.write_text(text[:at] + word + text[end:], encoding="utf-8")
+    row = with_number(name, word, file)
     with pytest.raises(DatasetError) as refused:
-        read(file)
-    assert refused.value.row == text[:at].count("\n") + 1
+        FORMATS[name][2](file)
+    assert refused.value.row == row
     assert refused.value.file == file
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith(("points", "ros"))])
 @pytest.mark.parametrize("size", ["1e300", "-9e15", "1234567890"])
 def test_a_touch_kilometres_away_is_refused(name: str, size: str, tmp_path: Path) -> None:
-    text, read = FORMATS[name]
-    before = DATA[name]
-    at = text.index(before) + len(before)
     file = tmp_path / "file"
-    file.write_text(text[:at] + re.sub(r"^[-0-9.]+", size, text[at:]), encoding="utf-8")
+    with_number(name, size, file)
     with pytest.raises(DatasetError, match=r"beyond|do not reach|G30 has no E"):
-        read(file)
+        FORMATS[name][2](file)
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_that_is_missing_empty_or_no_text_is_refused(name: str, tmp_path: Path) -> None:
-    read = FORMATS[name][1]
-    for content in (
-        None,
-        b"",
-        b"\xef\xbb\xbf \n\n",
-        b"\0\1\2",
-        b"\xff\xfea\0",
-        b"PK\x03\x04\0\0",
-        b"\xc3\x28\n",
-        b"\n\nhello\n",
-    ):
+    read = FORMATS[name][2]
+    texts = (b"", b"\xef\xbb\xbf \n\n", b"\0\1\2", b"\xff\xfea\0", b"PK\x03\x04\0\0", b"\xc3\x28\n", b"\n\nhello\n")
+    for content in (None, *texts):
         file = tmp_path / "file"
         if content is not None:
             file.write_bytes(content)
@@ -151,12 +132,12 @@ def test_a_file_that_is_missing_empty_or_no_text_is_refused(name: str, tmp_path:
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_of_another_format_is_refused(name: str, tmp_path: Path) -> None:
     file = tmp_path / "file"
-    for other, (text, _) in FORMATS.items():
+    for other, (text, _, _) in FORMATS.items():
         if other.split()[0] == name.split()[0]:
             continue
         file.write_text(text, encoding="utf-8")
         with pytest.raises(DatasetError):
-            FORMATS[name][1](file)
+            FORMATS[name][2](file)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -169,7 +150,7 @@ def test_a_file_of_another_format_is_refused(name: str, tmp_path: Path) -> None:
 def test_whatever_is_cut_out_or_put_in_the_end_is_one_line_or_finite_numbers(
     name: str, cut: tuple[float, int], put: bytes, tmp_path: Path
 ) -> None:
-    text, read = FORMATS[name]
+    text, _, read = FORMATS[name]
     data = text.encode()
     at = int(cut[0] * len(data))
     file = tmp_path / "file"
@@ -183,7 +164,7 @@ def test_whatever_is_cut_out_or_put_in_the_end_is_one_line_or_finite_numbers(
 def test_lines_may_come_in_any_order_and_any_text_among_them(
     name: str, order: object, line: str, tmp_path: Path
 ) -> None:
-    text, read = FORMATS[name]
+    text, _, read = FORMATS[name]
     lines = [*text.splitlines(), line]
     order.shuffle(lines)  # type: ignore[attr-defined]
     file = tmp_path / "file"

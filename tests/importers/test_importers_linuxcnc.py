@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
-from printed import PROBE_LOG
+from printed import PROBE_LOG, Write
 
 import gtpin
 from gtpin.errors import DatasetError
 from gtpin.importers.linuxcnc_probe import read_linuxcnc_probe
 from gtpin.importers.touches import commands
-
-Write = Callable[[str, str], Path]
 
 MILL = """<robot name="mill">
   <link name="base"/><link name="x"/><link name="y"/><link name="tool0"/>

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
-from printed import BED_G, G32, HEIGHTMAP
+from printed import BED_G, G32, HEIGHTMAP, Write
 
 from gtpin.errors import DatasetError
 from gtpin.importers.rrf import read_rrf_delta, read_rrf_g32, read_rrf_heightmap
 
-Write = Callable[[str, str], Path]
 SECOND, THIRD = HEIGHTMAP.splitlines()[1:3]
 
 

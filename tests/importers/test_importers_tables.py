@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from printed import POINTS, ROS, ROS2
+from printed import POINTS, ROS, ROS2, Write
 
 import gtpin
 from gtpin.data import Commands
@@ -16,7 +14,6 @@ from gtpin.errors import DatasetError
 from gtpin.importers.points import read_commands, read_points
 from gtpin.importers.ros_poses import read_ros_poses
 
-Write = Callable[[str, str], Path]
 NAMES = ["-", "-", "pose", "x", "y", "z"]
 
 

@@ -1,32 +1,29 @@
-"""Commands and offsets with which a nominal simulator shows a diagnosed machine."""
+"""Commands and offsets with which a nominal simulator, or an environment of it, shows a diagnosed machine."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from with_effects import active
 
 import gtpin
-from gtpin.effects.active import ActiveEffect
-from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
 from gtpin.kinematics.poses import Poses
-from gtpin.sim import commands_for_simulator
+from gtpin.sim import Diagnosed, commands_for_simulator
 
 RNG = np.random.default_rng(5)
 
 
-def machine(name: str, effects: dict[tuple[str, str], float], q: np.ndarray, covariates: dict) -> gtpin.Model:
-    """A machine with a geometry of its own, and effects of so many typical sizes."""
+def machine(name: str, effects: list[tuple[str, str]], q: np.ndarray, covariates: dict) -> gtpin.Model:
+    """A machine with a geometry of its own, and effects of typical sizes."""
     model = gtpin.read_model(name).sample(1, np.random.default_rng(len(name)))[0]
-    active = []
-    for (effect, site), size in effects.items():
-        kind = effects_by_id()[effect]
-        at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates)
-        sigma = kind.basis(at, site).sigma
-        zero = np.zeros((len(sigma), len(sigma)))
-        active.append(ActiveEffect(kind, site, None, size * sigma * RNG.normal(size=len(sigma)), zero, at.references))
-    return replace(model, effects=tuple(active))
+
+    def drawn(sigma: np.ndarray) -> np.ndarray:
+        return sigma * RNG.normal(size=len(sigma))
+
+    found = (active(model, q, *place, covariates=covariates, drawn=drawn) for place in effects)
+    return replace(model, effects=tuple(found))
 
 
 def followed(simulated: Poses, offset: Poses) -> tuple[np.ndarray, np.ndarray]:
@@ -34,10 +31,10 @@ def followed(simulated: Poses, offset: Poses) -> tuple[np.ndarray, np.ndarray]:
 
 
 CASES = {
-    "gantry_tau": {("linearity", "cart1"): 1.0, ("backlash", "cart2"): 1.0, ("straightness", "cart3"): 1.0},
-    "linear_delta": {("linearity", "cart1"): 1.0, ("link_compliance", "arm"): 1.0},
-    "stewart": {("linearity", "leg1"): 1.0, ("backlash", "leg2"): 1.0},
-    "ur5": {("joint_compliance", "shoulder_lift_joint"): 1.0, ("backlash", "elbow_joint"): 1.0},
+    "gantry_tau": [("linearity", "cart1"), ("backlash", "cart2"), ("straightness", "cart3")],
+    "linear_delta": [("linearity", "cart1"), ("link_compliance", "arm")],
+    "stewart": [("linearity", "leg1"), ("backlash", "leg2")],
+    "ur5": [("joint_compliance", "shoulder_lift_joint"), ("backlash", "elbow_joint")],
 }
 
 
@@ -109,9 +106,76 @@ def test_what_is_wrong_is_an_error_of_one_line() -> None:
     with pytest.raises(gtpin.GtpinError, match="command 2"):
         commands_for_simulator(model, [[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])
     q = np.zeros((2, 3))
-    played = machine("gantry_tau", {("backlash", "cart1"): 1.0}, q, {"approach1": np.array([-1.0, 1.0])})
+    played = machine("gantry_tau", [("backlash", "cart1")], q, {"approach1": np.array([-1.0, 1.0])})
     with pytest.raises(gtpin.GtpinError, match="approach1"):
         commands_for_simulator(played, q)
-    soft = machine("gantry_tau", {("linearity", "cart1"): 1.0}, np.zeros((2, 3)), {})
+    soft = machine("gantry_tau", [("linearity", "cart1")], np.zeros((2, 3)), {})
     with pytest.raises(gtpin.GtpinError, match="has effects"):
         commands_for_simulator(model, np.zeros((1, 3)), simulator=soft)
+
+
+NOMINAL = gtpin.read_model("gantry_tau")
+
+
+class Still:
+    """The nominal robot at its commands; it observes the position of the TCP."""
+
+    name = "still"
+
+    def reset(self, **options: object) -> tuple[np.ndarray, dict[str, object]]:
+        return NOMINAL.kinematics.home.T[0], dict(options)
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, object]]:
+        return NOMINAL.predict(action[None]).T[0], 0.0, False, False, {"own": 1}
+
+
+def with_play(half: float) -> gtpin.Model:
+    q, came = np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.2]]), {"approach2": np.array([1.0, -1.0])}
+    return replace(NOMINAL, effects=(active(NOMINAL, q, "backlash", "cart2", covariates=came, first=half),))
+
+
+def test_play_follows_the_direction_of_the_last_change() -> None:
+    environment = Diagnosed(Still(), with_play(-5e-5), np.random.default_rng(0))
+    environment.reset()
+    seen = [environment.step([0.0, q2, 0.0])[0] for q2 in (0.1, 0.2, 0.2, 0.1)]
+    went = [0.1 - 5e-5, 0.2 - 5e-5, 0.2 - 5e-5, 0.1 + 5e-5]
+    np.testing.assert_allclose(seen, [NOMINAL.predict([[0.0, q2, 0.0]]).T[0] for q2 in went], rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_each_episode_has_a_machine_of_its_own() -> None:
+    machines = NOMINAL.sample(8, np.random.default_rng(0))
+    environment = Diagnosed(Still(), machines, np.random.default_rng(0))
+    seen = []
+    for _ in range(40):
+        environment.reset(seed=1)
+        observation, _, _, _, info = environment.step(np.array([0.1, 0.0, 0.0]))
+        np.testing.assert_allclose(observation, environment.machine.predict([[0.1, 0.0, 0.0]]).T[0], rtol=0, atol=1e-10)
+        assert info["own"] == 1
+        seen.append(tuple(observation.round(9)))
+    assert len(set(seen)) == len(machines)
+
+
+def test_it_passes_for_the_environment_and_can_be_copied() -> None:
+    environment = Diagnosed(Still(), NOMINAL, np.random.default_rng(0))
+    assert environment.name == "still"
+    assert copy.copy(environment).name == "still"
+    assert environment.reset(seed=3)[1] == {"seed": 3}
+
+
+def test_without_machines_there_is_an_error() -> None:
+    with pytest.raises(gtpin.GtpinError, match="no machine"):
+        Diagnosed(Still(), [], np.random.default_rng(0))
+
+
+def test_gymnasium_accepts_it_as_an_environment() -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+
+    class Robot(Still, gymnasium.Env):
+        observation_space = gymnasium.spaces.Box(-10.0, 10.0, (3,))
+        action_space = gymnasium.spaces.Box(-0.2, 0.2, (3,))
+
+    environment = Diagnosed(Robot(), NOMINAL, np.random.default_rng(0))
+    environment.reset(seed=0)
+    observation, *_ = environment.step(environment.action_space.sample())
+    assert environment.observation_space.contains(observation.astype(np.float32))

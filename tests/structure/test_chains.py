@@ -24,7 +24,6 @@ ASKING = frozenset(
         "effects/links.py",  # each rod has its own drive
         "effects/sites.py",  # the vocabulary of sites
         "export/carts.py",  # files have other elements for carts and rods than for joints
-        "export/loss.py",
         "export/springs.py",
     }
 )

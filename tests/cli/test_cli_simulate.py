@@ -1,4 +1,4 @@
-"""``gtpin simulate --instrument``: a dataset of schema 2, and what is hidden of it beside it."""
+"""``gtpin simulate`` with scenarios and instruments: a dataset as every other, and the truth beside it."""
 
 import json
 import shutil
@@ -10,9 +10,116 @@ import pandas as pd
 import pytest
 from ran import called, refused
 
-from gtpin.data import Dataset
+from gtpin.data import Commands, Dataset
 
-BACKLASH = Path(__file__).parents[2] / "examples" / "scenarios" / "backlash.toml"
+SCENARIOS = sorted((Path(__file__).parents[2] / "examples" / "scenarios").glob("*.toml"))
+
+
+def results(folder):
+    """Names of what is in a folder, but for gtpin's marker, which must be there."""
+    names = {path.name for path in folder.iterdir()}
+    assert ".gtpin.json" in names
+    return names - {".gtpin.json"}
+
+
+@pytest.mark.parametrize("file", SCENARIOS, ids=lambda file: file.stem)
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # what a scenario holds constant is noticed
+def test_every_example_becomes_a_dataset_with_its_truth_beside_it(run, tmp_path, file):
+    ran = run("simulate", "--scenario", file, "-o", tmp_path / "deep" / "set", "--poses", "40")
+    assert (ran.code, ran.err) == (0, "")
+    assert results(tmp_path / "deep") == {"set", "set.truth.json", "set.truth.csv"}
+    assert results(tmp_path / "deep" / "set") == {"dataset.toml", "poses.csv", "commands.csv"}
+    dataset = Dataset.read(tmp_path / "deep" / "set")
+    assert len(set(dataset.pose)) == 40
+    commands = Commands.read(tmp_path / "deep" / "set" / "commands.csv", dataset.n_actuators)
+    assert set(commands.covariates) == set(dataset.covariates)
+    truth = pd.read_csv(tmp_path / "deep" / "set.truth.csv", dtype={"pose": str})
+    assert list(truth.columns) == ["pose", "x", "y", "z", "qw", "qx", "qy", "qz"]
+    assert list(truth["pose"]) == list(commands.pose)
+    wanted = tomllib.loads(file.read_text()).get("effect", [])
+    told = json.loads((tmp_path / "deep" / "set.truth.json").read_text())["effects"]
+    assert sorted(e["effect"] for e in told) == sorted(e["id"] for e in wanted)
+    assert {e["site"] for e in wanted if "site" in e} <= {e["site"] for e in told}
+
+
+BACKLASH = next(file for file in SCENARIOS if file.stem == "backlash")
+
+
+@pytest.mark.slow
+def test_what_is_given_takes_precedence_over_the_scenario_and_the_same_gives_the_same_bytes(run, tmp_path, tree):
+    found = {}
+    for name, options in {"own": [], "again": [], "seed": ["--seed", "1"]}.items():
+        assert run("simulate", "--scenario", BACKLASH, "-o", tmp_path / name / "set", *options).code == 0
+        found[name] = tree(tmp_path / name)
+    assert found["own"] == found["again"]
+    assert found["own"]["set/poses.csv"] != found["seed"]["set/poses.csv"]
+    assert len(set(Dataset.read(tmp_path / "own" / "set").pose)) == tomllib.loads(BACKLASH.read_text())["poses"]
+
+
+def test_json_tells_what_was_made_but_not_what_it_has(run, tmp_path):
+    ran = run("simulate", "--scenario", BACKLASH, "-o", tmp_path / "set", "--poses", "20", "--json")
+    assert json.loads(ran.out) == {
+        "dataset": str(tmp_path / "set"),
+        "robot": "gantry_tau",
+        "rows": 22,
+        "seed": tomllib.loads(BACKLASH.read_text())["seed"],
+    }
+
+
+def test_the_truth_can_be_put_into_the_dataset_too(run, tmp_path):
+    assert run("simulate", "--scenario", BACKLASH, "-o", tmp_path / "set", "--poses", "20", "--truth").code == 0
+    inside, beside = (pd.read_csv(tmp_path / name) for name in ("set/truth.csv", "set.truth.csv"))
+    np.testing.assert_array_equal(inside.to_numpy(), beside.to_numpy())
+
+
+def test_what_else_is_in_the_folders_stays(run, tmp_path):
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "notes.txt").write_text("mine")
+    (tmp_path / "thesis.txt").write_text("mine")
+    assert run("simulate", "--scenario", BACKLASH, "-o", tmp_path / "set", "--poses", "20").code == 0
+    assert results(tmp_path) == {"set", "set.truth.csv", "set.truth.json", "thesis.txt"}
+    assert (tmp_path / "set" / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "set" / "poses.csv").is_file()
+
+
+def test_a_robot_by_its_urdf_is_named_from_the_dataset_s_folder(run, tmp_path):
+    source = Path(__file__).parents[2] / "urdf" / "gantry_tau.urdf"
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "machine.urdf").write_bytes(source.read_bytes())
+    (tmp_path / "own" / "s.toml").write_text('robot = "./machine.urdf"\nposes = 20\nheld_out = 5\n')
+    assert run("simulate", "--scenario", tmp_path / "own" / "s.toml", "-o", tmp_path / "deep" / "set").code == 0
+    assert 'robot = "../../own/machine.urdf"' in (tmp_path / "deep" / "set" / "dataset.toml").read_text()
+    assert len(set(Dataset.read(tmp_path / "deep" / "set").pose)) == 20
+
+
+EFFECT = '[[effect]]\nid = "backlash"\n'
+WRONG = {
+    "missing": (None, "s.toml"),
+    "no toml": ("poses = \n", "s.toml, row 1"),
+    "bytes": (b"\xff\xfe\x00", "UTF-8"),
+    "unknown key": ("colour = 1\n", "column colour"),
+    "unknown effect": ('[[effect]]\nid = "gremlin"\n', "column effect.0"),
+    "wrong site": (EFFECT + 'site = "arm"\n', "column effect.0"),
+    "no id": ('[[effect]]\nsite = "cart1"\n', "column effect.0.id"),
+    "both": (EFFECT + "energy = 100\namplitude = 1\n", "column effect.0"),
+    "energy of nought": (EFFECT + "energy = 0\n", "column effect.0.energy"),
+    "energy that is none": (EFFECT + "energy = nan\n", "column effect.0.energy"),
+    "one pose": ("poses = 1\n", "column poses"),
+    "text": ('poses = "many"\n', "column poses"),
+    "noise": ("[noise]\nposition_sigma = -1.0\n", "column noise.position_sigma"),
+    "covariates": ("[covariates]\nsessions = 1000\n", "column covariates.sessions"),
+    "second effect": (EFFECT + '[[effect]]\nid = "linearity"\nsight = "cart1"\n', "column effect.1.sight"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_scenarios_are_refused_in_one_line_that_names_the_place(tmp_path, kind):
+    content, named = WRONG[kind]
+    if content is not None:
+        (tmp_path / "s.toml").write_bytes(content if isinstance(content, bytes) else content.encode())
+    error = refused(tmp_path, "simulate", "--scenario", tmp_path / "s.toml", "-o", tmp_path / "deep" / "set")
+    assert "s.toml" in error
+    assert named in error
 
 
 @pytest.mark.slow
