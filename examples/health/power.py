@@ -24,9 +24,9 @@ from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
 from gtpin.diagnosis.against.check import Changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.measured import usable
+from gtpin.diagnosis.against.expectation import usable
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 

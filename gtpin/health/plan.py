@@ -15,11 +15,9 @@ from gtpin.data import Commands
 from gtpin.diagnosis.against.alarm import DRAWS, smallest_changes, threshold
 from gtpin.diagnosis.against.check import POWER, Changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import Conditions
-from gtpin.diagnosis.against.measured import FEWEST, least_scatter
+from gtpin.diagnosis.against.expectation import FEWEST, Conditions, least_scatter
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.inference.findings import Smallest
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import PRIORS

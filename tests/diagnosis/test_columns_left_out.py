@@ -10,7 +10,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
-from gtpin.diagnosis.preparation.prepare import without_contradictions, without_filled_in, without_frozen
+from gtpin.diagnosis.prepare import without_contradictions, without_filled_in, without_frozen
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
 

@@ -10,8 +10,8 @@ import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference import descriptions
-from gtpin.diagnosis.inference.descriptions import without_undecided
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.inference.classes import without_undecided
+from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import catalogue, effect_of

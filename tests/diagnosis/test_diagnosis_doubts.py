@@ -17,7 +17,7 @@ from gtpin.diagnosis.inference import predictive
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
 from gtpin.output.shown import present

@@ -11,7 +11,7 @@ import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made
 from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 

@@ -9,17 +9,14 @@ from diagnosed import machine
 from every_effect import every_effect
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.findings import Question
+from gtpin.diagnosis.inference.findings import Conclusion, Contender, Question
+from gtpin.diagnosis.inference.fit import with_possible, without_impossible
 from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.questions import with_possible, without_impossible
 from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 

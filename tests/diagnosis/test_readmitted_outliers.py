@@ -15,7 +15,7 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.inference import settle as settling
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.settle import SearchState, settle
-from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow

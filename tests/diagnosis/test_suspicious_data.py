@@ -11,12 +11,12 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.reestimate_noise import left_over
+from gtpin.diagnosis.inference.settle import readmit_outliers
 from gtpin.diagnosis.inference.suspicious_data import two_groups, two_values
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import GtpinWarning
 from gtpin.report.verdict import verdict

@@ -14,8 +14,8 @@ from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.against.alarm import threshold
 from gtpin.diagnosis.against.check import Changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.measured import usable
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.against.expectation import usable
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant

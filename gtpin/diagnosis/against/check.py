@@ -11,21 +11,17 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.data.duplicates import copies
 from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, chance, smallest_changes, threshold
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import Conditions, expectation, share_unexplained
-from gtpin.diagnosis.against.measured import Usable, places, usable
-from gtpin.diagnosis.against.update import pose_chi2, updated
+from gtpin.diagnosis.against.earlier import Earlier, pose_chi2, updated
+from gtpin.diagnosis.against.expectation import Conditions, Usable, expectation, places, share_unexplained, usable
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import Proposal, propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt, considered
+from gtpin.diagnosis.inference.fit import cause
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import gaps
 from gtpin.diagnosis.inference.shown_noise import floor_of
-from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
-from gtpin.diagnosis.inference.verdict import Conclusion, considered
-from gtpin.diagnosis.inference.where import where
+from gtpin.diagnosis.inference.where import marginal_power, unexplained, where
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import HealthCheck

@@ -9,13 +9,11 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, modulates, related
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope, SmoothTerm, modulates, related
 from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
-from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.exchange import exchanged, tuned
-from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, fixed
+from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, exchanged, fixed, tuned
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
 

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal

@@ -10,11 +10,10 @@ import numpy as np
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.findings import Doubt
-from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.exchange import without
+from gtpin.diagnosis.linear.posterior import without
 from gtpin.effects.situation import Situation
 from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask

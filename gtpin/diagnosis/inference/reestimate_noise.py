@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, scales
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.noise.estimate import likeliest
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise

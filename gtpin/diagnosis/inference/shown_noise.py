@@ -9,15 +9,14 @@ import numpy as np
 
 from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
 from gtpin.calibration.result import Calibration
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
 from gtpin.errors import warn

@@ -14,9 +14,8 @@ from gtpin.data import Dataset
 from gtpin.data.duplicates import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
-from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.inference.reestimate_noise import left_over
-from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS, Priors
