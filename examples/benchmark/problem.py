@@ -53,7 +53,7 @@ class Problem:
         baseline = prepared.baseline
         observed = Observed.of(prepared.dataset.take(baseline.used(prepared.dataset)), baseline)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
-        return Problem(prepared, observed, propose(observed.design(baseline.model), scope).hypotheses)
+        return Problem(prepared, observed, propose(observed.design(baseline.model), scope))
 
     @property
     def baseline(self) -> Model:

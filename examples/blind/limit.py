@@ -160,7 +160,7 @@ class Limit:
         noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
         everything = Observed.of(prepared.dataset, prepared.baseline)
         everything = replace(everything, noise=everything.noise.sized_as(noise))
-        hypotheses = propose(everything.design(prepared.baseline.model), scope).hypotheses
+        hypotheses = propose(everything.design(prepared.baseline.model), scope)
         place = {int(row): i for i, row in enumerate(dataset.row)}
         rows = [place[int(row)] for row in prepared.dataset.row]
         known, forms = effects_by_id(), {}

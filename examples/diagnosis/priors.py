@@ -84,7 +84,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
 
 
 def _inferred(settled: SearchState, scope: Scope) -> Conclusion:
-    return infer(replace(settled, proposal=propose(settled.hypotheses.design, scope)))
+    return infer(replace(settled, hypotheses=propose(settled.hypotheses.design, scope)))
 
 
 def _said(found: Conclusion, truth: dict[tuple[str, str], float], kind: str) -> dict[str, object]:

@@ -102,7 +102,7 @@ def test_a_cause_that_predicts_nothing_is_dropped():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GtpinWarning)
         baseline = calibrate_geometry(beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
-    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect()).hypotheses
+    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect())
     found = decide(hypotheses)
     # The geometry's price of a moved base, and nothing else.
     assert [str(cause) for cause in found.classes] == ["target_offset@platform"]
@@ -117,7 +117,7 @@ def backlash():
     """Hypotheses of a machine with a backlash, and what was decided of them."""
     dataset = machine(2, "backlash").dataset
     baseline = gtpin.calibrate(dataset)
-    hypotheses = propose(Observed.of(dataset, baseline).design(baseline.model), every_effect()).hypotheses
+    hypotheses = propose(Observed.of(dataset, baseline).design(baseline.model), every_effect())
     return hypotheses, decide(hypotheses)
 
 

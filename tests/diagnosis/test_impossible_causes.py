@@ -27,7 +27,7 @@ def hypotheses() -> HypothesisSet:
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         baseline = gtpin.calibrate(dataset)
     design = Observed.of(dataset.take(baseline.used(dataset)), baseline).design(baseline.model)
-    return propose(design, Scope.of(gtpin.catalogue(), (), 0.01, baseline.model.robot)).hypotheses
+    return propose(design, Scope.of(gtpin.catalogue(), (), 0.01, baseline.model.robot))
 
 
 def concluded(hypotheses: HypothesisSet, *shares: float) -> Conclusion:
@@ -109,8 +109,8 @@ def wander(hypotheses: HypothesisSet) -> None:
 )
 def test_a_rejected_branch_changes_no_answer(effect, site):
     design = design_of(effect, site)
-    first = propose(design, every_effect()).hypotheses
-    second = propose(design, every_effect()).hypotheses
+    first = propose(design, every_effect())
+    second = propose(design, every_effect())
     # Effects are the same objects in both sets, so that hypotheses compare as values.
     wander(second)
     assert said(decide(first)) == said(decide(second))
@@ -119,7 +119,7 @@ def test_a_rejected_branch_changes_no_answer(effect, site):
 
 @pytest.mark.slow
 def test_a_model_keeps_its_evidence_while_others_are_tried():
-    hypotheses = propose(design_of("rack_periodic", "cart2"), every_effect()).hypotheses
+    hypotheses = propose(design_of("rack_periodic", "cart2"), every_effect())
     found = decide(hypotheses).model
     before = (found.log_evidence, found.mean.copy())
     wander(hypotheses)

@@ -27,7 +27,7 @@ def groups_of(dataset: gtpin.Dataset):
         warnings.simplefilter("ignore", GtpinWarning)
         baseline = gtpin.calibrate(dataset)
     design = Observed.of(dataset, baseline).design(baseline.model)
-    left, _ = left_over(propose(design, every_effect()).hypotheses, NOTHING)
+    left, _ = left_over(propose(design, every_effect()), NOTHING)
     return two_groups(design, left, (1.5e-5, 5e-5))
 
 
@@ -117,7 +117,7 @@ def test_scatter_stays_what_it_was_where_nobody_declared_the_sigmas() -> None:
     baseline = calibrated(dataset)
     assert baseline.noise.repeatability > 0.0
     observed = Observed.of(dataset, baseline)
-    J = observed.design(baseline.model).command_jacobian
+    J = observed.design(baseline.model).by_command_seen
     before, after = (
         np.trace(n.covariance(J, 6)[:, :3, :3], axis1=1, axis2=2).mean() for n in (baseline.noise, observed.noise)
     )

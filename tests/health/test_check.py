@@ -12,7 +12,7 @@ from scipy.stats import binom
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.against.alarm import threshold
-from gtpin.diagnosis.against.check import Changes
+from gtpin.diagnosis.against.check import changes
 from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.against.expectation import usable
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
@@ -102,7 +102,7 @@ def problem(model, dataset):
     """The sampler of a check's gains, its linear problem, and the earlier model."""
     earlier, data = Earlier(model), usable(dataset, model)
     scope = Scope.of(catalogue(), (), 0.01, model.robot)
-    sampler = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope).sampler
+    sampler, _ = changes(earlier, data.measured, data.dataset.covariates, data.how, scope)
     return sampler, sampler.hypotheses.design, earlier
 
 

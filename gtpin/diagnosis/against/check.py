@@ -15,7 +15,7 @@ from gtpin.diagnosis.against.earlier import Earlier, pose_chi2, updated
 from gtpin.diagnosis.against.expectation import Conditions, Usable, expectation, places, share_unexplained, usable
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import Proposal, propose
+from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt, considered
 from gtpin.diagnosis.inference.fit import cause
 from gtpin.diagnosis.inference.infer import decide
@@ -38,27 +38,16 @@ REGIONS, TOGETHER = 4, 3
 at least). Assumed."""
 
 
-@dataclass(frozen=True)
-class Changes:
-    """The linear problem of a check, with the changes that it can name and those that it can't test.
+def changes(
+    earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
+) -> tuple[GainSampler, tuple[str, ...]]:
+    """The changes of some poses or readings since an earlier model, with their gains on a machine that has not changed.
 
-    ``proposal``: the changes, and those that can't be tested. ``sampler``: their gains on a machine that has not changed.
-    ``assumed``: names of the temperatures whose change since the earlier model is not known and therefore assumed.
+    The second value: names of the temperatures whose change since the model is not known and therefore assumed.
     """
-
-    proposal: Proposal
-    sampler: GainSampler
-    assumed: tuple[str, ...]
-
-    @staticmethod
-    def of(
-        earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
-    ) -> Changes:
-        """The changes of some poses or readings since an earlier model."""
-        since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)
-        design = expectation(earlier, measured, covariates, how, since)
-        proposal = propose(design, scope, changes=True)
-        return Changes(proposal, GainSampler(proposal.hypotheses, share_unexplained(design, how)), assumed)
+    since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)
+    design = expectation(earlier, measured, covariates, how, since)
+    return GainSampler(propose(design, scope, changes=True), share_unexplained(design, how)), assumed
 
 
 def check(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress) -> HealthCheck:
@@ -76,27 +65,28 @@ class _Tried:
     """Rows of a check, with the hypotheses that are tested, and the conclusion."""
 
     data: Usable
-    changes: Changes
+    sampler: GainSampler
+    assumed: tuple[str, ...]
     hypotheses: HypothesisSet
     conclusion: Conclusion
 
     @staticmethod
     def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
         """Decide which changes are named, and whether the poses show something that they do not explain."""
-        possible, priors = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope), scope.priors
-        level = threshold(possible.sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
-        hypotheses = possible.proposal.hypotheses.at_threshold(level)
+        sampler, assumed = changes(earlier, data.measured, data.dataset.covariates, data.how, scope)
+        priors = scope.priors
+        level = threshold(sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
+        hypotheses = sampler.hypotheses.at_threshold(level)
         found = decide(hypotheses)
-        by_chance = chance(possible.sampler, marginal_power(hypotheses, found.model), DRAWS, rng)
+        by_chance = chance(sampler, marginal_power(hypotheses, found.model), DRAWS, rng)
         if by_chance < (1.0 - priors.named_alarms) * scope.false_alarm:
             found = found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
-        return _Tried(data, possible, hypotheses, found)
+        return _Tried(data, sampler, assumed, hypotheses, found)
 
     @property
     def columns(self) -> Floats:
         """(N c, m) whitened displacements of the named changes, at their scales."""
-        found, none = self.conclusion, np.zeros((len(self.hypotheses.design.y), 0))
-        return np.hstack([none, *(self.hypotheses.groups.columns(c) * found.scale[c] for c in found.classes)])
+        return self.hypotheses.columns(self.conclusion.model)
 
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
@@ -141,14 +131,14 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
         causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
-    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
+    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
     kept = {tuple(place) for place in data.places}
     aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)
     return HealthCheck(
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.explained_fraction)),
-        candidates=considered(hypotheses, found, tried.changes.proposal.untested, ()),
+        candidates=considered(hypotheses, found),
         where=where(hypotheses, found.alone, regions),
         gap=whole,
         unexplained=unexplained(hypotheses, found.model, False),
@@ -161,8 +151,8 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         false_alarm=scope.false_alarm,
         threshold=hypotheses.threshold,
         power=POWER,
-        smallest=smallest_changes(tried.changes.sampler, hypotheses.threshold, POWER, rng),
-        assumed=tried.changes.assumed,
+        smallest=smallest_changes(tried.sampler, hypotheses.threshold, POWER, rng),
+        assumed=tried.assumed,
         unexplained_before=data.how.unexplained,
         noise_known=data.how.noise_known,
         free_frame=data.how.free_frame,

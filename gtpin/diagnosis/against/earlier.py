@@ -173,8 +173,7 @@ class Linear:
     @staticmethod
     def of(design: Design, changes: Floats) -> Linear:
         """The posterior for changes with the whitened displacements ``changes`` (N c, m), in units of their priors' sigmas."""
-        J = np.hstack([design.B, changes])
-        prior = np.concatenate([design.prior, np.ones(changes.shape[1])])
+        J, prior = design.beside(changes)
         root = inverse_root(J.T @ J + np.diag(prior))
         covariance = root @ root.T
         mean = covariance @ (J.T @ design.y)

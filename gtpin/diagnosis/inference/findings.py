@@ -3,13 +3,12 @@ unexplained."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
-from gtpin.diagnosis.hypotheses.propose import Untested
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed
 from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.effects.effect import Nature
@@ -321,7 +320,7 @@ class Conclusion:
 
 
 def considered(
-    hypotheses: HypothesisSet, found: Conclusion, untested: Iterable[Untested], could_be: Collection[tuple[str, str]]
+    hypotheses: HypothesisSet, found: Conclusion, could_be: Collection[tuple[str, str]] = ()
 ) -> tuple[Considered, ...]:
     """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
     members = [m for contenders in found.classes.values() for m in contenders]
@@ -334,6 +333,6 @@ def considered(
     ]
     others = [
         Considered(*u.hypothesis.place, 0.0, probability.get(u.hypothesis.place, 0.0), False, u.reason)
-        for u in untested
+        for u in hypotheses.untested
     ]
     return (*sorted(tested, key=lambda row: -row.log_evidence), *others)

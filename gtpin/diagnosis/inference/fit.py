@@ -102,7 +102,8 @@ def fit(
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
-    hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
+    untestable = [one.hypothesis for one in hypotheses.untested]
+    hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")

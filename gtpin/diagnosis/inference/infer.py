@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import betaincc, expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales, smooth_terms
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.classes import contenders, exchanged_for_two, ranked, temperature, with_two_instead
 from gtpin.diagnosis.inference.findings import Conclusion, Contender, Doubt
@@ -236,10 +236,7 @@ class FittedLines:
         def moved(columns: Floats) -> Floats:
             return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
 
-        others = np.hstack(
-            [design.B, *(hypotheses.groups.columns(t) * s for t, s in scales(model).items() if t != cause)]
-        )
-        prior = np.concatenate([design.prior, np.ones(others.shape[1] - len(design.prior))])
+        others, prior = design.beside(hypotheses.columns(hypotheses.only(model, set(model.terms) - {cause})))
         normal = others.T @ others + np.diag(prior)
         whole = np.column_stack([design.y, hypotheses.groups.columns(cause)])
         left = moved(whole - others @ np.linalg.solve(normal, others.T @ whole))

@@ -12,7 +12,7 @@ from gtpin.data import Dataset
 from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import Proposal, propose
+from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.reestimate_noise import gross_errors, reestimate_noise, tails_of
 from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.design import Observed
@@ -42,15 +42,15 @@ class SearchState:
     """The rows and hypotheses that a search uses.
 
     ``kept``: the rows that were not set aside. ``everything``: the same rows, with noise and weights. ``searched``,
-    ``observed``: the rows that the search uses, and the same with noise and weights. ``proposal``: the hypotheses. ``guess``: a
-    model of everything that is not noise, by one search.
+    ``observed``: the rows that the search uses, and the same with noise and weights. ``hypotheses``: those that the data
+    can test. ``guess``: a model of everything that is not noise, by one search.
     """
 
     kept: Dataset
     everything: Observed
     searched: Dataset
     observed: Observed
-    proposal: Proposal
+    hypotheses: HypothesisSet
     guess: Explanation
 
     @property
@@ -59,11 +59,6 @@ class SearchState:
         found = self.hypotheses.design.situation.references
         recorded = self.observed.covariates.get("session", ())
         return replace(found, sessions=tuple(sorted({str(name) for name in recorded})) if found.sessions else ())
-
-    @property
-    def hypotheses(self) -> HypothesisSet:
-        """The hypotheses that the data can test."""
-        return self.proposal.hypotheses
 
 
 def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> SearchState:
@@ -76,19 +71,19 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     drawn = rng.permutation(len(kept))
     everything = Observed.of(kept, baseline)
     some = _part(drawn, readmitted, MOST_POSES if baseline.model.robot.rods else FEW_POSES)
-    observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope)
+    observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST:
-        del proposal, guess  # frees memory before the next are made
+        del hypotheses, guess  # frees memory before the next are made
         some = _part(drawn, readmitted, MOST_POSES)
-        observed, used, proposal, guess = _reestimated(everything.take(some), prepared, scope)
+        observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     searched = kept.take(some[used])
     if len(some) == len(kept):
-        return SearchState(searched, observed, searched, observed, proposal, guess)
+        return SearchState(searched, observed, searched, observed, hypotheses, guess)
     good = ~np.isin(np.arange(len(kept)), some[~used])
     noise = everything.noise.sized_as(observed.noise)
-    tails = tails_of(observed, proposal.hypotheses, guess)
+    tails = tails_of(observed, hypotheses, guess)
     everything = replace(everything, noise=noise, tails=tails).take(good)
-    return SearchState(kept.take(good), everything, searched, observed, proposal, guess)
+    return SearchState(kept.take(good), everything, searched, observed, hypotheses, guess)
 
 
 def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArray[np.intp]:
@@ -100,33 +95,35 @@ def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArr
     return np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:most])
 
 
-def _reestimated(observed: Observed, prepared: Prepared, scope: Scope) -> tuple[Observed, Mask, Proposal, Explanation]:
+def _reestimated(
+    observed: Observed, prepared: Prepared, scope: Scope
+) -> tuple[Observed, Mask, HypothesisSet, Explanation]:
     """Estimate outliers and noise again, given the model of a search.
 
     Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.
     """
     model = prepared.baseline.model
-    proposal = propose(observed.design(model), scope)
-    guess = rough_guess(proposal.hypotheses)
+    hypotheses = propose(observed.design(model), scope)
+    guess = rough_guess(hypotheses)
     # Where a cause is large, the calibration could not find the outliers.
-    outliers = gross_errors(proposal.hypotheses, guess)
-    used = ~outliers | stand_together(proposal.hypotheses.design.situation, outliers, scope.priors)
+    outliers = gross_errors(hypotheses, guess)
+    used = ~outliers | stand_together(hypotheses.design.situation, outliers, scope.priors)
     if not used.all() and guess.terms:
         observed = observed.take(used)
-        del proposal  # frees memory before the next is made: proposals take the most
-        proposal = propose(observed.design(model), scope)
-        guess = rough_guess(proposal.hypotheses, guess)
+        del hypotheses  # frees memory before the next is made: it takes the most
+        hypotheses = propose(observed.design(model), scope)
+        guess = rough_guess(hypotheses, guess)
     else:
         used[:] = True
-    for _ in range(LONG_ROUNDS if proposal.hypotheses.long else ROUNDS):
-        noise = reestimate_noise(observed, proposal.hypotheses, guess, prepared.declared)
+    for _ in range(LONG_ROUNDS if hypotheses.long else ROUNDS):
+        noise = reestimate_noise(observed, hypotheses, guess, prepared.declared)
         if not noise.matters:
             break
         observed = noise.observed
-        del proposal
-        proposal = propose(observed.design(model), scope)
-        guess = rough_guess(proposal.hypotheses, guess)
-    return observed, used, proposal, guess
+        del hypotheses
+        hypotheses = propose(observed.design(model), scope)
+        guess = rough_guess(hypotheses, guess)
+    return observed, used, hypotheses, guess
 
 
 def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:

@@ -57,8 +57,7 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     )
     rods = {}
     if design.measured.tracked:
-        noise = np.asarray(np.linalg.inv(design.whitening))
-        rods = design.situation.rod_shares(np.einsum("nij,nj->ni", noise, whitened), noise)
+        rods = design.situation.rod_shares(design.coloured(whitened), np.asarray(np.linalg.inv(design.whitening)))
     return Where(rods, _sites(alone), axis, _covariates(alone), boxes)
 
 

@@ -108,8 +108,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     pose's block, where these are different.
     """
     c = design.components
-    J = np.hstack([design.B, causes])
-    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
+    J, prior = design.beside(causes)
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     z = root @ (root.T @ (J.T @ design.y))
     left, half = design.y - J @ z, J @ root

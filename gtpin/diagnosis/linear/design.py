@@ -175,6 +175,14 @@ class Design:
         y = np.einsum("nij,nj->ni", whitening, residual).ravel() + B[:, :n_prior] @ deviation
         return Design(situation, whitening, model, y, B, n_prior, measured.taken(free_frame), measured)
 
+    def beside(self, columns: Floats) -> tuple[Floats, Floats]:
+        """(N c, p + m) B and further columns (N c, m), and (p + m,) precisions of the priors of all coefficients."""
+        return np.hstack([self.B, columns]), np.concatenate([self.prior, np.ones(columns.shape[1])])
+
+    def coloured(self, whitened: Floats) -> Floats:
+        """(N, c) whitened numbers in their own units, m and rad."""
+        return np.asarray(np.einsum("nij,nj->ni", np.linalg.inv(self.whitening), whitened))
+
     def columns(self, basis: Basis) -> Floats:
         """(N c, m) whitened displacements for coefficients of typical size."""
         return _whitened(self.whitening, self.seen(basis.displacement(self.situation) * basis.sigma))
@@ -183,11 +191,6 @@ class Design:
         """(N, c, m) changes of the measured numbers by motions J (N, 6 + k, m) of the poses, base frame, and of k measured
         joints."""
         return self.measured.seen(J, self.model, self.situation.poses)
-
-    @cached_property
-    def command_jacobian(self) -> Floats:
-        """(N, 6, n) derivative of the poses by the commands, instrument's frame."""
-        return in_frame(self.situation.command_jacobian, self.model.frame)
 
     @cached_property
     def by_command(self) -> Floats:

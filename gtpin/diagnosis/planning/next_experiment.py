@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.inference.classes import ranked
 from gtpin.diagnosis.inference.findings import Cause, Conclusion
 from gtpin.diagnosis.linear.design import Observed
