@@ -15,11 +15,11 @@ from gtpin.data import Commands
 from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, smallest_changes, threshold
 from gtpin.diagnosis.against.check import POWER, changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import FEWEST, Conditions, least_scatter
+from gtpin.diagnosis.against.expectation import FEWEST, least_scatter
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.inference.findings import Smallest
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
@@ -211,8 +211,8 @@ def plan(
         seen = model.seen(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
         measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, model.robot)
         rows = used.rows(len(some), measured.components)
-        how = Conditions(rows, free, unexplained=left, noise_known=known)
-        return changes(earlier, measured, some.covariates, how, scope)[0]
+        observed = Observed(measured, some.covariates, rows, np.ones(len(some)), temperature=20.0, free_frame=free)
+        return changes(earlier, observed, left, scope)[0]
 
     hypotheses = possible(some).hypotheses
     words = checked_first() if purpose == "health" else tuple(between)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from gtpin.data import Dataset, by_region
 from gtpin.data.duplicates import copies
 from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, chance, smallest_changes, threshold
 from gtpin.diagnosis.against.earlier import Earlier, pose_chi2, updated
-from gtpin.diagnosis.against.expectation import Conditions, Usable, expectation, places, share_unexplained, usable
+from gtpin.diagnosis.against.expectation import Usable, expectation, places, share_unexplained, usable, with_unexplained
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
@@ -22,12 +22,11 @@ from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import gaps
 from gtpin.diagnosis.inference.shown_noise import floor_of
 from gtpin.diagnosis.inference.where import marginal_power, unexplained, where
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.distributions import chi2
-from gtpin.effects.situation import Column
-from gtpin.instruments.readings import Readings
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -39,15 +38,17 @@ at least). Assumed."""
 
 
 def changes(
-    earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
+    earlier: Earlier, observed: Observed, left: ModelDiscrepancy, scope: Scope
 ) -> tuple[GainSampler, tuple[str, ...]]:
     """The changes of some poses or readings since an earlier model, with their gains on a machine that has not changed.
 
-    The second value: names of the temperatures whose change since the model is not known and therefore assumed.
+    The second value: names of the temperatures whose change since the model is not known and therefore assumed. ``left``: what
+    the model left unexplained of its own data.
     """
-    since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)
-    design = expectation(earlier, measured, covariates, how, since)
-    return GainSampler(propose(design, scope, changes=True), share_unexplained(design, how)), assumed
+    since, assumed = earlier.since(observed.covariates, observed.temperature, len(observed.weight), scope.priors.warmer)
+    design = expectation(earlier, observed, left, since)
+    share = share_unexplained(design, observed.noise, left)
+    return GainSampler(propose(design, scope, changes=True), share), assumed
 
 
 def check(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress) -> HealthCheck:
@@ -73,7 +74,7 @@ class _Tried:
     @staticmethod
     def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
         """Decide which changes are named, and whether the poses show something that they do not explain."""
-        sampler, assumed = changes(earlier, data.measured, data.dataset.covariates, data.how, scope)
+        sampler, assumed = changes(earlier, data.observed, data.unexplained, scope)
         priors = scope.priors
         level = threshold(sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
         hypotheses = sampler.hypotheses.at_threshold(level)
@@ -153,9 +154,9 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         power=POWER,
         smallest=smallest_changes(tried.sampler, hypotheses.threshold, POWER, rng),
         assumed=tried.assumed,
-        unexplained_before=data.how.unexplained,
-        noise_known=data.how.noise_known,
-        free_frame=data.how.free_frame,
+        unexplained_before=data.unexplained,
+        noise_known=data.noise_known,
+        free_frame=data.observed.free_frame,
         effects=scope.effects,
         dataset=dataset,
     )
@@ -178,10 +179,12 @@ def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
 def _floor(tried: _Tried, earlier: Model) -> Floats:
     """(N, k) expected square of the noise of each compared number, m^2, without unexplained errors of the earlier model where
     the noise is known; ones for readings: their errors are in units of noise."""
-    design, how = tried.hypotheses.design, tried.data.how
+    design, data = tried.hypotheses.design, tried.data
     if not design.measured.tracked:
-        return np.ones((len(tried.data.dataset), design.components))
-    noise = how.noise if how.noise_known else how.expected(design.measured)
+        return np.ones((len(data.dataset), design.components))
+    noise = data.observed.noise
+    if not data.noise_known:
+        noise = with_unexplained(noise, design.measured, data.unexplained)
     if earlier.fit is not None:  # what the drives are assumed to scatter at least is no noise
         noise = replace(noise, repeatability=min(noise.repeatability, earlier.fit.drives))
     return floor_of(noise, design)

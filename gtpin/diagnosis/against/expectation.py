@@ -1,4 +1,4 @@
-"""The linear problem of a check: new poses less what an earlier model predicts, whitened, and how uncertain that is."""
+"""The linear problem of a check: its usable rows less what an earlier model predicts, whitened, and how uncertain that is."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from gtpin.data import Dataset, check_commands
 from gtpin.data.duplicates import counted_once
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.sites import turning_joint
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.situation import Column
 from gtpin.effects.smooth import RIM
 from gtpin.errors import ConvergenceError, DatasetError, ModelError, warn
 from gtpin.instruments.readings import VAGUE, Readings, single
@@ -37,16 +37,22 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Usable:
-    """The usable rows of a check, and how they were measured."""
+    """The usable rows of a check, and how they were measured.
+
+    ``observed``: the rows with their noise. ``unexplained``: what the earlier model left unexplained of its own data: a part
+    of the uncertainty of every prediction. ``noise_known``: whether the noise was declared, or repeated visits showed it.
+    Otherwise it is as small as noise can be, and what was left of the earlier fit is all in ``unexplained``.
+    """
 
     dataset: Dataset
-    measured: Readings
-    how: Conditions
+    observed: Observed
+    unexplained: ModelDiscrepancy
+    noise_known: bool
 
     def without(self, row: int) -> Usable:
         """The same without the row with the index ``row``; of a reading with several components, without all of them."""
-        kept, where = np.any(self.places != self.places[row], axis=1), self.how
-        return Usable(self.dataset.take(kept), self.measured.take(kept), replace(where, noise=where.noise.take(kept)))
+        kept = np.any(self.places != self.places[row], axis=1)
+        return replace(self, dataset=self.dataset.take(kept), observed=self.observed.take(kept))
 
     @property
     def places(self) -> npt.NDArray[np.int64]:
@@ -92,7 +98,8 @@ def usable(dataset: Dataset, model: Model) -> Usable:
             none: dict[str, Any] = dict.fromkeys(lacking, SMALLEST)
             own = replace(own, **none)
         noise = own.rows(len(kept), measured.components)
-    return Usable(kept, measured, Conditions(noise, free, dataset.conditions.reference_temperature, left, known))
+    weight, temperature = np.ones(len(kept)), dataset.conditions.reference_temperature
+    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), left, known)
 
 
 def _usable_poses(dataset: Dataset, model: Model, free: bool) -> tuple[Dataset, Readings]:
@@ -172,68 +179,43 @@ SETTLED = 1e-3
 """Change of the unknowns, in standard deviations of their priors, that ends the steps; less than the check's other errors."""
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """The conditions under which a check is measured.
-
-    ``noise``: noise of the check's poses or readings. ``free_frame``: whether the pose of the instrument is unknown.
-    ``temperature``: reference temperature, degC, at which the geometry holds. ``unexplained``: what the earlier model left
-    unexplained of its own data: a part of the uncertainty of every prediction. ``noise_known``: whether ``noise`` was declared,
-    or repeated visits showed it. Otherwise it is as small as noise can be, and what was left of the earlier fit is all in
-    ``unexplained``.
-    """
-
-    noise: ReadingNoise
-    free_frame: bool
-    temperature: float = 20.0
-    unexplained: ModelDiscrepancy = EXPLAINED
-    noise_known: bool = True
-
-    def expected(self, measured: Readings) -> ReadingNoise:
-        """Noise and unexplained errors together, as if these were independent from pose to pose."""
-        left, noise = self.unexplained, self.noise
-        if left.none:
-            return noise
-        more = np.where(measured.group_turns, left.orientation, left.position)
-        return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
+def with_unexplained(noise: ReadingNoise, measured: Readings, left: ModelDiscrepancy) -> ReadingNoise:
+    """Noise and unexplained errors together, as if these were independent from pose to pose."""
+    if left.none:
+        return noise
+    more = np.where(measured.group_turns, left.orientation, left.position)
+    return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
-def expectation(
-    earlier: Earlier,
-    measured: Readings,
-    covariates: Mapping[str, Column],
-    how: Conditions,
-    since: Mapping[str, Column],
-) -> Design:
+def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, since: Mapping[str, Column]) -> Design:
     """The linear problem about an earlier model: y ~ N(0, I + B B') where nothing has changed.
 
     y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
     model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
     or by the unknowns of the instruments, scaled by the sigmas of their priors.
 
-    ``measured``: the poses or readings of the check. ``covariates``: the covariates as they
-    were recorded. ``how``: noise, frame and temperature. ``since``: the covariates on which changes depend: see
-    :meth:`Earlier.since`.
+    ``observed``: the poses or readings of the check. ``left``: what the earlier model left unexplained. ``since``: the
+    covariates on which changes depend: see :meth:`Earlier.since`.
 
     Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
-    kinematics, q = earlier.model.kinematics, measured.q
-    plain = kinematics.forward(q)
-    poses = earlier.predicted(q, covariates, plain)
-    model, at = earlier.model, Situation(kinematics, q, plain, since, temperature=how.temperature)
-    c, noise = measured.components, how.expected(measured)
-    if how.free_frame:
+    measured, q = observed.measured, observed.measured.q
+    at = replace(observed, covariates=since).situation(earlier.model)
+    model, plain = earlier.model, at.poses
+    poses = earlier.predicted(q, observed.covariates, plain)
+    c, noise = measured.components, with_unexplained(observed.noise, measured, left)
+    if observed.free_frame:
         model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
     else:
         measured = with_unknowns(measured, noise, at.command_jacobian, poses)
     W = noise.whitening(measured.seen(at.command_jacobian, model, poses), c)
-    by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
-    unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
+    by_model = measured.seen(earlier.jacobian(q, observed.covariates, plain) @ earlier.root, model, poses)
+    unknowns, free = measured.unknown_columns(model, poses, observed.free_frame, None)
     B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
     known = len(measured.deviation)
     y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
     y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
-    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(how.free_frame), measured)
+    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(observed.free_frame), measured)
 
 
 def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Poses) -> Readings:
@@ -266,11 +248,11 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
     )
 
 
-def share_unexplained(design: Design, how: Conditions) -> float:
+def share_unexplained(design: Design, own: ReadingNoise, left: ModelDiscrepancy) -> float:
     """Share of unexplained errors in the mean variance of the whitened residuals; the rest is noise."""
-    if how.unexplained.none:
+    if left.none:
         return 0.0
     measured, at = design.measured, design.situation
-    noise = how.noise.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
+    noise = own.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
     W = design.whitening
     return float(np.clip(1.0 - np.einsum("nij,njk,nik->ni", W, noise, W).mean(), 0.0, 1.0))

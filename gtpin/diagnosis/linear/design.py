@@ -94,16 +94,10 @@ class Observed:
         q = self.measured.q
         return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
 
-    def design(
-        self,
-        model: Model,
-        fixed: References | None = None,
-        poses: Poses | None = None,
-        pivot: Floats | None = None,
-    ) -> Design:
-        """The linear problem about a model's geometry; ``pivot`` as for :meth:`Design.of`."""
-        at = self.situation(model, fixed, poses)
-        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame, pivot)
+    def design(self, model: Model, fixed: References | None = None) -> Design:
+        """The linear problem about a model's geometry."""
+        at = self.situation(model, fixed)
+        return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
 
 
 def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model) -> ReadingNoise:
@@ -155,19 +149,17 @@ class Design:
         noise: ReadingNoise,
         weight: Floats,
         free_frame: bool,
-        pivot: Floats | None = None,
     ) -> Design:
         """Set up the linear problem about a fitted model.
 
-        ``measured``, ``weight``: the measured poses or readings, and (N,) their weights in the fit. ``pivot``: (3,) centre
-        of rotation of a free instrument's pose, instrument's frame, m; by default the middle of the poses.
+        ``measured``, ``weight``: the measured poses or readings, and (N,) their weights in the fit.
         """
         J_q = measured.seen(situation.command_jacobian, model, situation.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
         residual = measured.left(model, situation.poses)
         geometry = model.geometry
         by_geometry = model.kinematics.geometry_jacobian(measured.q, situation.poses) * geometry.tolerance
-        unknowns, free = measured.unknown_columns(model, situation.poses, free_frame, pivot)
+        unknowns, free = measured.unknown_columns(model, situation.poses, free_frame, None)
         by_all = np.concatenate([measured.seen(by_geometry, model, situation.poses), unknowns], axis=2)
         B = _whitened(whitening, by_all)
         deviation = np.concatenate([geometry.deviation / geometry.tolerance, measured.deviation])
