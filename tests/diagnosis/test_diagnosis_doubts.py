@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import LARGE, machine, said
+from diagnosed import LARGE, machine, quietly, said
 from every_effect import every_effect
 
 import gtpin
@@ -19,7 +19,6 @@ from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.errors import GtpinWarning
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
 
@@ -99,9 +98,7 @@ def test_an_instrument_beside_the_base_makes_no_cause():
 def test_a_cause_that_predicts_nothing_is_dropped():
     dataset = machine(3).dataset
     beside = replace(dataset, position=dataset.position + np.array([0.0, 0.012, 0.0]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        baseline = calibrate_geometry(beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    baseline = quietly(calibrate_geometry, beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
     hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect())
     found = decide(hypotheses)
     # The geometry's price of a moved base, and nothing else.

@@ -1,11 +1,10 @@
 """A cause that no machine can have: the others of its class take its place, and its share."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import machine
+from diagnosed import machine, quietly
 from every_effect import every_effect
 
 import gtpin
@@ -23,9 +22,7 @@ from gtpin.diagnosis.linear.posterior import NOTHING
 @pytest.fixture(scope="module")
 def hypotheses() -> HypothesisSet:
     dataset = machine(5, "backlash", "cart1").dataset
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        baseline = gtpin.calibrate(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     design = Observed.of(dataset.take(baseline.used(dataset)), baseline).design(baseline.model)
     return propose(design, Scope.of(gtpin.catalogue(), (), 0.01, baseline.model.robot))
 
@@ -79,9 +76,7 @@ def test_causes_that_are_named_only_beside_an_impossible_one_are_dropped(hypothe
 
 def design_of(effect: str, site: str) -> Design:
     dataset = machine(5, effect, site).dataset
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        baseline = gtpin.calibrate(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     used = dataset.take(baseline.used(dataset))
     return Observed.of(used, baseline).design(baseline.model)
 
