@@ -19,13 +19,12 @@ from gtpin.data import Commands, Dataset
 from gtpin.data.files import read_table
 from gtpin.data.names import ORIENTATION
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.instruments.predicted import predicted_readings
@@ -54,7 +53,7 @@ class Problem:
         baseline = prepared.baseline
         observed = Observed.of(prepared.dataset.take(baseline.used(prepared.dataset)), baseline)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
-        return Problem(prepared, observed, propose(observed.design(baseline.model), scope).hypotheses)
+        return Problem(prepared, observed, propose(observed.design(baseline.model), scope))
 
     @property
     def baseline(self) -> Model:

@@ -22,18 +22,15 @@ from gtpin.bench.blind.judged import Named, Statement
 from gtpin.bench.blind.truth import Truth
 from gtpin.data import Dataset
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.outliers import readmit_outliers
-from gtpin.diagnosis.inference.settle import settle
+from gtpin.diagnosis.inference.settle import readmit_outliers, settle
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.evidence import Groups
-from gtpin.diagnosis.linear.exchange import tuned
-from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains
+from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, tuned
 from gtpin.diagnosis.linear.scan import Scan
-from gtpin.diagnosis.preparation.prepare import prepare
+from gtpin.diagnosis.prepare import prepare
 from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.model.measured_robot import measuring, robot_of
@@ -163,7 +160,7 @@ class Limit:
         noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
         everything = Observed.of(prepared.dataset, prepared.baseline)
         everything = replace(everything, noise=everything.noise.sized_as(noise))
-        hypotheses = propose(everything.design(prepared.baseline.model), scope).hypotheses
+        hypotheses = propose(everything.design(prepared.baseline.model), scope)
         place = {int(row): i for i, row in enumerate(dataset.row)}
         rows = [place[int(row)] for row in prepared.dataset.row]
         known, forms = effects_by_id(), {}

@@ -16,13 +16,12 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.blind.draw import drafts, made
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.inference.findings import Conclusion
 from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.outliers import readmit_outliers
-from gtpin.diagnosis.inference.settle import SearchState, settle
-from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.preparation.prepare import prepare
+from gtpin.diagnosis.inference.settle import SearchState, readmit_outliers, settle
+from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
@@ -85,7 +84,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
 
 
 def _inferred(settled: SearchState, scope: Scope) -> Conclusion:
-    return infer(replace(settled, proposal=propose(settled.hypotheses.design, scope)))
+    return infer(replace(settled, hypotheses=propose(settled.hypotheses.design, scope)))
 
 
 def _said(found: Conclusion, truth: dict[tuple[str, str], float], kind: str) -> dict[str, object]:

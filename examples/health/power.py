@@ -22,11 +22,11 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
-from gtpin.diagnosis.against.check import Changes
+from gtpin.diagnosis.against.check import changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.measured import usable
+from gtpin.diagnosis.against.expectation import usable
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 
@@ -85,7 +85,7 @@ def alarms_of(model: gtpin.Model, datasets: Sequence[gtpin.Dataset]) -> list[boo
     level, alarms = None, []
     for dataset in datasets:
         data = usable(dataset, model)
-        sampler = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope).sampler
+        sampler, _ = changes(earlier, data.observed, data.unexplained, scope)
         if level is None:
             level = threshold(sampler, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
         power = sampler.hypotheses.groups.power

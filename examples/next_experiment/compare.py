@@ -17,8 +17,8 @@ from gtpin.bench.simulator import make_case
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.trials import Known, possible

@@ -15,18 +15,17 @@ from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against.check import check
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.inference.findings import considered
 from gtpin.diagnosis.inference.fit import Fitted, fit
 from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.outliers import readmit_outliers
-from gtpin.diagnosis.inference.settle import MOST_POSES, SearchState, settle
+from gtpin.diagnosis.inference.settle import MOST_POSES, SearchState, readmit_outliers, settle
 from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
-from gtpin.diagnosis.inference.verdict import considered
 from gtpin.diagnosis.inference.where import where
-from gtpin.diagnosis.linear.hold_out import HoldOut, check_hold_out
+from gtpin.diagnosis.linear.cross_validation import HoldOut, check_hold_out
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.next_experiment import classes, plan
-from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.catalogue import catalogue
@@ -211,7 +210,7 @@ def _diagnose(
         prepared.baseline.model,
         settled.references,
         classes=classes(fitted.conclusion, fitted.causes, settled.hypotheses),
-        untestable=settled.proposal.untested,
+        untestable=settled.hypotheses.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
         unseen_noise=any(d.reason == "excess" for d in fitted.conclusion.doubts),
         rng=rng,
@@ -230,7 +229,7 @@ def _diagnosis(
         verdict=found.verdict,
         causes=fitted.causes,
         also=fitted.also,
-        candidates=considered(hypotheses, found, settled.proposal.untested, fitted.unexplained.could_be),
+        candidates=considered(hypotheses, found, fitted.unexplained.could_be),
         where=where(hypotheses, found.alone, regions),
         gap=fitted.gap,
         noise_source=fitted.noise_source,

@@ -12,16 +12,14 @@ import numpy.typing as npt
 
 from gtpin.accuracy.planning import plan_poses
 from gtpin.data import Commands
-from gtpin.diagnosis.against.alarm import DRAWS, smallest_changes, threshold
-from gtpin.diagnosis.against.check import POWER, Changes
+from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, smallest_changes, threshold
+from gtpin.diagnosis.against.check import POWER, changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import Conditions
-from gtpin.diagnosis.against.measured import FEWEST, least_scatter
+from gtpin.diagnosis.against.expectation import FEWEST, least_scatter
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.inference.findings import Smallest
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
@@ -207,16 +205,16 @@ def plan(
     used = noise if known else replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
 
-    def possible(some: Candidates) -> Changes:
+    def possible(some: Candidates) -> GainSampler:
         """The changes that measuring candidates could test."""
         earlier = Earlier(model)
         seen = model.seen(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
         measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, model.robot)
         rows = used.rows(len(some), measured.components)
-        how = Conditions(rows, free, unexplained=left, noise_known=known)
-        return Changes.of(earlier, measured, some.covariates, how, scope)
+        observed = Observed(measured, some.covariates, rows, np.ones(len(some)), temperature=20.0, free_frame=free)
+        return changes(earlier, observed, left, scope)[0]
 
-    hypotheses = possible(some).proposal.hypotheses
+    hypotheses = possible(some).hypotheses
     words = checked_first() if purpose == "health" else tuple(between)
     wanted = [h for h in hypotheses.linear if not words or h.effect.id in words or str(h) in words]
     for word in words:
@@ -230,7 +228,7 @@ def plan(
         random = [rng.choice(len(some), poses, replace=False) for _ in range(RANDOM)]
         told = tuple(_told(hypotheses.design, choice, wanted, rows, random))
         return PosePlan(purpose, commands, model, noise, where, told=told)
-    sampler = possible(some.take(rows)).sampler
+    sampler = possible(some.take(rows))
     level = threshold(sampler, PRIORS.named_alarms * false_alarm, DRAWS, rng)
     smallest = smallest_changes(sampler, level, POWER, rng)
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)

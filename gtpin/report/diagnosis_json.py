@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.diagnosis.inference.findings import Cause, Member
-from gtpin.diagnosis.linear.cross_validation import ASKED, Gap
-from gtpin.diagnosis.linear.hold_out import TOGETHER
+from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER, Gap
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.sites import joints
 from gtpin.report.phrases import reason_words

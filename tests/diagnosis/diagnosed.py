@@ -1,7 +1,9 @@
 """Machines with hidden faults, drawn by the plant, and what is said of them: each diagnosed once."""
 
 import warnings
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
@@ -10,6 +12,13 @@ from gtpin.diagnosis.result import Diagnosis
 LARGE = 1500.0
 """Energy, twice the log likelihood at stake, at which a fault is hard to overlook."""
 POSES = 120
+
+
+def quietly(call: Callable[..., Any], *given: Any, **options: Any) -> Any:
+    """What a call returns, without its warnings: of poses that a large fault makes look like gross errors, ..."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        return call(*given, **options)
 
 
 @cache
@@ -21,9 +30,7 @@ def machine(seed: int, effect: str | None = None, site: str | None = None, energ
 def said(
     seed: int, effect: str | None = None, site: str | None = None, energy: float = LARGE, exclude: tuple[str, ...] = ()
 ) -> Diagnosis:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large fault makes look like gross errors
-        return gtpin.diagnose(machine(seed, effect, site, energy).dataset, exclude=exclude)
+    return quietly(gtpin.diagnose, machine(seed, effect, site, energy).dataset, exclude=exclude)
 
 
 def classes(found: Diagnosis) -> set[tuple[str, str]]:

@@ -1,6 +1,6 @@
 """All effects of the catalogue, as a diagnosis takes them."""
 
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 
 

@@ -11,9 +11,8 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.instruments.readings import Readings
 

@@ -2,21 +2,24 @@
 
 import warnings
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from diagnosed import quietly
 
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
-from gtpin.diagnosis.preparation.prepare import without_contradictions, without_filled_in, without_frozen
+from gtpin.diagnosis.prepare import without_contradictions, without_filled_in, without_frozen
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinWarning
 
 CONDITIONS = SimulatedConditions(rest=0.4, sessions=3)
 
 
+@cache
 def measured(seed: int, *effects: tuple[str, str]) -> gtpin.Dataset:
     return make_case(seed, effects=list(effects), energy=1500.0, poses=130, held_out=1, conditions=CONDITIONS).dataset
 
@@ -70,9 +73,7 @@ def test_sessions_of_other_rows_are_left_out_and_clocks_that_begin_anew_are_not(
 
 @pytest.mark.slow
 def test_backlash_with_directions_of_other_rows_is_called_nothing_else() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        found = gtpin.diagnose(with_rows_mixed(measured(7, ("backlash", "cart1")), "approach"))
+    found = quietly(gtpin.diagnose, with_rows_mixed(measured(7, ("backlash", "cart1")), "approach"))
     assert not [c for c in found.causes if c.probability >= 0.95 and c.effect != "backlash"]
 
 
@@ -113,9 +114,7 @@ def test_too_many_or_too_short_sessions_are_left_out(count: int) -> None:
 @pytest.mark.slow
 def test_a_session_in_every_row_makes_its_effects_untestable_for_that_reason() -> None:
     dataset = measured(8).take(np.arange(60))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        stamped = gtpin.diagnose(in_sessions(dataset, len(dataset)))
+    stamped = quietly(gtpin.diagnose, in_sessions(dataset, len(dataset)))
     reasons = {
         c.reason
         for c in stamped.candidates

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
 from gtpin.diagnosis.hypotheses.lines import settled
-from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.inference.classes import contenders
 from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.linear import scan

@@ -9,9 +9,9 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference import descriptions
-from gtpin.diagnosis.inference.descriptions import without_undecided
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.inference import classes as rules
+from gtpin.diagnosis.inference.classes import without_undecided
+from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import catalogue, effect_of
@@ -74,7 +74,7 @@ def test_only_what_is_weak_and_undecided_leaves_the_verdict_alone(
     leader: float, weak: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found, causes = concluded({"cart1": 0.99, "cart2": leader})
-    monkeypatch.setattr(descriptions, "weak", lambda hypotheses, model, cause: weak and cause == causes["cart2"])
+    monkeypatch.setattr(rules, "weak", lambda hypotheses, model, cause: weak and cause == causes["cart2"])
     told = without_undecided(None, found)  # type: ignore[arg-type]
     assert told.verdict == verdict
     assert set(told.also) == ({causes["cart2"]} if verdict == "explained" else set())
@@ -82,7 +82,7 @@ def test_only_what_is_weak_and_undecided_leaves_the_verdict_alone(
 
 def test_what_is_weak_and_undecided_alone_stays_a_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = concluded({"cart2": 0.3})
-    monkeypatch.setattr(descriptions, "weak", lambda *_: True)
+    monkeypatch.setattr(rules, "weak", lambda *_: True)
     assert without_undecided(None, found).verdict == "ambiguous"  # type: ignore[arg-type]
 
 

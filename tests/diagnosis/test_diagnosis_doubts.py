@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import LARGE, machine, said
+from diagnosed import LARGE, machine, quietly, said
 from every_effect import every_effect
 
 import gtpin
@@ -17,9 +17,8 @@ from gtpin.diagnosis.inference import predictive
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.errors import GtpinWarning
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
 
@@ -99,10 +98,8 @@ def test_an_instrument_beside_the_base_makes_no_cause():
 def test_a_cause_that_predicts_nothing_is_dropped():
     dataset = machine(3).dataset
     beside = replace(dataset, position=dataset.position + np.array([0.0, 0.012, 0.0]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        baseline = calibrate_geometry(beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
-    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect()).hypotheses
+    baseline = quietly(calibrate_geometry, beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect())
     found = decide(hypotheses)
     # The geometry's price of a moved base, and nothing else.
     assert [str(cause) for cause in found.classes] == ["target_offset@platform"]
@@ -117,7 +114,7 @@ def backlash():
     """Hypotheses of a machine with a backlash, and what was decided of them."""
     dataset = machine(2, "backlash").dataset
     baseline = gtpin.calibrate(dataset)
-    hypotheses = propose(Observed.of(dataset, baseline).design(baseline.model), every_effect()).hypotheses
+    hypotheses = propose(Observed.of(dataset, baseline).design(baseline.model), every_effect())
     return hypotheses, decide(hypotheses)
 
 

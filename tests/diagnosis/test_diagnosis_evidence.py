@@ -8,8 +8,17 @@ from linear_problems import Dense
 from numpy.testing import assert_allclose
 
 from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal, best_scales
-from gtpin.diagnosis.linear.exchange import _rescaled, exchanged, tuned, without
-from gtpin.diagnosis.linear.posterior import NOTHING, all_gains, fixed, gain, given
+from gtpin.diagnosis.linear.posterior import (
+    NOTHING,
+    _rescaled,
+    all_gains,
+    exchanged,
+    fixed,
+    gain,
+    given,
+    tuned,
+    without,
+)
 
 WIDTHS = {"a": 1, "b": 3, "c": 4, "d": 6, "e": 7, "f": 12}
 SOME = [{"b": 0.7}, {"a": 2.0, "d": 0.3}, {"f": 1.0, "c": 5.0, "b": 0.1}]

@@ -15,8 +15,8 @@ from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference import joint_fit
 from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.observed import Observed
 from gtpin.diagnosis.linear.posterior import fixed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id

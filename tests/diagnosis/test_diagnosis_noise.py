@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed
 from gtpin.effects.basis import Basis
 from gtpin.instruments.readings import Readings

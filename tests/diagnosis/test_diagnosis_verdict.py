@@ -1,17 +1,16 @@
 """Verdicts on machines whose faults are known: silent, right, or honest about not knowing."""
 
-import warnings
 from functools import cache
 
 import numpy as np
 import pytest
-from diagnosed import LARGE, classes, machine, said
+from diagnosed import LARGE, classes, machine, quietly, said
 
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made
 from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
@@ -103,9 +102,7 @@ def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
 def test_a_cause_is_named_beside_a_large_fault_that_is_in_no_catalogue(kind, seed):
     effects = [(kind, "cart1" if kind == "encoder_slip" else None), ("backlash", "cart2")]
     case = make_case(seed, effects=effects, energy=LARGE, poses=120)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large fault makes look like gross errors
-        found = gtpin.diagnose(case.dataset)
+    found = quietly(gtpin.diagnose, case.dataset)
     assert found.verdict == "unknown"
     assert [(cause.effect, cause.site) for cause in found.causes] == [("backlash", "cart2")]
 
@@ -200,9 +197,7 @@ PAIRS = [
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_cause_that_imitates_two_others_is_not_sure(pair, seed):
     case = make_case(seed, effects=list(pair), energy=700.0, poses=160)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(case.dataset)
+    found = quietly(gtpin.diagnose, case.dataset)
     sure = {(c.effect, c.site) for c in found.causes if c.probability >= CONFIDENT}
     assert sure <= set(pair)
     for cause in found.causes:
@@ -214,9 +209,7 @@ def test_a_cause_that_imitates_two_others_is_not_sure(pair, seed):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_single_cause_that_two_others_could_imitate_is_named_or_in_its_class(effect, seed):
     case = make_case(seed, effects=[(effect, None)], energy=700.0, poses=160)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(case.dataset)
+    found = quietly(gtpin.diagnose, case.dataset)
     (truth,) = case.effects
     assert (truth.effect, truth.site) in {(m.effect, m.site) for c in found.causes for m in c.members}
 
@@ -230,9 +223,7 @@ def published() -> dict[str, Draft]:
 def test_what_two_causes_do_is_not_ascribed_to_others_with_confidence(name):
     """Cases of the published table of pairs (docs/blind.md) in which one or two wrong causes were named with 0.94 to 0.99."""
     case = made(published()[name])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(case.dataset)
+    found = quietly(gtpin.diagnose, case.dataset)
     true = {(truth.effect, truth.site) for truth in case.effects}
     assert {(c.effect, c.site) for c in found.causes if c.probability >= 0.9} <= true
     assert true <= {(m.effect, m.site) for c in found.causes for m in c.members}

@@ -32,9 +32,9 @@ def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for():
         own = replace(design, y=design.B @ off + rng.standard_normal(len(design.y)))
         silent = False
         for rate in RATES if number < AT_BOTH else RATES[:1]:
-            alarm = bool(rough_guess(propose(own, every_effect(rate)).hypotheses).terms)
+            alarm = bool(rough_guess(propose(own, every_effect(rate))).terms)
             assert not (silent and alarm), rate
             alarms[rate], silent = alarms[rate] + alarm, not alarm
         if not silent and number >= AT_BOTH:
-            alarms[RATES[1]] += bool(rough_guess(propose(own, every_effect(RATES[1])).hypotheses).terms)
+            alarms[RATES[1]] += bool(rough_guess(propose(own, every_effect(RATES[1]))).terms)
     assert max(alarms.values()) <= binom.ppf(0.999, MACHINES, MOST)

@@ -12,9 +12,8 @@ from numpy.testing import assert_allclose
 import gtpin
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.predictive import as_unseen
-from gtpin.diagnosis.linear.cross_validation import Gap, gap
-from gtpin.diagnosis.linear.hold_out import STRETCHES, blocks_of
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.cross_validation import STRETCHES, Gap, blocks_of, gap
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]

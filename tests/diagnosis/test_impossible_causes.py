@@ -1,36 +1,30 @@
 """A cause that no machine can have: the others of its class take its place, and its share."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import machine
+from diagnosed import machine, quietly
 from every_effect import every_effect
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.findings import Question
+from gtpin.diagnosis.inference.findings import Conclusion, Contender, Question
+from gtpin.diagnosis.inference.fit import with_possible, without_impossible
 from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.questions import with_possible, without_impossible
 from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 
 
 @pytest.fixture(scope="module")
 def hypotheses() -> HypothesisSet:
     dataset = machine(5, "backlash", "cart1").dataset
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        baseline = gtpin.calibrate(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     design = Observed.of(dataset.take(baseline.used(dataset)), baseline).design(baseline.model)
-    return propose(design, Scope.of(gtpin.catalogue(), (), 0.01, baseline.model.robot)).hypotheses
+    return propose(design, Scope.of(gtpin.catalogue(), (), 0.01, baseline.model.robot))
 
 
 def concluded(hypotheses: HypothesisSet, *shares: float) -> Conclusion:
@@ -82,9 +76,7 @@ def test_causes_that_are_named_only_beside_an_impossible_one_are_dropped(hypothe
 
 def design_of(effect: str, site: str) -> Design:
     dataset = machine(5, effect, site).dataset
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        baseline = gtpin.calibrate(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     used = dataset.take(baseline.used(dataset))
     return Observed.of(used, baseline).design(baseline.model)
 
@@ -112,8 +104,8 @@ def wander(hypotheses: HypothesisSet) -> None:
 )
 def test_a_rejected_branch_changes_no_answer(effect, site):
     design = design_of(effect, site)
-    first = propose(design, every_effect()).hypotheses
-    second = propose(design, every_effect()).hypotheses
+    first = propose(design, every_effect())
+    second = propose(design, every_effect())
     # Effects are the same objects in both sets, so that hypotheses compare as values.
     wander(second)
     assert said(decide(first)) == said(decide(second))
@@ -122,7 +114,7 @@ def test_a_rejected_branch_changes_no_answer(effect, site):
 
 @pytest.mark.slow
 def test_a_model_keeps_its_evidence_while_others_are_tried():
-    hypotheses = propose(design_of("rack_periodic", "cart2"), every_effect()).hypotheses
+    hypotheses = propose(design_of("rack_periodic", "cart2"), every_effect())
     found = decide(hypotheses).model
     before = (found.log_evidence, found.mean.copy())
     wander(hypotheses)

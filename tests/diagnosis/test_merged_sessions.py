@@ -1,11 +1,11 @@
 """Sessions between which nothing changed count as one, so that a second label for the same session makes no cause doubtful."""
 
-import warnings
 from dataclasses import replace
 from math import comb, log
 
 import numpy as np
 import pytest
+from diagnosed import quietly
 from linear_problems import calibrated
 from scipy.stats import multivariate_normal
 
@@ -111,9 +111,7 @@ def test_a_shift_of_the_frame_stays_the_cause_where_each_session_has_four_labels
     for name in np.unique(names):
         own = np.flatnonzero(names == name)
         labels[own] = [f"{name} part {4 * i // len(own)}" for i in range(len(own))]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(replace(ordered, covariates={**ordered.covariates, "session": labels}))
+    found = quietly(gtpin.diagnose, replace(ordered, covariates={**ordered.covariates, "session": labels}))
     assert [c.effect for c in found.causes] == ["frame_shift"]
     assert found.causes[0].probability > 0.75  # where the target could have moved as well, the prior odds are 3 to 1
     (effect,) = found.model.effects

@@ -14,9 +14,9 @@ from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.measurement_conditions import with_nights
 from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan

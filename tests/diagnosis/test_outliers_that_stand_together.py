@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.inference.outliers import stand_together
+from gtpin.diagnosis.inference.settle import stand_together
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.situation import Situation
 

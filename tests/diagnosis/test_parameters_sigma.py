@@ -12,9 +12,9 @@ from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.causes import estimates
+from gtpin.diagnosis.inference.fit import estimates
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]  # poses set aside

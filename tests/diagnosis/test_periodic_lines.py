@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis.inference import settle
-from gtpin.diagnosis.inference.chance_lines import FittedLines
+from gtpin.diagnosis.inference.infer import FittedLines
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.posterior import NOTHING
 

@@ -1,11 +1,10 @@
 """Causes whose covariate nobody recorded: others are not blamed for them with confidence."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import LARGE, POSES
+from diagnosed import LARGE, POSES, quietly
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case
@@ -26,10 +25,7 @@ def machine(seed: int, effect: str, site: str | None, without: tuple[str, ...] =
 
 
 def said(case: Case, **covariates: np.ndarray) -> gtpin.Diagnosis:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of covariates that do not vary
-        dataset = replace(case.dataset, covariates={**case.dataset.covariates, **covariates})
-        return gtpin.diagnose(dataset)
+    return quietly(gtpin.diagnose, replace(case.dataset, covariates={**case.dataset.covariates, **covariates}))
 
 
 def held(found: gtpin.Diagnosis) -> set[tuple[str, str]]:

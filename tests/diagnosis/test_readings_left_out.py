@@ -13,12 +13,10 @@ from scipy.stats import binomtest, chi2
 
 import gtpin
 from gtpin.calibration.left_out import LeftOutBlock
-from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.linear.cross_validation import blocks_of, leave_out
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.evidence import Marginal
-from gtpin.diagnosis.linear.hold_out import blocks_of
-from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.model.measured_robot import robot_of
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))

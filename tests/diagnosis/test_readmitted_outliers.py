@@ -1,11 +1,10 @@
 """What looks like gross errors beside geometry, and is none beside its cause, is given back."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import classes
+from diagnosed import classes, quietly
 from every_effect import every_effect
 from scipy.spatial.transform import Rotation
 
@@ -15,16 +14,10 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.inference import settle as settling
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.settle import SearchState, settle
-from gtpin.diagnosis.preparation.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow
-
-
-def diagnosed(dataset: Dataset) -> gtpin.Diagnosis:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        return gtpin.diagnose(dataset)
 
 
 def moved(dataset: Dataset, rows: np.ndarray, offset: np.ndarray) -> Dataset:
@@ -45,7 +38,7 @@ def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(s
         monkeypatch.setattr(settling, "MOST_POSES", most)
     dataset = make_case(seed, effects=[], poses=200).dataset
     beyond = np.argsort(dataset.q[:, 0])[-6:]
-    found = diagnosed(moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))
+    found = quietly(gtpin.diagnose, moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))
     assert len(found.baseline.rejected) >= 3
     assert len(found.set_aside) < 3
     assert ("rack_step", "cart1") in classes(found)
@@ -60,7 +53,7 @@ def test_a_good_visit_to_a_pose_of_which_another_is_set_aside_stays_in_use():
     position = dataset.position.copy()
     position[twice[0]] += [5e-3, 0.0, 0.0]
     spoilt = replace(dataset, position=position)
-    found = diagnosed(spoilt)
+    found = quietly(gtpin.diagnose, spoilt)
     name, line = str(spoilt.pose[twice[0]]), int(spoilt.row[twice[0]])
     assert name in found.baseline.rejected
     assert name in found.set_aside
@@ -82,7 +75,7 @@ def test_poses_that_are_off_at_random_are_set_aside(seed, absurd):
     position = dataset.position.copy()
     position[off] += 3e-4 * rng.standard_normal((6, 3))
     position[off[0]] += 1.0 if absurd else 0.0
-    found = diagnosed(replace(dataset, position=position))
+    found = quietly(gtpin.diagnose, replace(dataset, position=position))
     assert found.verdict == "none"
     assert set(dataset.pose[off].astype(str)) <= set(found.set_aside)
 
@@ -119,9 +112,7 @@ def geometry(of: SearchState, prepared: Prepared, **changed: object) -> np.ndarr
 
 
 def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(monkeypatch):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        prepared = prepare(heavy_tailed(1), gtpin.load_robot("gantry_tau"))
+    prepared = quietly(prepare, heavy_tailed(1), gtpin.load_robot("gantry_tau"))
     whole = settled(prepared)
     assert (whole.everything.weight != 1.0).any()  # the tails are found
     monkeypatch.setattr(settling, "MOST_POSES", PART)
@@ -140,7 +131,7 @@ def test_a_pit_of_a_track_is_unknown_there_and_neither_set_aside_nor_a_step(seed
     q = dataset.q[:, 1]
     at = np.median(q)
     bell = 6e-4 * np.exp(-0.5 * ((q - at) / (0.02 * np.ptp(q))) ** 2)
-    found = diagnosed(moved(dataset, np.arange(len(q)), np.outer(bell, [0.0, 1.0, 0.0])))
+    found = quietly(gtpin.diagnose, moved(dataset, np.arange(len(q)), np.outer(bell, [0.0, 1.0, 0.0])))
     assert found.verdict == "unknown"
     assert "rack_step" not in {cause.effect for cause in found.causes}
     assert ("cart2", ("q2",)) in {(doubt.site, doubt.over) for doubt in found.doubts}
@@ -154,6 +145,6 @@ def test_a_target_that_creeps_on_a_plate_that_hardly_turns_is_no_certain_drift_o
     creep = 1.5e-4 * np.log1p(50.0 * (time - time.min()) / np.ptp(time)) / np.log(51.0)
     R = Rotation.from_quat(dataset.orientation, scalar_first=True).as_matrix()
     moved_target = dataset.position + np.einsum("nij,j,n->ni", R, np.array([0.6, -0.5, 0.6]), creep)
-    found = diagnosed(replace(dataset, position=moved_target))
+    found = quietly(gtpin.diagnose, replace(dataset, position=moved_target))
     assert found.verdict in ("ambiguous", "unknown")
     assert not [cause for cause in found.causes if cause.probability >= 0.9]

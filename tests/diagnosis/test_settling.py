@@ -13,8 +13,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.inference.classes import ranked
-from gtpin.diagnosis.inference.findings import Cause
-from gtpin.diagnosis.inference.verdict import Conclusion, Contender
+from gtpin.diagnosis.inference.findings import Cause, Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.planning.discrimination import discriminate
 from gtpin.diagnosis.planning.expected_bayes_factor import (

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.inference import shown_noise as check
-from gtpin.diagnosis.preparation.prepare import prepare
+from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.model.measured_robot import robot_of
 

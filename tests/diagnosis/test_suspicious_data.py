@@ -5,29 +5,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosed import quietly
 from every_effect import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.outliers import readmit_outliers
 from gtpin.diagnosis.inference.reestimate_noise import left_over
+from gtpin.diagnosis.inference.settle import readmit_outliers
 from gtpin.diagnosis.inference.suspicious_data import two_groups, two_values
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import GtpinWarning
 from gtpin.report.verdict import verdict
 
 
 def groups_of(dataset: gtpin.Dataset):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GtpinWarning)
-        baseline = gtpin.calibrate(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     design = Observed.of(dataset, baseline).design(baseline.model)
-    left, _ = left_over(propose(design, every_effect()).hypotheses, NOTHING)
+    left, _ = left_over(propose(design, every_effect()), NOTHING)
     return two_groups(design, left, (1.5e-5, 5e-5))
 
 
@@ -79,9 +78,7 @@ def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_no
     case = make_case(1, effects=[("backlash", "cart1")], energy=4000.0, poses=130, held_out=1, conditions=STILL)
     order = np.random.default_rng(1).permutation(len(case.dataset))
     mixed = {n: v[order] if n.startswith("approach") else v for n, v in case.dataset.covariates.items()}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(replace(case.dataset, covariates=mixed))
+    found = quietly(gtpin.diagnose, replace(case.dataset, covariates=mixed))
     assert found.verdict == "unknown"
     assert not [c for c in found.causes if c.probability >= 0.95 and c.effect != "backlash"]
     if any(doubt.reason == "two_valued" for doubt in found.doubts):
@@ -104,20 +101,14 @@ def test_two_values_far_apart_are_seen(apart):
     assert two_values(errors, np.ones(150)) > 10.0
 
 
-def calibrated(dataset: gtpin.Dataset) -> gtpin.Calibration:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        return gtpin.calibrate(dataset)
-
-
 @pytest.mark.slow
 def test_scatter_stays_what_it_was_where_nobody_declared_the_sigmas() -> None:
     noise = SimulatedNoise(declared=False, repeatability=(2e-5, 2e-5))
     dataset = make_case(1, effects=[], poses=100, noise=noise).dataset
-    baseline = calibrated(dataset)
+    baseline = quietly(gtpin.calibrate, dataset)
     assert baseline.noise.repeatability > 0.0
     observed = Observed.of(dataset, baseline)
-    J = observed.design(baseline.model).command_jacobian
+    J = observed.design(baseline.model).by_command_seen
     before, after = (
         np.trace(n.covariance(J, 6)[:, :3, :3], axis1=1, axis2=2).mean() for n in (baseline.noise, observed.noise)
     )
@@ -134,7 +125,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     ]  # visits to one pose have the same commands
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
-    baseline = calibrated(wild)
+    baseline = quietly(gtpin.calibrate, wild)
     rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), PRIORS)
     assert not rows[once].any()
     assert (rows == baseline.used(wild)).all()
@@ -143,9 +134,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
 @pytest.mark.slow
 def test_hysteresis_is_asked_for_its_direction_where_the_fit_knew_it() -> None:
     case = make_case(3, effects=[("link_compliance", "link3a")], energy=2000.0, poses=120)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        found = gtpin.diagnose(case.dataset)
+    found = quietly(gtpin.diagnose, case.dataset)
     assert "link_compliance" in {cause.effect for cause in found.causes}
     without = {name: v for name, v in case.commands.covariates.items() if not name.startswith("approach")}
     with pytest.raises(gtpin.GtpinError, match="approach"):

@@ -14,8 +14,8 @@ import pytest
 import gtpin
 from gtpin.diagnosis import priors
 from gtpin.diagnosis.hypotheses import lines
-from gtpin.diagnosis.inference import causes, search, settle
-from gtpin.diagnosis.linear import cross_validation, evidence, hold_out, scan
+from gtpin.diagnosis.inference import fit, search, settle
+from gtpin.diagnosis.linear import cross_validation, evidence, scan
 
 pytestmark = pytest.mark.slow
 
@@ -45,7 +45,7 @@ NUMBERS = (
     f"those with at least {scan.LIKELY:g} of the largest such gain",
     f"more than {settle.FEW_POSES:,} poses a long model is searched on {settle.FEW_POSES:,} of them",
     f"until that gains less than {lines.SETTLED:g} nats",
-    f"68 % of {2 * causes.DRAWS} draws from the posterior",
+    f"68 % of {2 * fit.DRAWS} draws from the posterior",
     f"has {cross_validation.DRAWS} draws: coefficients from their posterior, {cross_validation.ASKED} poses",
 )
 WORDS = {3: "three", 4: "four", 5: "five"}
@@ -76,7 +76,7 @@ def test_a_number_on_the_page_is_the_codes(phrase: str) -> None:
 def test_counts_in_words_are_the_codes() -> None:
     assert f"each of the {WORDS[search.BEAM]} best single hypotheses" in TEXT
     assert f"at most {WORDS[search.MOST]} members" in TEXT
-    assert f"{WORDS[hold_out.TOGETHER]} neighbouring poses" in TEXT
+    assert f"{WORDS[cross_validation.TOGETHER]} neighbouring poses" in TEXT
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from scipy.stats import binom
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.diagnosis.against.alarm import threshold
-from gtpin.diagnosis.against.check import Changes
+from gtpin.diagnosis.against.check import changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.measured import usable
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.against.expectation import usable
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
@@ -102,7 +102,7 @@ def problem(model, dataset):
     """The sampler of a check's gains, its linear problem, and the earlier model."""
     earlier, data = Earlier(model), usable(dataset, model)
     scope = Scope.of(catalogue(), (), 0.01, model.robot)
-    sampler = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope).sampler
+    sampler, _ = changes(earlier, data.observed, data.unexplained, scope)
     return sampler, sampler.hypotheses.design, earlier
 
 

@@ -16,7 +16,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import Readings, single

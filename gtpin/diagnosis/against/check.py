@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,27 +11,22 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.data.duplicates import copies
 from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, chance, smallest_changes, threshold
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import Conditions, expectation, share_unexplained
-from gtpin.diagnosis.against.measured import Usable, places, usable
-from gtpin.diagnosis.against.update import pose_chi2, updated
+from gtpin.diagnosis.against.earlier import Earlier, pose_chi2, updated
+from gtpin.diagnosis.against.expectation import Usable, expectation, places, share_unexplained, usable, with_unexplained
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import Proposal, propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.hypotheses.propose import propose
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt, considered
+from gtpin.diagnosis.inference.fit import cause
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import gaps
 from gtpin.diagnosis.inference.shown_noise import floor_of
-from gtpin.diagnosis.inference.unexplained import marginal_power, unexplained
-from gtpin.diagnosis.inference.verdict import Conclusion, considered
-from gtpin.diagnosis.inference.where import where
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.inference.where import marginal_power, unexplained, where
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.distributions import chi2
-from gtpin.effects.situation import Column
-from gtpin.instruments.readings import Readings
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -42,27 +37,18 @@ REGIONS, TOGETHER = 4, 3
 at least). Assumed."""
 
 
-@dataclass(frozen=True)
-class Changes:
-    """The linear problem of a check, with the changes that it can name and those that it can't test.
+def changes(
+    earlier: Earlier, observed: Observed, left: ModelDiscrepancy, scope: Scope
+) -> tuple[GainSampler, tuple[str, ...]]:
+    """The changes of some poses or readings since an earlier model, with their gains on a machine that has not changed.
 
-    ``proposal``: the changes, and those that can't be tested. ``sampler``: their gains on a machine that has not changed.
-    ``assumed``: names of the temperatures whose change since the earlier model is not known and therefore assumed.
+    The second value: names of the temperatures whose change since the model is not known and therefore assumed. ``left``: what
+    the model left unexplained of its own data.
     """
-
-    proposal: Proposal
-    sampler: GainSampler
-    assumed: tuple[str, ...]
-
-    @staticmethod
-    def of(
-        earlier: Earlier, measured: Readings, covariates: Mapping[str, Column], how: Conditions, scope: Scope
-    ) -> Changes:
-        """The changes of some poses or readings since an earlier model."""
-        since, assumed = earlier.since(covariates, how.temperature, len(measured.q), scope.priors.warmer)
-        design = expectation(earlier, measured, covariates, how, since)
-        proposal = propose(design, scope, changes=True)
-        return Changes(proposal, GainSampler(proposal.hypotheses, share_unexplained(design, how)), assumed)
+    since, assumed = earlier.since(observed.covariates, observed.temperature, len(observed.weight), scope.priors.warmer)
+    design = expectation(earlier, observed, left, since)
+    share = share_unexplained(design, observed.noise, left)
+    return GainSampler(propose(design, scope, changes=True), share), assumed
 
 
 def check(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress) -> HealthCheck:
@@ -80,27 +66,28 @@ class _Tried:
     """Rows of a check, with the hypotheses that are tested, and the conclusion."""
 
     data: Usable
-    changes: Changes
+    sampler: GainSampler
+    assumed: tuple[str, ...]
     hypotheses: HypothesisSet
     conclusion: Conclusion
 
     @staticmethod
     def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
         """Decide which changes are named, and whether the poses show something that they do not explain."""
-        possible, priors = Changes.of(earlier, data.measured, data.dataset.covariates, data.how, scope), scope.priors
-        level = threshold(possible.sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
-        hypotheses = possible.proposal.hypotheses.at_threshold(level)
+        sampler, assumed = changes(earlier, data.observed, data.unexplained, scope)
+        priors = scope.priors
+        level = threshold(sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
+        hypotheses = sampler.hypotheses.at_threshold(level)
         found = decide(hypotheses)
-        by_chance = chance(possible.sampler, marginal_power(hypotheses, found.model), DRAWS, rng)
+        by_chance = chance(sampler, marginal_power(hypotheses, found.model), DRAWS, rng)
         if by_chance < (1.0 - priors.named_alarms) * scope.false_alarm:
             found = found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
-        return _Tried(data, possible, hypotheses, found)
+        return _Tried(data, sampler, assumed, hypotheses, found)
 
     @property
     def columns(self) -> Floats:
         """(N c, m) whitened displacements of the named changes, at their scales."""
-        found, none = self.conclusion, np.zeros((len(self.hypotheses.design.y), 0))
-        return np.hstack([none, *(self.hypotheses.groups.columns(c) * found.scale[c] for c in found.classes)])
+        return self.hypotheses.columns(self.conclusion.model)
 
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
@@ -145,14 +132,14 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
         causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
-    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.changes.assumed)}
+    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
     kept = {tuple(place) for place in data.places}
     aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)
     return HealthCheck(
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.explained_fraction)),
-        candidates=considered(hypotheses, found, tried.changes.proposal.untested, ()),
+        candidates=considered(hypotheses, found),
         where=where(hypotheses, found.alone, regions),
         gap=whole,
         unexplained=unexplained(hypotheses, found.model, False),
@@ -165,11 +152,11 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         false_alarm=scope.false_alarm,
         threshold=hypotheses.threshold,
         power=POWER,
-        smallest=smallest_changes(tried.changes.sampler, hypotheses.threshold, POWER, rng),
-        assumed=tried.changes.assumed,
-        unexplained_before=data.how.unexplained,
-        noise_known=data.how.noise_known,
-        free_frame=data.how.free_frame,
+        smallest=smallest_changes(tried.sampler, hypotheses.threshold, POWER, rng),
+        assumed=tried.assumed,
+        unexplained_before=data.unexplained,
+        noise_known=data.noise_known,
+        free_frame=data.observed.free_frame,
         effects=scope.effects,
         dataset=dataset,
     )
@@ -192,10 +179,12 @@ def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
 def _floor(tried: _Tried, earlier: Model) -> Floats:
     """(N, k) expected square of the noise of each compared number, m^2, without unexplained errors of the earlier model where
     the noise is known; ones for readings: their errors are in units of noise."""
-    design, how = tried.hypotheses.design, tried.data.how
+    design, data = tried.hypotheses.design, tried.data
     if not design.measured.tracked:
-        return np.ones((len(tried.data.dataset), design.components))
-    noise = how.noise if how.noise_known else how.expected(design.measured)
+        return np.ones((len(data.dataset), design.components))
+    noise = data.observed.noise
+    if not data.noise_known:
+        noise = with_unexplained(noise, design.measured, data.unexplained)
     if earlier.fit is not None:  # what the drives are assumed to scatter at least is no noise
         noise = replace(noise, repeatability=min(noise.repeatability, earlier.fit.drives))
     return floor_of(noise, design)

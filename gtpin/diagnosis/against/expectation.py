@@ -1,22 +1,177 @@
-"""The linear problem of a check: new poses less what an earlier model predicts, whitened, and how uncertain that is."""
+"""The linear problem of a check: its usable rows less what an earlier model predicts, whitened, and how uncertain that is."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared, with_positions
+from gtpin.calibration.checks.readable_readings import check_sockets
+from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data import Dataset, check_commands
+from gtpin.data.duplicates import counted_once
+from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.linear.design import Design
-from gtpin.effects.situation import Column, Situation
-from gtpin.errors import ConvergenceError
-from gtpin.instruments.readings import VAGUE, Readings
+from gtpin.diagnosis.linear.design import Design, Observed
+from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.sites import turning_joint
+from gtpin.effects.situation import Column
+from gtpin.effects.smooth import RIM
+from gtpin.errors import ConvergenceError, DatasetError, ModelError, warn
+from gtpin.instruments.readings import VAGUE, Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import EXPLAINED, ModelDiscrepancy
-from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.model.model import Model
+from gtpin.noise.noise import Noise
+from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats
+
+FEWEST = 3
+"""Fewest poses of a check: two measured positions have six numbers, as many as an instrument's pose has unknowns."""
+
+
+@dataclass(frozen=True)
+class Usable:
+    """The usable rows of a check, and how they were measured.
+
+    ``observed``: the rows with their noise. ``unexplained``: what the earlier model left unexplained of its own data: a part
+    of the uncertainty of every prediction. ``noise_known``: whether the noise was declared, or repeated visits showed it.
+    Otherwise it is as small as noise can be, and what was left of the earlier fit is all in ``unexplained``.
+    """
+
+    dataset: Dataset
+    observed: Observed
+    unexplained: ModelDiscrepancy
+    noise_known: bool
+
+    def without(self, row: int) -> Usable:
+        """The same without the row with the index ``row``; of a reading with several components, without all of them."""
+        kept = np.any(self.places != self.places[row], axis=1)
+        return replace(self, dataset=self.dataset.take(kept), observed=self.observed.take(kept))
+
+    @property
+    def places(self) -> npt.NDArray[np.int64]:
+        """(N, 2) instrument and line in its table of each row."""
+        return places(self.dataset)
+
+
+def places(dataset: Dataset) -> npt.NDArray[np.int64]:
+    """(N, 2) index of the instrument and line in its table of each row of a dataset."""
+    return np.column_stack([dataset.readings.of, dataset.readings.line])
+
+
+def usable(dataset: Dataset, model: Model) -> Usable:
+    """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
+
+    Noise is the declared one, else that of the model's fit; that of the actuators, at least :func:`least_scatter`, is the
+    fit's. All sigmas are multiplied by the fit's ratio of residuals to noise, ``misfit``. What the model left unexplained is
+    not in it; noise that is known from nowhere but the residuals of the earlier fit is none.
+
+    Raises `DatasetError` if the dataset does not match the model, or has too few poses, and `ModelError` if the model was
+    measured in another frame.
+    """
+    check_actuators(model.robot, dataset)
+    left, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
+    free, known = dataset.instrument.frame == "free", True
+    if fit is not None:
+        drives = max(fit.drives, drives)
+    if not dataset.readings.tracked:
+        kept, measured = _usable_readings(dataset, model)
+        declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
+        unknown = np.zeros(len(declared), dtype=bool)
+        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives)
+        if fit is not None:
+            noise = noise.scaled(fit.misfit)
+    else:
+        kept, measured = _usable_poses(dataset, model, free)
+        own = noise_of(dataset, model)
+        lacking = [
+            name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
+        ]
+        known = left.noise_known or not lacking
+        if not known:
+            none: dict[str, Any] = dict.fromkeys(lacking, SMALLEST)
+            own = replace(own, **none)
+        noise = own.rows(len(kept), measured.components)
+    weight, temperature = np.ones(len(kept)), dataset.conditions.reference_temperature
+    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), left, known)
+
+
+def _usable_poses(dataset: Dataset, model: Model, free: bool) -> tuple[Dataset, Readings]:
+    if not free and not model.frame.is_base:
+        raise ModelError(
+            'the model was measured in a frame of the instrument, and the check in the base frame (frame = "robot")',
+            file=dataset.file,
+            column="instrument.frame",
+            hint='set frame = "free" under [instrument]',
+        )
+    geometry = Model(model.geometry)
+    recorded = prepared(dataset, geometry)
+    kept = recorded.take(sane_rows(recorded))
+    _check_count(kept, len(kept))
+    kept = kept.take(plausible_rows(kept, geometry, geometry.kinematics.forward(kept.q))).in_order()
+    _check_count(kept, len(kept))
+    return kept, Readings.of(replace(kept, orientation=None) if model.geometry.reduced else kept, model.robot)
+
+
+def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
+    """As :func:`usable`, one row for each reading. Their noise must be declared: a check has too few to estimate it."""
+    robot = model.robot
+    check_extremes(dataset)
+    dataset = counted_once(with_positions(dataset, robot))
+    check_sockets(dataset, robot)
+    whole = single(dataset, robot)
+    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    kept = whole.take(sane_rows(whole) & whole.readings.countable)
+    reached = model.kinematics.forward(kept.q).reached
+    if not reached.all():
+        warn(f"set aside, for the robot can't reach them: {', '.join(map(str, dict.fromkeys(kept.pose[~reached])))}")
+    kept = kept.take(reached).in_order()
+    readings = Readings.of(kept, robot)
+    declared = np.array([sigma is not None for sigma in readings.declared])
+    lacking = ~declared[readings.group] & ~np.isfinite(readings.row_sigma)
+    if lacking.any():
+        name = readings.rows.tables[int(readings.rows.of[lacking.any(axis=1)][0])].name
+        raise DatasetError(
+            f"the noise of {name} is not declared, and a check has too few readings to estimate it",
+            file=dataset.file,
+            hint=f"give the sigma of {name} in dataset.toml",
+        )
+    _check_count(kept, len(np.unique(kept.visits)))
+    return kept, readings
+
+
+def _check_count(dataset: Dataset, poses: int) -> None:
+    if poses < FEWEST:
+        raise DatasetError(f"{poses} usable poses", file=dataset.file, hint=f"a check needs {FEWEST}, and better ten")
+
+
+def noise_of(dataset: Dataset, model: Model) -> Noise:
+    """The noise of measured poses for :func:`usable`, also where it is known from residuals alone."""
+    declared, known = dataset.instrument, model.fit
+    position, turns = declared.position_sigma, declared.orientation_sigma
+    if known is None:
+        noise = known_noise(dataset, position, turns, least_scatter(model))
+        warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
+        return noise
+    noise = Noise(
+        known.position_sigma if position is None else position,
+        known.orientation_sigma if turns is None else turns,
+        max(known.drives, least_scatter(model)),
+    )
+    return noise.scaled(known.misfit)
+
+
+def least_scatter(model: Model) -> float:
+    """Smallest noise of each actuator, m or rad, that a check expects."""
+    least = PRIORS.least_scatter
+    return least / RIM if any(turning_joint(model.robot, site) for site in model.robot.sites) else least
+
 
 STEPS = 20
 """Most Gauss-Newton steps of the instruments' unknowns. Measured: a station that was declared half a metre off takes four."""
@@ -24,68 +179,43 @@ SETTLED = 1e-3
 """Change of the unknowns, in standard deviations of their priors, that ends the steps; less than the check's other errors."""
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """The conditions under which a check is measured.
-
-    ``noise``: noise of the check's poses or readings. ``free_frame``: whether the pose of the instrument is unknown.
-    ``temperature``: reference temperature, degC, at which the geometry holds. ``unexplained``: what the earlier model left
-    unexplained of its own data: a part of the uncertainty of every prediction. ``noise_known``: whether ``noise`` was declared,
-    or repeated visits showed it. Otherwise it is as small as noise can be, and what was left of the earlier fit is all in
-    ``unexplained``.
-    """
-
-    noise: ReadingNoise
-    free_frame: bool
-    temperature: float = 20.0
-    unexplained: ModelDiscrepancy = EXPLAINED
-    noise_known: bool = True
-
-    def expected(self, measured: Readings) -> ReadingNoise:
-        """Noise and unexplained errors together, as if these were independent from pose to pose."""
-        left, noise = self.unexplained, self.noise
-        if left.none:
-            return noise
-        more = np.where(measured.group_turns, left.orientation, left.position)
-        return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
+def with_unexplained(noise: ReadingNoise, measured: Readings, left: ModelDiscrepancy) -> ReadingNoise:
+    """Noise and unexplained errors together, as if these were independent from pose to pose."""
+    if left.none:
+        return noise
+    more = np.where(measured.group_turns, left.orientation, left.position)
+    return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
-def expectation(
-    earlier: Earlier,
-    measured: Readings,
-    covariates: Mapping[str, Column],
-    how: Conditions,
-    since: Mapping[str, Column],
-) -> Design:
+def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, since: Mapping[str, Column]) -> Design:
     """The linear problem about an earlier model: y ~ N(0, I + B B') where nothing has changed.
 
     y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
     model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
     or by the unknowns of the instruments, scaled by the sigmas of their priors.
 
-    ``measured``: the poses or readings of the check. ``covariates``: the covariates as they
-    were recorded. ``how``: noise, frame and temperature. ``since``: the covariates on which changes depend: see
-    :meth:`Earlier.since`.
+    ``observed``: the poses or readings of the check. ``left``: what the earlier model left unexplained. ``since``: the
+    covariates on which changes depend: see :meth:`Earlier.since`.
 
     Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
-    kinematics, q = earlier.model.kinematics, measured.q
-    plain = kinematics.forward(q)
-    poses = earlier.predicted(q, covariates, plain)
-    model, at = earlier.model, Situation(kinematics, q, plain, since, temperature=how.temperature)
-    c, noise = measured.components, how.expected(measured)
-    if how.free_frame:
+    measured, q = observed.measured, observed.measured.q
+    at = replace(observed, covariates=since).situation(earlier.model)
+    model, plain = earlier.model, at.poses
+    poses = earlier.predicted(q, observed.covariates, plain)
+    c, noise = measured.components, with_unexplained(observed.noise, measured, left)
+    if observed.free_frame:
         model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
     else:
         measured = with_unknowns(measured, noise, at.command_jacobian, poses)
     W = noise.whitening(measured.seen(at.command_jacobian, model, poses), c)
-    by_model = measured.seen(earlier.jacobian(q, covariates, plain) @ earlier.root, model, poses)
-    unknowns, free = measured.unknown_columns(model, poses, how.free_frame, None)
+    by_model = measured.seen(earlier.jacobian(q, observed.covariates, plain) @ earlier.root, model, poses)
+    unknowns, free = measured.unknown_columns(model, poses, observed.free_frame, None)
     B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
     known = len(measured.deviation)
     y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
     y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
-    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(how.free_frame), measured)
+    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(observed.free_frame), measured)
 
 
 def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Poses) -> Readings:
@@ -118,11 +248,11 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
     )
 
 
-def share_unexplained(design: Design, how: Conditions) -> float:
+def share_unexplained(design: Design, own: ReadingNoise, left: ModelDiscrepancy) -> float:
     """Share of unexplained errors in the mean variance of the whitened residuals; the rest is noise."""
-    if how.unexplained.none:
+    if left.none:
         return 0.0
     measured, at = design.measured, design.situation
-    noise = how.noise.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
+    noise = own.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
     W = design.whitening
     return float(np.clip(1.0 - np.einsum("nij,njk,nik->ni", W, noise, W).mean(), 0.0, 1.0))

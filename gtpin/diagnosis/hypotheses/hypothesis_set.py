@@ -9,15 +9,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, modulates, related
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope, SmoothTerm, modulates, related
 from gtpin.diagnosis.hypotheses.proxies import Proxy, proxies
-from gtpin.diagnosis.hypotheses.scope import Scope
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.exchange import exchanged, tuned
-from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, fixed
+from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, exchanged, fixed, tuned
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.effects.basis import Basis
+from gtpin.effects.untestable import Untestable
+from gtpin.typing import Floats
 
 Term = Hypothesis | SmoothTerm | Proxy
 Explanation = Posterior[Term]
@@ -44,6 +44,13 @@ class Gain(NamedTuple):
         return self.value + self.more
 
 
+class Untested(NamedTuple):
+    """A hypothesis that these data can't test, and why."""
+
+    hypothesis: Hypothesis
+    reason: Untestable
+
+
 class HypothesisSet:
     """Explanations, and the inner products of their displacements.
 
@@ -52,7 +59,7 @@ class HypothesisSet:
 
     ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
     nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
-    the probability of a false alarm, and the priors. ``untestable``: effects that can't be tested: those that lack a covariate
+    the probability of a false alarm, and the priors. ``untested``: effects that can't be tested: those that lack a covariate
     may have a proxy. ``of_sessions``: additional log prior odds against explanations that depend on the session, nats.
     ``proxied``: whether effects that lack a covariate have proxies.
 
@@ -66,13 +73,13 @@ class HypothesisSet:
         scanned: Sequence[Hypothesis],
         smooth: Iterable[tuple[SmoothTerm, Basis]],
         scope: Scope,
-        untestable: Sequence[Hypothesis] = (),
+        untested: Sequence[Untested] = (),
         *,
         of_sessions: float = 0.0,
         proxied: bool = True,
     ) -> None:
         self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
-        self.untestable, self.priors = tuple(untestable), scope.priors
+        self.untested, self.priors = tuple(untested), scope.priors
         self.groups: Groups[Term] = Groups(Marginal(design.B), design.y, scope.priors)
         for hypothesis in self.linear:
             self._add(hypothesis)
@@ -111,7 +118,7 @@ class HypothesisSet:
         """Effects with a proxy of a covariate that was not recorded; never in a model, only alternatives to its causes."""
         if not self.proxied:
             return ()
-        found = tuple(proxies(self.design, self.untestable, self.linear, self.priors))
+        found = tuple(proxies(self.design, [one.hypothesis for one in self.untested], self.linear, self.priors))
         for proxy in found:
             self.groups.add(proxy, proxy.columns)
         return found
@@ -247,6 +254,11 @@ class HypothesisSet:
         terms = model.terms if isinstance(model, Posterior) else model
         at = self.design.situation
         return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
+
+    def columns(self, model: Explanation) -> Floats:
+        """(N c, m) whitened displacements of a model's explanations, at their scales."""
+        scaled = (self.groups.columns(term) * scale for term, scale in scales(model).items())
+        return np.hstack([np.zeros((len(self.design.y), 0)), *scaled])
 
     def only(self, model: Explanation, terms: Iterable[Term]) -> Explanation:
         """The model with only some of its explanations, at the same scales."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, causes
-from gtpin.diagnosis.linear.exchange import tuned
+from gtpin.diagnosis.linear.posterior import tuned
 from gtpin.diagnosis.linear.scan import LEAST
 
 FEW_LINES = 3

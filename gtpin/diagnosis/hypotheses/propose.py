@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import comb, log
 
@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.scope import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
@@ -28,23 +27,7 @@ FEWEST = 2
 """Fewest sessions that are left: with one, no effect of sessions can be tested."""
 
 
-@dataclass(frozen=True)
-class Untested:
-    """A hypothesis that these data can't test, and why."""
-
-    hypothesis: Hypothesis
-    reason: Untestable
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """What may explain the residuals of a linear problem, and what these data can't test."""
-
-    hypotheses: HypothesisSet
-    untested: tuple[Untested, ...]
-
-
-def propose(design: Design, scope: Scope, *, changes: bool = False) -> Proposal:
+def propose(design: Design, scope: Scope, *, changes: bool = False) -> HypothesisSet:
     """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't.
 
     ``changes``: of effects since an earlier model, whose uncertainty B has; without smooth terms, proxies and scans.
@@ -67,13 +50,12 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Proposal:
         else:
             (scanned if many else linear).append(hypothesis)
     if changes:
-        return Proposal(HypothesisSet(design, linear, (), (), scope, proxied=False), tuple(untested))
+        return HypothesisSet(design, linear, (), (), scope, untested, proxied=False)
     design, odds = merged_sessions(design, marginal, linear, scope.priors)
     at = design.situation
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
     smooth = tuple(smooth_terms(at, scope.priors, scaled))
-    others: Sequence[Hypothesis] = [u.hypothesis for u in untested]
-    return Proposal(HypothesisSet(design, linear, scanned, smooth, scope, others, of_sessions=odds), tuple(untested))
+    return HypothesisSet(design, linear, scanned, smooth, scope, untested, of_sessions=odds)
 
 
 def _no_change(at: Situation, hypothesis: Hypothesis) -> Untestable | None:

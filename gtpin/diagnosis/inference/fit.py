@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,13 +10,11 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.lines import strongest_first
-from gtpin.diagnosis.inference.causes import cause
-from gtpin.diagnosis.inference.descriptions import described, undecided, without_undecided
-from gtpin.diagnosis.inference.findings import Cause, Doubt, Question, Undecided, Unexplained
+from gtpin.diagnosis.inference.classes import described, undecided, without_undecided
+from gtpin.diagnosis.inference.findings import Cause, Conclusion, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
-from gtpin.diagnosis.inference.questions import questions, with_possible, without_impossible
 from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.suspicious_data import (
@@ -25,14 +23,18 @@ from gtpin.diagnosis.inference.suspicious_data import (
     with_one_measurement,
     with_two_valued,
 )
-from gtpin.diagnosis.inference.unexplained import unexplained
-from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.cross_validation import Gap
-from gtpin.diagnosis.linear.hold_out import HoldOut, blocks_of, n_sessions
-from gtpin.diagnosis.linear.observed import Observed
-from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.inference.where import unexplained
+from gtpin.diagnosis.linear.cross_validation import Gap, HoldOut, blocks_of, n_sessions
+from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.linear.posterior import without
+from gtpin.diagnosis.prepare import Prepared
+from gtpin.diagnosis.priors import Priors
+from gtpin.effects.active import ActiveEffect
+from gtpin.effects.situation import References
+from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 from gtpin.noise.estimate import LEAST_CONTRASTS
+from gtpin.robot.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,8 @@ def fit(
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.situation
-    hidden = hidden_in_scatter(found, _scatter(prepared, settled), hypotheses.untestable, at, hypotheses.priors)
+    untestable = [one.hypothesis for one in hypotheses.untested]
+    hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
@@ -159,3 +162,125 @@ def held_out(
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
         return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
     return found
+
+
+DRAWS = 150
+"""Number of draws from a posterior for a parameter's sigma; as many mirrored draws are added."""
+WITHIN = 0.6827
+"""Share of the draws that differ from the value by less than sigma: as of a normal distribution."""
+
+
+def cause(
+    model: Model, hypothesis: Hypothesis, found: Conclusion, named: Hypothesis, hypotheses: HypothesisSet
+) -> Cause:
+    """A cause ``named`` in a conclusion, with its parameters from the fitted model. Its ``explained_fraction`` is 0 at first.
+
+    The others of its class have the parameters of a linear fit in its place.
+    """
+    active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
+    own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
+    parameters = estimates(model.robot, active, hypothesis)
+    members = []
+    for contender, member in zip(found.classes[named], found.members(named), strict=True):
+        other, told = contender.hypothesis, parameters
+        if other.place != hypothesis.place:
+            alone = contender.recorded and contender.beside is None
+            taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
+            told = estimates(model.robot, taken, other) if taken else {}
+        members.append(replace(member, parameters=told))
+    return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
+
+
+def _in_its_place(
+    hypotheses: HypothesisSet, found: Conclusion, named: Hypothesis, other: Hypothesis, references: References
+) -> ActiveEffect | None:
+    """Another member of a cause's class in its place, by a linear fit; None where it is a cause itself."""
+    terms = found.model.terms
+    if other.place in {term.place for term in terms if isinstance(term, Hypothesis)}:
+        return None
+    model = hypotheses.of([other if term == named else term for term in terms], found.model.scale)
+    start, sigma = sum(model.widths[: terms.index(named)]), other.basis(hypotheses.design.situation).sigma
+    own = slice(start, start + len(sigma))
+    covariance = model.covariance[own, own] * np.outer(sigma, sigma)
+    return ActiveEffect(
+        other.effect, other.site, other.nonlinear, model.mean[own] * sigma, covariance, references, other.further
+    )
+
+
+def estimates(robot: Robot, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
+    """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
+
+    Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
+    coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
+    draws add the posterior's variance to coefficients that contain the noise already.
+    """
+    sigmas = [sigma for _, sigma in hypothesis.lines]
+    values, vectors = np.linalg.eigh(active.covariance)
+    unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + max(len(active.values), 1)))
+    drawn = []
+    for z in np.vstack([unit, -unit]):
+        c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[: len(values)])
+        own = zip(active.values, sigmas, z[len(values) :], strict=False)
+        places = [value + sigma * float(draw) for value, sigma, draw in own]
+        drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])
+    said = active.effect.parameters_of(robot, active.site, active.coefficients, active.values)
+    sigma = np.quantile(np.abs(np.array(drawn) - [value for value, _ in said.values()]), WITHIN, axis=0)
+    return {name: Estimate(value, float(s), unit) for (name, (value, unit)), s in zip(said.items(), sigma, strict=True)}
+
+
+def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> list[Question]:
+    """Compare parameters of causes with the ranges that their effects state as plausible and usual.
+
+    A cause with an impossible parameter is not named; with an unusual one it is (``believed``). The impossible ones come first.
+    """
+    effects, asked = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}, list[Question]()
+    for cause in causes:
+        effect = effects[cause.effect, cause.site]
+        for ranges, believed in ((effect.plausible, False), (effect.usual, True)):
+            before = len(asked)
+            for name, own in ranges.items():
+                if name not in cause.parameters:
+                    continue
+                e = cause.parameters[name]
+                reach = priors.implausible * e.sigma
+                if not (own.low <= e.value + reach and e.value - reach <= own.high):
+                    place = cause.effect, cause.site, name
+                    asked.append(Question(*place, e.value, e.sigma, e.unit, own.low, own.high, own.why, believed))
+            if len(asked) > before:
+                break
+    return sorted(asked, key=lambda question: question.believed)
+
+
+def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion | None:
+    """The conclusion with each impossible cause replaced by the next member of its class; None where a class has no other.
+
+    An impossible cause has prior probability 0: the other members share its probability.
+    """
+    places = {(q.effect, q.site) for q in asked}
+    model, classes = found.model, dict(found.classes)
+    for cause in found.classes:
+        if cause.place not in places:
+            continue
+        left = [m for m in classes.pop(cause) if m.recorded and m.hypothesis.place not in places]
+        if not left:
+            return None
+        model = hypotheses.extended(without(hypotheses.groups, model, cause, sweeps=1), left[0].hypothesis)
+        whole = sum(member.probability for member in left)
+        likelier = [replace(member, probability=member.probability / whole) for member in left]
+        classes[left[0].hypothesis] = tuple(likelier)
+    return replace(found, model=model, classes=classes)
+
+
+def without_impossible(
+    hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question], sure: Collection[tuple[str, str]]
+) -> Conclusion:
+    """The conclusion without impossible causes, with a doubt: an unknown cause looks like them.
+
+    ``sure``: effects and sites that a search without the impossible causes names with confidence. Other causes are not named:
+    they may explain the data only together with an impossible one.
+    """
+    places = {(q.effect, q.site) for q in asked}
+    wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
+    over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))
+    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
+    return kept.doubted(Doubt("impossible", wrong.site, over))

@@ -11,7 +11,7 @@ from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import References

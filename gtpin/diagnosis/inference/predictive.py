@@ -10,11 +10,10 @@ import numpy as np
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.findings import Doubt
-from gtpin.diagnosis.inference.verdict import Conclusion
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.exchange import without
+from gtpin.diagnosis.linear.posterior import without
 from gtpin.effects.situation import Situation
 from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask
@@ -97,11 +96,11 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
 
     ``blocks``: (N,) masks of the poses left out together, a partition.
     """
-    design, groups, beside = hypotheses.design, hypotheses.groups, _beside(hypotheses, found)
+    design, groups, beside = hypotheses.design, hypotheses.groups, hypotheses.columns(found.beside)
     columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
     kept = list(found.classes)
     for cause in found.classes:
-        others = [*beside, *(columns[c] for c in kept if c != cause)]
+        others = [beside, *(columns[c] for c in kept if c != cause)]
         gain = _log_density(design, [*others, columns[cause]], blocks) - _log_density(design, others, blocks)
         model = found.only(hypotheses, kept).whole(hypotheses)
         evidence = model.log_evidence - without(groups, model, cause).log_evidence
@@ -122,8 +121,9 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     """
     if not found.classes:
         return found
-    beside = np.hstack([np.zeros((len(hypotheses.design.y), 0)), *_beside(hypotheses, found)])
-    columns = np.hstack([beside, *(hypotheses.groups.columns(cause) * found.scale[cause] for cause in found.classes)])
+    # Without the smooth terms beside the causes, a cause would predict what they explain.
+    beside = hypotheses.columns(found.beside)
+    columns = np.hstack([beside, hypotheses.columns(found.model)])
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (beside, columns))
     compared = [(alone.errors, whole.errors)]
     at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
@@ -134,15 +134,9 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
 
 
-def _beside(hypotheses: HypothesisSet, found: Conclusion) -> list[Floats]:
-    """Displacements of the smooth terms beside the causes, without which a cause would predict what they explain."""
-    return [hypotheses.groups.columns(t) * s for t, s in zip(found.beside.terms, found.beside.scale, strict=True)]
-
-
 def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
     """Sum over the blocks of the log probability density of each given the others, with the priors of geometry and causes."""
-    J = np.hstack([design.B, *causes])
-    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
+    J, prior = design.beside(np.hstack(causes))
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     half = J @ root
     left = design.y - half @ (half.T @ design.y)

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, scales
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest, stops
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
@@ -23,10 +22,8 @@ MATTERS = 0.03
 
 def left_over(hypotheses: HypothesisSet, model: Explanation) -> tuple[Floats, float]:
     """(N, c) whitened residuals after the geometry and a model were fitted, and the effective number of parameters of both."""
-    design, groups = hypotheses.design, hypotheses.groups
-    scaled = [groups.columns(term) * s for term, s in scales(model).items()]
-    J = np.hstack([design.B, *scaled])
-    prior = np.concatenate([design.prior, np.ones(J.shape[1] - len(design.prior))])
+    design = hypotheses.design
+    J, prior = design.beside(hypotheses.columns(model))
     normal = J.T @ J
     both = np.linalg.solve(normal + np.diag(prior), np.column_stack([J.T @ design.y, normal]))
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
@@ -82,9 +79,9 @@ def reestimate_noise(
     design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
     least = np.array([sigma or 0.0 for sigma in declared] or [0.0])
     left, taken = left_over(hypotheses, model)
-    J, colour = design.by_command_seen, np.linalg.inv(design.whitening)
-    scatter, rows = contrasts(stops(design.measured.q, design.measured.read), np.einsum("nij,nj->ni", colour, left))
-    errors = np.einsum("nij,nj->ni", colour, left * np.sqrt(design.count / max(design.count - taken, 1.0)))
+    J = design.by_command_seen
+    scatter, rows = contrasts(stops(design.measured.q, design.measured.read), design.coloured(left))
+    errors = design.coloured(left * np.sqrt(design.count / max(design.count - taken, 1.0)))
     weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
     found = _bounded(likeliest(noise, errors, J, weight), least)
     # Scatter of drives differs from row to row and so looks like heavy tails, and the reverse: the likelier one is used.
@@ -103,7 +100,8 @@ def reestimate_noise(
         found = _bounded(likeliest(noise, errors, J, shrunk), least)
     restless = None
     if len(scatter) >= LEAST_CONTRASTS:
-        most = _most_repeatability(found.take(rows), scatter, J[rows], priors)
+        grid = found.repeatability * np.linspace(0.0, 1.0, 41)
+        most = most_repeatability(found.take(rows), scatter, J[rows], grid, priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
             restless = (
@@ -143,16 +141,17 @@ def _whitened(noise: ReadingNoise, errors: Floats, design: Design) -> tuple[Floa
     return np.einsum("nij,nj->ni", whitening, errors), np.log(np.diagonal(whitening, axis1=1, axis2=2)).sum(axis=1)
 
 
-def _most_repeatability(noise: ReadingNoise, scatter: Floats, J: Floats, priors: Priors) -> float:
-    """The largest repeatability that the scatter (k, c) between visits allows."""
-    grid = noise.repeatability * np.linspace(0.0, 1.0, 41)
-    costs = []
-    for value in grid:
-        covariance = replace(noise, repeatability=float(value)).covariance(J, scatter.shape[1])
-        solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
-        costs.append(float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum()))
-    allowed = np.array(costs) <= min(costs) + priors.disbelieved
-    return float(grid[allowed].max())
+def most_repeatability(noise: ReadingNoise, scatter: Floats, J: Floats, grid: Floats, priors: Priors) -> float:
+    """The largest repeatability of a grid that the scatter (k, c) between visits allows."""
+    costs = np.array([misfit(replace(noise, repeatability=float(value)), scatter, J) for value in grid])
+    return float(grid[costs <= costs.min() + priors.disbelieved].max())
+
+
+def misfit(noise: ReadingNoise, scatter: Floats, J: Floats) -> float:
+    """Minus twice the log likelihood of the scatter (k, c) between visits, but for a constant."""
+    covariance = noise.covariance(J, scatter.shape[1])
+    solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
+    return float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum())
 
 
 def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:

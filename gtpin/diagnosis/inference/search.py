@@ -15,8 +15,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import (
     scales,
 )
 from gtpin.diagnosis.hypotheses.lines import further_lines, settled, widened, with_all_lines, with_its_lines
-from gtpin.diagnosis.linear.exchange import without
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.linear.posterior import NOTHING, without
 
 BEAM = 3
 """Number of first explanations that are tried: the best single explanation need not be in the best pair."""

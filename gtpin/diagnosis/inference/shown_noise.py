@@ -9,15 +9,14 @@ import numpy as np
 
 from gtpin.calibration.checks.declared_noise import SIGMAS, Sigma
 from gtpin.calibration.result import Calibration
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.hypotheses.scope import Scope
-from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
+from gtpin.diagnosis.inference.reestimate_noise import left_over, misfit, most_repeatability, reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.preparation.prepare import Prepared
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
 from gtpin.errors import warn
@@ -58,7 +57,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     guess: Explanation = NOTHING
     for _ in range(LOOKS):
         now = replace(observed, noise=noise)
-        hypotheses = propose(now.design(baseline.model), scope).hypotheses
+        hypotheses = propose(now.design(baseline.model), scope)
         guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
         if all(getattr(noise, key) <= most * value for key, value in declared.items()):
@@ -137,7 +136,7 @@ class ShownNoise:
             base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, lack=0.0)
         rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
         assumed = bool((~known)[rows_open].any())
-        errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, guess)[0])
+        errors = design.coloured(left_over(hypotheses, guess)[0])
         contrast, rows = contrasts(stops(design.measured.q, design.measured.read), errors)
         if len(contrast) < LEAST_CONTRASTS:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
@@ -145,12 +144,15 @@ class ShownNoise:
         found = from_repeats(replace(base, repeatability=0.0, lack=0.0).take(rows), contrast, J)
         shown = np.bincount(base.group[rows].ravel(), minlength=len(sigma)) >= LEAST_CONTRASTS
         noise = replace(base, sigma=found.sigma, repeatability=found.repeatability, lack=0.0, dof=found.dof)
-        most = replace(noise, repeatability=_most(found, contrast, J, priors))
+        shortened = tamed(contrast, found.group)
+        unit = float(np.median(found.each) / max(np.sqrt((J**2).sum(axis=2)).mean(), 1e-12))
+        grid = max(found.repeatability, unit) * np.linspace(0.0, 3.0, 61)
+        most = replace(noise, repeatability=most_repeatability(found, shortened, J, grid, priors))
         unseen = bool((~known & ~shown)[rows_open].any())
         source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
         free = from_repeats(replace(base, estimated=shown).take(rows), contrast, J)
         larger = bool((free.sigma > priors.excess * found.sigma)[known & shown].any())
-        gain = _misfit(found, contrast, J) - _misfit(free, contrast, J)
+        gain = misfit(found, shortened, J) - misfit(free, shortened, J)
         contradicted = larger and float(chi2.sf(gain, max(int((known & shown).sum()), 1))) <= priors.chance
         return ShownNoise(noise, most, source, len(contrast), contradicted)
 
@@ -166,7 +168,7 @@ class ShownNoise:
         design = hypotheses.design
         left, taken = left_over(hypotheses, model)
         whitening = self.most.whitening(design.by_command_seen, design.components)
-        errors = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left)
+        errors = design.coloured(left)
         power = float((observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)).sum())
         dof = max(design.count - taken, 1.0)
         chance = chi2.sf(power, dof) if np.isinf(self.noise.dof) else f.sf(power / dof, dof, self.noise.dof)
@@ -178,18 +180,3 @@ def floor_of(noise: ReadingNoise, design: Design) -> Floats:
     compared = (design.units @ design.whitening)[:, design.compared]
     covariance = noise.covariance(design.by_command_seen, design.components)
     return np.asarray(np.einsum("nij,njk,nik->ni", compared, covariance, compared))
-
-
-def _most(noise: ReadingNoise, contrast: Floats, J: Floats, priors: Priors) -> float:
-    """The largest repeatability that the scatter (k, c) between visits allows."""
-    unit = max(noise.repeatability, float(np.median(noise.each) / max(np.sqrt((J**2).sum(axis=2)).mean(), 1e-12)))
-    grid = unit * np.linspace(0.0, 3.0, 61)
-    costs = np.array([_misfit(replace(noise, repeatability=float(value)), contrast, J) for value in grid])
-    return float(grid[costs <= costs.min() + priors.disbelieved].max())
-
-
-def _misfit(noise: ReadingNoise, contrast: Floats, J: Floats) -> float:
-    """Minus twice the log likelihood of the scatter (k, c) between visits, but for a constant; large scatter is shortened."""
-    some, covariance = tamed(contrast, noise.group), noise.covariance(J, contrast.shape[1])
-    solved = np.linalg.solve(covariance, some[..., None])[..., 0]
-    return float(np.linalg.slogdet(covariance)[1].sum() + (some * solved).sum())

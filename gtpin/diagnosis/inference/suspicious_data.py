@@ -14,9 +14,8 @@ from gtpin.data import Dataset
 from gtpin.data.duplicates import EXACT
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
-from gtpin.diagnosis.inference.findings import Doubt
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.inference.reestimate_noise import left_over
-from gtpin.diagnosis.inference.verdict import Conclusion
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS, Priors
@@ -49,7 +48,7 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
     else:
         return found
     left = left_over(hypotheses, NOTHING)[0]
-    errors = np.linalg.solve(hypotheses.design.whitening, left[..., None])[:, :3, 0]
+    errors = hypotheses.design.coloured(left)[:, :3]
     if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
         return found
     warn(
@@ -82,8 +81,7 @@ def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors:
     """
     c, T = design.components, design.model.seen(design.situation.poses).T
     scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
-    errors = np.linalg.solve(design.whitening, left[..., None])[..., 0]
-    y, F = errors / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
+    y, F = design.coloured(left) / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
     centred = y - y.mean(axis=0)
     first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0.0
     for _ in range(SWEEPS):
@@ -192,7 +190,7 @@ def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNo
     J = design.by_command_seen
     if J.shape[2] > c:
         return None
-    left = np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left_over(hypotheses, model)[0])
+    left = design.coloured(left_over(hypotheses, model)[0])
     instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(J, c)
     seen = np.linalg.solve(instrument, J)
     information = np.swapaxes(J, 1, 2) @ seen

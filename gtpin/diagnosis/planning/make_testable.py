@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
 from gtpin.diagnosis.planning.discrimination import LEAST, CauseClass, best_rows, chosen, concerns, other_causes
 from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking

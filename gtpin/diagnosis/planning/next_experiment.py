@@ -8,12 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import Untested
+from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.inference.classes import ranked
-from gtpin.diagnosis.inference.findings import Cause
-from gtpin.diagnosis.inference.verdict import Conclusion
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.inference.findings import Cause, Conclusion
+from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.make_testable import make_testable

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.observed import Observed
+from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
 from gtpin.effects.basis import Basis
 from gtpin.effects.situation import References, Situation
