@@ -11,7 +11,7 @@ from typing import get_args
 
 import pinocchio
 import pytest
-from gtpin.calibration.unseen_remedies import Remedy
+from gtpin.calibration.observability import Remedy
 
 import gtpin
 from gtpin import load_robot
