@@ -112,7 +112,7 @@ def _with_lines(
 
 def temperature(evidence: float, priors: Priors) -> float:
     """The temperature by which gains in log evidence are divided, for a cause that gains ``evidence``, nats."""
-    return min(priors.temperature + priors.warming * evidence, priors.warmest)
+    return priors.temperature + priors.warming * evidence
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:

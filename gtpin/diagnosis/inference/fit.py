@@ -148,6 +148,8 @@ def held_out(
     """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
 
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
+    Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
+    causes do not explain would pass for it.
 
     ``whole``: the gap on left-out poses with all causes.
     """
@@ -156,8 +158,9 @@ def held_out(
     priors, silent = hypotheses.priors, found.verdict == "none"
     if silent and shown.contradicted:
         return found.doubted(Doubt("visits"))
-    size, chance = shown.excess(observed, hypotheses, found.model)
-    allowed = float(np.sqrt(floor_of(shown.most, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
+    noise = shown.most if silent else shown.noise
+    size, chance = shown.excess(noise, observed, hypotheses, found.model)
+    allowed = float(np.sqrt(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
     far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
         return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))

@@ -160,14 +160,16 @@ class ShownNoise:
         """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""
         return floor_of(self.noise, design)
 
-    def excess(self, observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> tuple[float, float]:
-        """Size of a model's residuals over this noise, with the largest repeatability that visits allow; and its p-value.
+    def excess(
+        self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
+    ) -> tuple[float, float]:
+        """Size of a model's residuals over ``noise`` or ``most``, and its p-value.
 
         The weights of the search count: heavy tails are no excess.
         """
         design = hypotheses.design
         left, taken = left_over(hypotheses, model)
-        whitening = self.most.whitening(design.by_command_seen, design.components)
+        whitening = noise.whitening(design.by_command_seen, design.components)
         errors = design.coloured(left)
         power = float((observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)).sum())
         dof = max(design.count - taken, 1.0)
