@@ -26,7 +26,7 @@ pytestmark = pytest.mark.benchmark(group="arm", timer=time.process_time)
 
 def _measured(poses: int) -> Dataset:
     effects = [("joint_compliance", "shoulder_lift_joint")]
-    return make_case(1, robot="ur5", effects=effects, energy=5.0 * poses, poses=poses).dataset
+    return make_case(1, robot="ur5", effects=effects, noncentrality=5.0 * poses, poses=poses).dataset
 
 
 @pytest.fixture(scope="module")

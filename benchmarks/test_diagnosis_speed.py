@@ -16,7 +16,7 @@ FACTOR = 60.0
 
 @pytest.fixture(scope="module")
 def usual():
-    return make_case(1, effects=[("linearity", "cart2")], energy=500.0, poses=220).dataset
+    return make_case(1, effects=[("linearity", "cart2")], noncentrality=500.0, poses=220).dataset
 
 
 def test_a_diagnosis_takes_no_more_than_a_few_dozen_calibrations(benchmark, usual):
@@ -31,7 +31,7 @@ def test_a_diagnosis_takes_no_more_than_a_few_dozen_calibrations(benchmark, usua
 
 def test_ten_times_the_poses_take_less_than_twenty_times_as_long(benchmark, usual):
     warnings.simplefilter("ignore")
-    many = make_case(1, effects=[("linearity", "cart2")], energy=500.0, poses=2200).dataset
+    many = make_case(1, effects=[("linearity", "cart2")], noncentrality=500.0, poses=2200).dataset
     gtpin.diagnose(usual)
     start = time.perf_counter()
     gtpin.diagnose(usual)

@@ -7,7 +7,7 @@ from gtpin.bench.simulator import make_case  # virtual machines with hidden effe
 
 MACHINES = {
     "a machine with play in drive 1, and noise": make_case(
-        3, effects=[("backlash", "cart1")], energy=1500.0, poses=100
+        3, effects=[("backlash", "cart1")], noncentrality=1500.0, poses=100
     ),
     "a machine with nothing but noise": make_case(4, effects=[], poses=100),
 }

@@ -3,7 +3,7 @@
 import numpy as np
 
 import gtpin
-from gtpin.effects import Effect, Situation, along_track, carts
+from gtpin.effects import Effect, OperatingPoints, actuators, along_track
 from gtpin.effects.active import ActiveEffect
 
 
@@ -16,12 +16,12 @@ class CableChain(Effect):
     coefficient = ("rate", "m/m")
 
     def sites(self, robot):
-        return carts(robot)
+        return actuators(robot)
 
     def covariates(self, robot, site):
         return ("payload",)  # its hoses are full when it carries something
 
-    def basis(self, at, site, nonlinear=None):
+    def basis(self, at, site, shape_parameter=None):
         q, full = at.q[:, at.robot.sites.index(site)], at.covariate("payload") / 20.0
         columns = np.stack([-q * full, -full], axis=1)  # m of travel for coefficients of one
         return along_track(at, site, columns, np.array([5e-5, 2e-5]))  # and their typical sizes
@@ -36,7 +36,7 @@ geometry = gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))
 plain = gtpin.Model(geometry)
 q = np.random.default_rng(0).uniform(-0.4, 0.4, (50, 3))
 payload = np.tile([0.0, 20.0], 25)
-at = Situation(plain.kinematics, q, plain.predict(q), {"payload": payload})
+at = OperatingPoints(plain.kinematics, q, plain.predict(q), {"payload": payload})
 
 effect, coefficients = CableChain(), np.array([5e-5, 2e-5])
 linear = effect.basis(at, "cart2").displacement(at) @ coefficients  # (N, 6) by the derivative

@@ -18,7 +18,7 @@ gtpin.Commands(np.arange(25).astype(str).astype(object), q[plan.rows]).write("pl
 print("written: plan.csv, first commands", q[plan.rows][0])
 
 # After a diagnosis: what would settle what it left open.
-case = make_case(8, effects=[("straightness", "cart1")], energy=150.0, poses=80)  # weak: a few rivals are likely
+case = make_case(8, effects=[("straightness", "cart1")], noncentrality=150.0, poses=80)  # weak: a few rivals are likely
 diagnosis = gtpin.diagnose(case.dataset)
 print("verdict:", diagnosis.verdict, *(f"{m.effect}@{m.site}" for c in diagnosis.causes for m in c.members))
 for experiment in diagnosis.next_experiment[:3]:

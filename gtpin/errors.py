@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import wraps
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 LONGEST = 1000
 """Largest length of a message, in characters; the middle of a longer one is left out."""
@@ -23,6 +24,10 @@ CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u
 def harmless(text: str) -> str:
     """A text in one line for the terminal: control characters are written as escapes, such as ``\\x1b``."""
     return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), " ".join(text.split()))
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class GtpinError(Exception):
@@ -182,6 +187,35 @@ def renamed(old: str, new: str) -> Any:
         return getattr(one, new)
 
     return property(read)
+
+
+def renamed_names(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+    """The ``__getattr__`` of a module with deprecated names, by their old ones: it warns, and gives the new one. They go with
+    version 0.4."""
+
+    def read(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        warn(f"{name} is now called {names[name]}; the old name goes with version 0.4", DeprecationWarning)
+        return getattr(sys.modules[module], names[name])
+
+    return read
+
+
+def renamed_argument(old: str, new: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """A function that also takes the keyword ``new`` by its deprecated name ``old``, which goes with version 0.4."""
+
+    def wrap(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def called(*args: P.args, **kwargs: P.kwargs) -> T:
+            if old in kwargs:
+                warn(f"{old} is now called {new}; the old name goes with version 0.4", DeprecationWarning)
+                kwargs[new] = kwargs.pop(old)
+            return function(*args, **kwargs)
+
+        return called
+
+    return wrap
 
 
 def _is_gtpin(frame: FrameType) -> bool:

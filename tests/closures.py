@@ -11,7 +11,7 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.robot.library import urdf_path
 
 Floats = np.ndarray
@@ -170,7 +170,7 @@ class Closures:
             q=q,
             position=T + noise[:, :3],
             orientation=(Rotation.from_rotvec(noise[:, 3:]) * Rotation.from_matrix(R)).as_quat(scalar_first=True),
-            instrument=Instrument(position_sigma=POSITION_SIGMA, orientation_sigma=ORIENTATION_SIGMA),
+            instrument=InstrumentSection(position_sigma=POSITION_SIGMA, orientation_sigma=ORIENTATION_SIGMA),
         )
 
 

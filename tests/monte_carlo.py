@@ -108,7 +108,7 @@ class Study:
         """No good row is set aside and no lack of fit is claimed, but with a documented chance for each dataset."""
         most = binom.isf(ONCE, len(self.calibrations), chance)
         assert sum(bool(c.rejected) for c in self.calibrations) <= most
-        assert sum(c.enlarged > 1.0 or np.isfinite(c.freedom) for c in self.calibrations) <= most
+        assert sum(c.sigma_scale > 1.0 or np.isfinite(c.freedom) for c in self.calibrations) <= most
 
 
 def assert_no_bias(z: Floats) -> None:

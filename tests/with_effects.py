@@ -10,7 +10,7 @@ import gtpin
 from gtpin.data.table import Column
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 
 
 def active(
@@ -18,7 +18,7 @@ def active(
     q: np.ndarray,
     effect: str,
     site: str,
-    nonlinear: float | None = None,
+    shape_parameter: float | None = None,
     covariates: dict[str, Column] | None = None,
     first: float = 0.0,
     drawn: Callable[[np.ndarray], np.ndarray] | None = None,
@@ -30,19 +30,19 @@ def active(
     covariates.
     """
     kind = effects_by_id()[effect]
-    at = Situation(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
-    sigma = kind.basis(at, site, nonlinear).sigma
+    at = OperatingPoints(model.kinematics, q, model.kinematics.forward(q), covariates or {})  # type: ignore[arg-type]
+    sigma = kind.basis(at, site, shape_parameter).sigma
     size = len(sigma)
     coefficients = first * np.eye(size)[0] if drawn is None else drawn(sigma)
     for name, value in parameters.items():
-        coefficients[_place(kind, name, size, nonlinear)] = value
-    return ActiveEffect(kind, site, nonlinear, coefficients, np.zeros((size, size)), at.references)
+        coefficients[_place(kind, name, size, shape_parameter)] = value
+    return ActiveEffect(kind, site, shape_parameter, coefficients, np.zeros((size, size)), at.references)
 
 
-def _place(kind: object, name: str, size: int, nonlinear: float | None) -> int:
+def _place(kind: object, name: str, size: int, shape_parameter: float | None) -> int:
     """Which coefficient a parameter tells: the first that it answers to one to one."""
     for place, unit in enumerate(np.eye(size)):
-        told = kind.parameters(unit, nonlinear)  # type: ignore[attr-defined]
+        told = kind.parameters(unit, shape_parameter)  # type: ignore[attr-defined]
         if name in told and np.isclose(told[name][0], 1.0):
             return place
     raise AssertionError(f"no coefficient is {name}")

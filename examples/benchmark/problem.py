@@ -71,7 +71,7 @@ class Problem:
         """(m, c) whitened displacements of each effect in its textbook form, for coefficients of typical size."""
         design, found = self.hypotheses.design, {}
         for term in self.gains:
-            X = design.columns(term.basis(design.situation))
+            X = design.columns(term.basis(design.operating_points))
             found[term] = X[:, list(term.effect.core)] if term.effect.core else X
         return found
 
@@ -88,7 +88,7 @@ class Problem:
         if not causes:
             return self.baseline
         design, terms = self.hypotheses.design, list(causes)
-        at = design.situation
+        at = design.operating_points
         bases = [term.basis(at) for term in terms]
         X = np.hstack([design.columns(basis) for basis in bases])
         widths = [len(basis) for basis in bases]
@@ -105,7 +105,7 @@ class Problem:
             covariance = np.zeros((len(own), len(own)))
             active.append(
                 ActiveEffect(
-                    term.effect, term.site, term.nonlinear, coefficients, covariance, at.references, term.further
+                    term.effect, term.site, term.shape_parameter, coefficients, covariance, at.references, term.further
                 )
             )
         instruments = self.baseline.instruments

@@ -22,8 +22,8 @@ from gtpin.bench.blind.judged import Judged, Named, Statement
 from gtpin.bench.blind.truth import TrueEffect
 from gtpin.bench.simulator.build import as_dataset, assemble
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.energy import Past, amplitude_for
 from gtpin.bench.simulator.machine import Deviation
+from gtpin.bench.simulator.noncentrality import Past, amplitude_for
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.situation import RodSituation
 from gtpin.bench.simulator.visits import ids
@@ -120,7 +120,7 @@ def made(form: str, energy: float, machine: int) -> tuple[Dataset, str, float | 
     cause, size, place = DRAWN[effect](form, number, plant.ideal, machine, rng)
     past = Past.of_poses(plant.machine, plant.visits.q[rows], plant.ideal.poses[rows], recipe.noise.sigma)
     amplitude = amplitude_for(plant, cause, rows, past, energy, LARGEST)
-    reached = past.energy(plant.displacement([(cause, amplitude)])[rows])
+    reached = past.noncentrality(plant.displacement([(cause, amplitude)])[rows])
     mine = plant.visits.take(rows)
     true = built.in_frame(plant.seen([(cause, amplitude), *built.active], built.jitter)[rows])
     measurements = recipe.noise.measured(true, built.rng)

@@ -31,8 +31,8 @@ from gtpin.diagnosis.linear.evidence import Groups
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, tuned
 from gtpin.diagnosis.linear.scan import Scan
 from gtpin.diagnosis.prepare import prepare
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import catalogue, effects_by_id
+from gtpin.effects.displacement import Displacement
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.typing import Floats
 
@@ -93,17 +93,17 @@ class Enumeration(Generic[K]):
     def best(self, cost: Callable[[Sequence[K]], float]) -> Posterior[K]:
         """The set with the largest log evidence less ``cost`` of its members; the empty set where every other one has less."""
 
-        def worth(model: Posterior[K] | Larger[K]) -> float:
+        def log_posterior(model: Posterior[K] | Larger[K]) -> float:
             return model.log_evidence - cost(model.terms)
 
         def best_of(some: Sequence[Larger[K]]) -> list[Posterior[K]]:
-            first = sorted(some, key=worth, reverse=True)[:TUNED]
+            first = sorted(some, key=log_posterior, reverse=True)[:TUNED]
             models = [tuned(self.groups, one.terms, (*one.model.scale, one.scale)) for one in first]
-            return sorted(models, key=worth, reverse=True)
+            return sorted(models, key=log_posterior, reverse=True)
 
         pairs = best_of(self.pairs)
         threes = best_of(self._larger(pairs[:WIDENED]))
-        return max([NOTHING, *self.singles.values(), *pairs, *threes], key=worth)
+        return max([NOTHING, *self.singles.values(), *pairs, *threes], key=log_posterior)
 
     def _larger(self, models: Iterable[Posterior[K]]) -> list[Larger[K]]:
         """Each of the models with each further hypothesis. Of two with the same set of hypotheses, only the better is kept."""
@@ -168,7 +168,7 @@ class Limit:
             if true.effect in known and true.displacement is not None:
                 column = np.array(true.displacement)[rows, :, None] / (true.amplitude or 1.0)
                 forms[Hypothesis(known[true.effect], true.site)] = hypotheses.design.columns(
-                    Basis(np.ones(1), twist=column)
+                    Displacement(np.ones(1), twist=column)
                 )
         return Limit(hypotheses, forms)
 
@@ -199,7 +199,9 @@ class Limit:
                 best = scan.best(model)
                 term = Hypothesis(hypothesis.effect, hypothesis.site, best.value)
                 if term not in mine:
-                    mine.add(term, all_.design.columns(term.basis(all_.design.situation)), hypothesis.effect.core)
+                    mine.add(
+                        term, all_.design.columns(term.basis(all_.design.operating_points)), hypothesis.effect.core
+                    )
                 peak = all_gains(mine, model, (term,))[term][0]
                 paid[term] = min(paid.get(term, np.inf), max(peak - best.gain, 0.0))
         return mine, paid

@@ -88,7 +88,7 @@ class Machine:
         rng, q = np.random.default_rng([self.seed, 5, kind]), np.repeat(self.commands(POSES, kind), visits, axis=0)
         position = self.position(q) + self.scatter * rng.standard_normal(q.shape)
         ids = np.repeat(np.array([f"p{kind}_{i}" for i in range(POSES)], dtype=object), visits)
-        instrument = gtpin.data.Instrument(position_sigma=self.scatter if declared else None)
+        instrument = gtpin.data.InstrumentSection(position_sigma=self.scatter if declared else None)
         return gtpin.Dataset(nominal(), ids, q, position, instrument=instrument)
 
 

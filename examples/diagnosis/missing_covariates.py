@@ -46,7 +46,11 @@ def jobs(machines: int) -> list[dict[str, object]]:
 def measured(effect: str, without: str, seed: int) -> list[dict[str, str]]:
     """What a diagnosis says of a machine with such an effect."""
     case = make_case(
-        SEEDS + seed, effects=[(effect, None)], energy=(100.0, 4000.0), held_out=1, without=tuple(without.split())
+        SEEDS + seed,
+        effects=[(effect, None)],
+        noncentrality=(100.0, 4000.0),
+        held_out=1,
+        without=tuple(without.split()),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)  # of poses that a large effect makes look like gross errors

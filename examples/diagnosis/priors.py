@@ -80,7 +80,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
             settled = settle(prepared, rows, scope, np.random.default_rng(0))
         except GtpinError:
             return None
-    return settled, scope, {(t.effect, t.site): t.energy for t in drawn.effects}, draft.kind
+    return settled, scope, {(t.effect, t.site): t.noncentrality for t in drawn.effects}, draft.kind
 
 
 def _inferred(settled: SearchState, scope: Scope) -> Conclusion:

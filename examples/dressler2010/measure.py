@@ -15,14 +15,14 @@ from machine import RANGE, TARGET, Twin
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import CartMeasurements, Instrument
+from gtpin.data import CartMeasurements, InstrumentSection
 from gtpin.kinematics.inverse import commands_for
 
 Floats = npt.NDArray[np.float64]
 
 POSES, POINTS, RANDOM = 176, 28, 150
 CENTER, HALF_WIDTH = np.array([0.0, 0.15, -0.13]), np.array([0.67, 0.51, 0.50])  # m, of the grid, from the home TCP
-NOISE = Instrument(position_sigma=1.0e-5, orientation_sigma=5.0e-5)  # m and rad, assumed
+NOISE = InstrumentSection(position_sigma=1.0e-5, orientation_sigma=5.0e-5)  # m and rad, assumed
 STATIONS = (  # where the tracker stood for sets 2 and 3: turn, rad, and shift, m, assumed
     (Rotation.from_rotvec([0.02, -0.01, 2.4]), np.array([4.1, -2.2, 0.6])),
     (Rotation.from_rotvec([-0.01, 0.03, -1.1]), np.array([-1.7, 3.5, 0.4])),

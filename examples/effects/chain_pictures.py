@@ -13,10 +13,10 @@ import numpy as np
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.chain_motions import joint_frame
-from gtpin.effects.situation import Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import OperatingPoints
 
 Floats = np.ndarray
 KINEMATICS = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(Path(__file__).parent / "arm.urdf"))).kinematics
@@ -26,11 +26,11 @@ GRID = np.linspace(-1.0, 1.0, 240)
 HOME = np.array([0.0, 0.3, 1.2, 0.2, 0.4, 0.0])
 
 
-def situation(q: Floats, fixed: Situation | None = None, **columns: Floats) -> Situation:
+def operating_points(q: Floats, fixed: OperatingPoints | None = None, **columns: Floats) -> OperatingPoints:
     """Commands (N, 6) without a load on the tool, but for the columns given."""
     zero = np.zeros(len(q))
     told = dict.fromkeys(("payload", "fx", "fy", "fz"), zero) | {f"approach{i}": zero + 1.0 for i in range(1, 7)}
-    return Situation(KINEMATICS, q, KINEMATICS.forward(q), told | columns, fixed.references if fixed else None)
+    return OperatingPoints(KINEMATICS, q, KINEMATICS.forward(q), told | columns, fixed.references if fixed else None)
 
 
 def plane(count: int = 9) -> Floats:
@@ -41,21 +41,21 @@ def plane(count: int = 9) -> Floats:
     return q
 
 
-FIT = situation(plane(), payload=np.tile([0.0, 5.0, 2.0], 27))
+FIT = operating_points(plane(), payload=np.tile([0.0, 5.0, 2.0], 27))
 
 
-def shown(name: str) -> tuple[str, Floats, Situation, str]:
+def shown(name: str) -> tuple[str, Floats, OperatingPoints, str]:
     """Label and values (N,) of what an effect goes with, the situations, and label of what it does."""
     q = np.tile(HOME, (len(GRID), 1))
     if name == "axis_motion":
         q[:, 1] = np.pi * GRID
-        return "q2 [rad]", q[:, 1], situation(q, FIT), "shift across the axis, along a [µm]"
+        return "q2 [rad]", q[:, 1], operating_points(q, FIT), "shift across the axis, along a [µm]"
     if name == "bearing_compliance":
-        at = situation(q, FIT, fy=100.0 * GRID)
+        at = operating_points(q, FIT, fy=100.0 * GRID)
         frame = joint_frame(at, SITE)
         moment = at.joint_loads[:, frame.index, 3:] @ frame.across[0]
         return "moment on the joint about a [N m]", moment, at, "tilt about a [µrad]"
-    at = situation(q, FIT, fz=100.0 * GRID)
+    at = operating_points(q, FIT, fz=100.0 * GRID)
     frame = joint_frame(at, SITE)
     return (
         "moment on the joint about its axis [N m]",
@@ -65,7 +65,7 @@ def shown(name: str) -> tuple[str, Floats, Situation, str]:
     )
 
 
-def seen(basis: Basis, at: Situation, c: Floats) -> Floats:
+def seen(basis: Displacement, at: OperatingPoints, c: Floats) -> Floats:
     """(N,) what an effect does."""
     if basis.command is not None:
         return basis.command[1] @ c

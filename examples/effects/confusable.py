@@ -16,7 +16,7 @@ from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.linear.evidence import best_scales
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 
 SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 """The tracker's, m and rad."""
@@ -26,16 +26,16 @@ DRAWS = 3
 ROBOT = "gantry_tau"
 
 
-def past_geometry(at: Situation, geometry: gtpin.Geometry):
+def past_geometry(at: OperatingPoints, geometry: gtpin.Geometry):
     """X' (I + B B')^-1 Z with B the whitened derivative by the geometry in tolerances."""
     B = (at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance / SIGMA[:, None]).reshape(len(at) * 6, -1)
     factor = cho_factor(np.eye(B.shape[1]) + B.T @ B)
     return lambda X, Z: X.T @ Z - (X.T @ B) @ cho_solve(factor, B.T @ Z)
 
 
-def columns(at: Situation, name: str, site: str, nonlinear: float | None) -> np.ndarray:
+def columns(at: OperatingPoints, name: str, site: str, shape_parameter: float | None) -> np.ndarray:
     """Whitened displacements for coefficients of typical size."""
-    basis = effects_by_id()[name].basis(at, site, nonlinear)
+    basis = effects_by_id()[name].basis(at, site, shape_parameter)
     return (basis.displacement(at) * basis.sigma / SIGMA[:, None]).reshape(len(at) * 6, -1)
 
 
@@ -55,7 +55,7 @@ def measured(robot: str) -> list[dict[str, object]]:
     data = make_case(1, effects=[], poses=160, conditions=conditions, robot=robot).dataset
     geometry = gtpin.Geometry.nominal(gtpin.load_robot(robot))
     kinematics = gtpin.Model(geometry).kinematics
-    at = Situation(kinematics, data.q, kinematics.forward(data.q), data.covariates)
+    at = OperatingPoints(kinematics, data.q, kinematics.forward(data.q), data.covariates)
     product = past_geometry(at, geometry)
     places = {
         (name, site): [columns(at, name, site, s) for s in SETTINGS.get(name, (None,))]

@@ -13,9 +13,9 @@ import numpy as np
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.robot.parameters import rotation_axes
 
 Floats = np.ndarray
@@ -29,14 +29,16 @@ GRID = np.linspace(-1.0, 1.0, 240)
 SESSIONS = np.array(["a", "b", "c"], dtype=object)
 
 
-def situation(q: Floats, **columns: Column) -> Situation:
+def operating_points(q: Floats, **columns: Column) -> OperatingPoints:
     """Commands (N, 3) in plain circumstances, but for the columns given."""
     n = len(q)
     zero = np.zeros(n)
     told: dict[str, Column] = {"time": zero, "temp_frame": zero + 20.0, "temp_link": zero + 20.0, "payload": zero}
     told |= {f"{word}{i}": zero + (word == "approach") for word in ("approach", "speed") for i in (1, 2, 3)}
     told |= {f"f{axis}": zero for axis in "xyz"} | {"session": np.resize(SESSIONS, n)}
-    return Situation(KINEMATICS, q, KINEMATICS.forward(q), {**told, **columns}, FIT.references if FITTED else None)
+    return OperatingPoints(
+        KINEMATICS, q, KINEMATICS.forward(q), {**told, **columns}, FIT.references if FITTED else None
+    )
 
 
 def workspace(count: int = 7) -> Floats:
@@ -47,7 +49,7 @@ def workspace(count: int = 7) -> Floats:
 
 FITTED = False
 RNG = np.random.default_rng(2)
-FIT = situation(
+FIT = operating_points(
     workspace(),
     time=np.linspace(0.0, 7200.0, 49),
     temp_link=np.linspace(20.0, 25.0, 49),
@@ -60,30 +62,35 @@ FIT = situation(
 FITTED = True
 
 
-def shown(name: str) -> tuple[str, Floats, Situation, str, float]:
+def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
     """Label and values (N,) of what an effect goes with, the situations, label of what it does, and the unit of that."""
     still = np.zeros((len(GRID), 3))
     together = np.tile(0.67 * GRID[:, None], (1, 3))
-    along = ("q2 [m]", together[:, 1], situation(together), "along the track [µm]", 1e-6)
+    along = ("q2 [m]", together[:, 1], operating_points(together), "along the track [µm]", 1e-6)
     if name == "backlash":
-        return along[0], along[1], situation(together, approach2=np.where(np.arange(240) % 2, 1.0, -1.0)), *along[3:]
+        return (
+            along[0],
+            along[1],
+            operating_points(together, approach2=np.where(np.arange(240) % 2, 1.0, -1.0)),
+            *along[3:],
+        )
     if name == "servo_lag":
         speed = 0.3 * GRID
-        return "speed2 [m/s]", speed, situation(still, speed2=speed), "along the track [µm]", 1e-6
+        return "speed2 [m/s]", speed, operating_points(still, speed2=speed), "along the track [µm]", 1e-6
     if name == "cross_coupling":
         ahead = still.copy()
         ahead[:, 0] = 0.67 * GRID
-        return "q1 [m]", ahead[:, 0], situation(ahead), "along the track [µm]", 1e-6
+        return "q1 [m]", ahead[:, 0], operating_points(ahead), "along the track [µm]", 1e-6
     if name in ("zero_shift", "frame_shift"):
         member = np.repeat(SESSIONS, 80)
         what = "along the track [µm]" if name == "zero_shift" else "x [µm]"
-        return "session", np.arange(240.0) / 80.0 - 0.5, situation(still, session=member), what, 1e-6
+        return "session", np.arange(240.0) / 80.0 - 0.5, operating_points(still, session=member), what, 1e-6
     if name == "thermal_track":
         warm = 22.0 + 2.0 * GRID
         return (
             "temp_frame [°C]",
             warm,
-            situation(still + 0.5, temp_frame=warm),
+            operating_points(still + 0.5, temp_frame=warm),
             "along the track, q2 = 0.5 m [µm]",
             1e-6,
         )
@@ -92,33 +99,33 @@ def shown(name: str) -> tuple[str, Floats, Situation, str, float]:
     if name == "cart_rotation":
         return along[0], along[1], along[2], "joint 2a, rolling [µm]", 1e-6
     if name in ("link_compliance", "cart_compliance", "joint_clearance"):
-        at = situation(still)
+        at = operating_points(still)
         pulled = np.einsum("ni,ni->n", at.response[:, :3, ROD], at.along[:, ROD])  # force for each newton along it
         push = (120.0 * GRID - at.force[:, ROD]) / pulled
-        at = situation(still, **{f"f{axis}": push * at.along[:, ROD, c] for c, axis in enumerate("xyz")})
+        at = operating_points(still, **{f"f{axis}": push * at.along[:, ROD, c] for c, axis in enumerate("xyz")})
         what = "along the track [µm]" if name == "cart_compliance" else "longer [µm]"
         return "force in link 2a [N]", at.force[:, ROD], at, what, 1e-6
     if name == "joint_runout":
         ahead = still.copy()
         ahead[:, 1] = 0.25 * GRID
-        at = situation(ahead)
+        at = operating_points(ahead)
         return "angle of link 2a [rad]", FIT.references.direction[1][ROD] * at.tilt[:, ROD, 0], at, "longer [µm]", 1e-6
     if name == "thermal_links":
         warm = 22.5 + 2.5 * GRID
-        return "temp_link [°C]", warm, situation(still, temp_link=warm), "link 2a longer [µm]", 1e-6
+        return "temp_link [°C]", warm, operating_points(still, temp_link=warm), "link 2a longer [µm]", 1e-6
     if name == "tracker_drift":
         time = 3600.0 * (1.0 + GRID)
-        return "time [h]", time / 3600.0, situation(still, time=time), "x [µm]", 1e-6
+        return "time [h]", time / 3600.0, operating_points(still, time=time), "x [µm]", 1e-6
     if name == "tracker_scale":
-        at = situation(together)
+        at = operating_points(together)
         return "x of the TCP [m]", at.poses.T[:, 0], at, "x [µm]", 1e-6
     if name == "target_offset":
-        at = situation(together)
+        at = operating_points(together)
         return "x of the TCP [m]", at.poses.T[:, 0], at, "x [mm]", 1e-3
     return along
 
 
-def seen(basis: Basis, c: Floats) -> Floats:
+def seen(basis: Displacement, c: Floats) -> Floats:
     """(N,) what an effect does, by the first of the kinds of displacement that it has."""
     axis = ROBOT.actuators[CART].axis
     if basis.command is not None:
@@ -136,10 +143,10 @@ def draw(name: str, folder: Path) -> Path:
     effect = effects_by_id()[name]
     sites = effect.sites(ROBOT)
     site = next((s for s in ("cart2", "link2a") if s in sites), sites[0])
-    nonlinear = SETTINGS.get(name)
+    shape_parameter = SETTINGS.get(name)
     label, x, at, what, unit = shown(name)
     figure, (own, platform) = plt.subplots(1, 2, figsize=(8.0, 3.0), width_ratios=(1.2, 1.0), layout="constrained")
-    rng, basis = np.random.default_rng(4), effect.basis(at, site, nonlinear)
+    rng, basis = np.random.default_rng(4), effect.basis(at, site, shape_parameter)
     draws = basis.sigma * rng.standard_normal((3, len(basis)))
     if name in POSITIVE:
         draws[:, 0] = basis.sigma[0] * np.array([1.0, 0.7, 1.4])
@@ -153,8 +160,8 @@ def draw(name: str, folder: Path) -> Path:
     if label == "session":
         own.set_xticks([0.0, 1.0, 2.0], list(SESSIONS))
     there = FIT
-    n = len(effect.basis(there, site, nonlinear))
-    active = ActiveEffect(effect, site, nonlinear, draws[0], np.zeros((n, n)), FIT.references)
+    n = len(effect.basis(there, site, shape_parameter))
+    active = ActiveEffect(effect, site, shape_parameter, draws[0], np.zeros((n, n)), FIT.references)
     moved = with_effects(KINEMATICS, there.q, there.covariates, [active]).minus(there.poses)[:, :3]
     T, largest = there.poses.T, max(float(np.linalg.norm(moved[:, [0, 1]], axis=1).max()), 1e-9)
     platform.quiver(

@@ -10,10 +10,10 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data import CartMeasurements, Dataset, Instrument
+from gtpin.data import CartMeasurements, Dataset, InstrumentSection
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.model.model_folder import write_model
 from gtpin.robot.library import urdf_path
 
@@ -124,7 +124,7 @@ def make(folder: Path) -> None:
     nominal = gtpin.read_model("gantry_tau")
     moved = nominal.predict(drawn.q + backlash).T - nominal.predict(drawn.q).T
     dataset = replace(drawn, position=drawn.position + moved, covariates=covariates)
-    instrument = Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, station=(1.5, -7.0, 0.3))
+    instrument = InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5, station=(1.5, -7.0, 0.3))
     whole = replace(dataset, instrument=instrument, tolerance={"link_length": 5e-4}, carts=_carts())
     whole.write(folder / "set")
     whole.write(folder / "parquet", table="parquet")
@@ -143,9 +143,9 @@ def make(folder: Path) -> None:
 
 def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
     """Some effects of a third of their typical size, with and without covariates and a nonlinear parameter."""
-    at = Situation(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
+    at = OperatingPoints(model.kinematics, dataset.q, model.kinematics.forward(dataset.q), dataset.covariates)
     found = []
-    for name, site, nonlinear in (
+    for name, site, shape_parameter in (
         ("backlash", "cart2", None),
         ("rack_periodic", "cart1", 0.03),
         ("thermal_links", "arm", None),
@@ -153,8 +153,8 @@ def _effects(model: gtpin.Model, dataset: Dataset) -> tuple[ActiveEffect, ...]:
         ("tracker_drift", "frame", None),
     ):
         effect = effects_by_id()[name]
-        size = 0.3 * effect.basis(at, site, nonlinear).sigma
-        found.append(ActiveEffect(effect, site, nonlinear, size, np.diag(0.01 * size**2), at.references))
+        size = 0.3 * effect.basis(at, site, shape_parameter).sigma
+        found.append(ActiveEffect(effect, site, shape_parameter, size, np.diag(0.01 * size**2), at.references))
     return tuple(found)
 
 

@@ -55,11 +55,13 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 def measured(robot: str, effect: str, site: str, instrument: str, seed: int) -> list[dict[str, object]]:
     """Root mean square position error, um, by an effect of the energy that shows."""
-    recipe = drawn_recipe(seed, effects=[(effect, site)], energy=ENERGY, poses=POSES, robot=robot, background=False)
+    recipe = drawn_recipe(
+        seed, effects=[(effect, site)], noncentrality=ENERGY, poses=POSES, robot=robot, background=False
+    )
     truth = build_measured(recipe, [instrument]).effects[0]
     size = float(np.sqrt((truth.displacement[:, :3] ** 2).sum(axis=1).mean()))
     # The energy goes with the square of the size.
-    needed = size * np.sqrt(ENERGY / max(truth.energy, 1e-12))
+    needed = size * np.sqrt(ENERGY / max(truth.noncentrality, 1e-12))
     return [{"micrometres": round(1e6 * needed, 1) if needed < MOST else -1.0}]
 
 

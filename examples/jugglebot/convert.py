@@ -18,7 +18,7 @@ import pandas as pd
 
 import gtpin
 from gtpin import Dataset
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 
 METRES_PER_REVOLUTION = 1.0 / np.array([13.21144, 14.0456, 13.8233, 14.124109, 14.16007, 14.03256])
 """Cord paid out by each leg's spool for one turn of its motor, m, from Jugglebot's own revolutions per metre.
@@ -55,7 +55,7 @@ def dataset_of(log: pd.DataFrame, free: bool = False) -> Dataset:
         position=log[POSITION].to_numpy(dtype=float) / 1000.0,
         orientation=log[ORIENTATION].to_numpy(dtype=float),
         covariates=covariates,
-        instrument=Instrument(frame="free" if free else "robot"),
+        instrument=InstrumentSection(frame="free" if free else "robot"),
     )
 
 

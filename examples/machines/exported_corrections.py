@@ -23,7 +23,7 @@ from gtpin.compensation.controller import controller_of
 from gtpin.compensation.grid_table import grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import Drives, Towers, drives_of
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.export import Box
 from gtpin.export.machine_error import on_the_bed, open_directions
 from gtpin.export.tables import printer_correction
@@ -62,7 +62,7 @@ def measured(truth: gtpin.Model, rng: np.random.Generator) -> gtpin.Dataset:
     q = controller_of(NOMINAL, BOX.origin)(rng.uniform(1.5 * BOX.low, 1.5 * BOX.high, (40, 3)))
     ids = np.arange(len(q)).astype(str).astype(object)
     T = truth.predict(q).T + TRACKER * rng.standard_normal((len(q), 3))
-    return gtpin.Dataset("linear_delta", ids, q, T, None, {}, Instrument(position_sigma=TRACKER))
+    return gtpin.Dataset("linear_delta", ids, q, T, None, {}, InstrumentSection(position_sigma=TRACKER))
 
 
 def of_printer(truth: gtpin.Model, model: gtpin.Model, drives: Drives | None) -> tuple[float, ...]:

@@ -47,8 +47,10 @@ def sigmas(xy: np.ndarray) -> tuple[dict[str, float], dict[str, float], float]:
     settings = fit.response(np.ones(13, dtype=bool))[1] @ D
     p = len(tolerance)
     before, after = (np.sqrt(np.diag(settings @ C @ settings.T)) for C in (np.eye(p), covariance))
-    taken = float(np.trace(B @ covariance @ B.T))
-    return *({name: float(size[rows].max()) for name, rows in GROUPS.items()} for size in (before, after)), taken
+    effective_parameters = float(np.trace(B @ covariance @ B.T))
+    return *(
+        {name: float(size[rows].max()) for name, rows in GROUPS.items()} for size in (before, after)
+    ), effective_parameters
 
 
 def rows() -> list[str]:

@@ -59,7 +59,7 @@ def write_machine(mistake: Mistake, number: int, with_effect: bool, folder: Path
     case = make_case(
         FIRST + 10 * number + with_effect,
         effects=[effect] if effect else [],
-        energy=ENERGY,
+        noncentrality=ENERGY,
         poses=130 + 20 * (number % 5),
         held_out=1,
         conditions=CONDITIONS,

@@ -84,7 +84,13 @@ def measured(data: str, robot: str, machine: int) -> list[dict[str, str]]:
     if robot in RODS and "free_target" in noise:
         noise = {**noise, "free_target": False}  # the joints on the platform are identified with it
     recipe = drawn_recipe(
-        seed, robot=ROBOTS[robot], energy=energy, poses=POSES, held_out=1, noise=SimulatedNoise(**noise), **options
+        seed,
+        robot=ROBOTS[robot],
+        noncentrality=energy,
+        poses=POSES,
+        held_out=1,
+        noise=SimulatedNoise(**noise),
+        **options,
     )
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as place:
         warnings.simplefilter("ignore")

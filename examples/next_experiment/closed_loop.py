@@ -90,10 +90,14 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 def measured(robot: str, effect: str, seed: int) -> list[dict[str, object]]:
     """One machine; only its verdict where no question about its cause is open."""
-    case = make_case(seed, effects=[(effect, None)], energy=ENERGY, poses=POSES, robot=robot)
+    case = make_case(seed, effects=[(effect, None)], noncentrality=ENERGY, poses=POSES, robot=robot)
     truth = (case.effects[0].effect, case.effects[0].site)
     first = diagnosed(case.dataset)
-    row: dict[str, object] = {"site": truth[1], "energy": round(case.effects[0].energy), "verdict": first.verdict}
+    row: dict[str, object] = {
+        "site": truth[1],
+        "energy": round(case.effects[0].noncentrality),
+        "verdict": first.verdict,
+    }
     question = open_question(first, truth)
     if question is None:
         return [row]

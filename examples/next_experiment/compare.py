@@ -55,7 +55,7 @@ class Told:
 
 def compare(truth: Hypothesis, rival: Hypothesis, seed: int) -> Told | None:
     """One machine; None where nothing parts the two."""
-    case = make_case(seed, effects=[(truth.effect.id, truth.site)], energy=ENERGY, poses=POSES)
+    case = make_case(seed, effects=[(truth.effect.id, truth.site)], noncentrality=ENERGY, poses=POSES)
     baseline = gtpin.calibrate(case.dataset)
     known = known_from(case.dataset, baseline)
     rng = np.random.default_rng(seed)
@@ -88,7 +88,7 @@ def known_from(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",
     )
-    return Known(observed, baseline.model, observed.situation(baseline.model).references)
+    return Known(observed, baseline.model, observed.operating_points(baseline.model).references)
 
 
 def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis) -> float:
@@ -104,7 +104,7 @@ def factor(known: Known, dataset: Dataset, truth: Hypothesis, rival: Hypothesis)
     design = observed.design(known.model)
     groups: Groups[Hypothesis] = Groups(Marginal(design.B), design.y)
     for hypothesis in (truth, rival):
-        groups.add(hypothesis, design.columns(hypothesis.basis(design.situation)))
+        groups.add(hypothesis, design.columns(hypothesis.basis(design.operating_points)))
     return gain(groups, NOTHING, truth)[0] - gain(groups, NOTHING, rival)[0]
 
 

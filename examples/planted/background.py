@@ -112,8 +112,8 @@ class Background:
 
     def sigma(self, model: Model) -> Array:
         """(3 or 6,) robust standard deviation of the residuals: of positions, m, and of rotations, rad."""
-        left = self.residual(model)
-        blocks = [left[:, k : k + 3] for k in range(0, left.shape[1], 3)]
+        residual = self.residual(model)
+        blocks = [residual[:, k : k + 3] for k in range(0, residual.shape[1], 3)]
         return np.repeat([1.4826 * np.median(np.abs(b - np.median(b, axis=0))) for b in blocks], 3)
 
     def absorbed(self, sigma: Array) -> Array:

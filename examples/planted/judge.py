@@ -63,8 +63,8 @@ class Judge:
         slope = np.array(
             [(along(c + h * e) - found) / h if h else 0.0 for h, e in zip(steps, np.eye(len(c)), strict=True)]
         )
-        left = (b.residual(b.model) / sigma).ravel()
-        return found, float(np.sqrt(slope @ mine[0].covariance @ slope)), float(Mr @ left) / float(Mr @ r)
+        residual = (b.residual(b.model) / sigma).ravel()
+        return found, float(np.sqrt(slope @ mine[0].covariance @ slope)), float(Mr @ residual) / float(Mr @ r)
 
     def case(self, case: Path, answer: Path) -> dict[str, Any]:
         """What was said of a case, and its counts: whether each holds, and whether it is asked."""

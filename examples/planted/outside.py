@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.effects import Effect, Situation, along_track
-from gtpin.effects.basis import Basis
+from gtpin.effects import Effect, OperatingPoints, along_track
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.smooth import loads_of
 from gtpin.robot.robot import Robot
 
@@ -29,10 +29,10 @@ class Form(Effect):
     def sites(self, robot: Robot) -> tuple[str, ...]:
         return robot.sites
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         return along_track(at, site, self._form(at, site)[:, None], np.array([1e-4]))
 
-    def _form(self, at: Situation, site: str) -> NDArray[np.float64]:
+    def _form(self, at: OperatingPoints, site: str) -> NDArray[np.float64]:
         rng, x, j = np.random.default_rng(self.seed), at.travel, at.robot.sites.index(site)
         if self.id == "gaussian_process":  # squared exponential, by random Fourier features
             waves, phases = rng.normal(0.0, 1.0 / LENGTH, WAVES), rng.uniform(0.0, 2.0 * np.pi, WAVES)

@@ -20,7 +20,7 @@ from background import Array, Background, Projection, series
 from outside import NAMES, Form
 
 import gtpin
-from gtpin.effects import Effect, Situation
+from gtpin.effects import Effect, OperatingPoints
 from gtpin.effects.active import ActiveEffect
 
 HALVES = ("training", "sealed")
@@ -146,7 +146,7 @@ class Planter:
         """None where geometry absorbs the effect, or it would be implausible or larger than any machine's."""
         b, model = self.background, self.background.model
         covariates = columns(b, column, rng)
-        at = Situation(model.kinematics, b.dataset.q, model.kinematics.forward(b.dataset.q), covariates)
+        at = OperatingPoints(model.kinematics, b.dataset.q, model.kinematics.forward(b.dataset.q), covariates)
         if effect.untestable(at, site) is not None:
             return None
         values = list(effect.nonlinear_values(at, site)) if effect.has_nonlinear else []

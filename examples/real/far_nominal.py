@@ -67,7 +67,7 @@ def draw(seed: int, counts: tuple[int, ...] = COUNTS, least: float = 0.0, *, dec
     q, others = (rng.uniform(-reach, reach, (n, robot.n_actuators)) - lift for n in (count, OTHERS))
     T, R = poses(q)
     turned = Rotation.from_rotvec(turn_sigma * rng.standard_normal((count, 3))) * Rotation.from_matrix(R)
-    instrument = gtpin.data.Instrument(
+    instrument = gtpin.data.InstrumentSection(
         position_sigma=sigma if known else None,
         orientation_sigma=turn_sigma if known and turning else None,
         frame="free" if free else "robot",

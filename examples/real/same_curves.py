@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 import gtpin
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def deviation(model: gtpin.Model, j: int, angle: Floats) -> Floats:
     poses, total = model.kinematics.forward(q), np.zeros(len(angle))
     for active in model.effects:
         if active.site == model.robot.sites[j] and active.effect.of_travel:
-            at = Situation(model.kinematics, q, poses, {}, fixed=active.references)
+            at = OperatingPoints(model.kinematics, q, poses, {}, fixed=active.references)
             moved = active.basis(at).command
             total += 0.0 if moved is None else moved[1] @ active.coefficients
     return total

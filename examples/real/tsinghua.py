@@ -20,7 +20,7 @@ import pandas as pd
 
 import gtpin
 from gtpin import Dataset
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 
 ROBOTS = {6: "ur5", 7: str(Path(__file__).resolve().parent / "wam.urdf")}
 """The robot of so many joints, where none is given."""
@@ -47,7 +47,7 @@ def dataset_of(table: pd.DataFrame, robot: str | None = None, sign: float = 1.0)
         q=np.radians(table[joints].to_numpy(dtype=float)),
         position=(target + sign * difference) / 1000.0,
         covariates={"step": table["step_order"].to_numpy(dtype=float)},
-        instrument=Instrument(frame="free", target="free"),
+        instrument=InstrumentSection(frame="free", target="free"),
     )
 
 

@@ -25,7 +25,7 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.compensation import machine_of
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.errors import ConvergenceError, GtpinWarning
 from gtpin.export import export
 from gtpin.sim import commands_for_simulator
@@ -57,7 +57,7 @@ def measured(robot: str, cause: str, seed: int) -> list[dict[str, object]]:
     """Once around the circle: errors in um, and what was named."""
     effects = [tuple(cause.split("@"))]
     case = make_case(
-        seed, effects=effects, energy=ENERGY, poses=POSES, robot=robot, background=False, held_out=HELD_OUT
+        seed, effects=effects, noncentrality=ENERGY, poses=POSES, robot=robot, background=False, held_out=HELD_OUT
     )
     dataset, nominal = case.dataset, gtpin.read_model(robot)
     first = diagnosis(dataset)

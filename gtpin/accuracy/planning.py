@@ -78,7 +78,7 @@ def signal(model: Model, q: Floats, noise: Noise, *, orientation: bool = True, f
     J = kinematics.geometry_jacobian(q, poses)[:, :6] * model.geometry.tolerance
     J = in_frame(J, model.frame)
     if free_frame:
-        T = model.seen(poses).T
+        T = model.in_instrument_frame(poses).T
         J = np.concatenate([J, FREE * frame_motions(T - T.mean(axis=0))], axis=2)
     whitening = noise.whitening(in_frame(kinematics.command_jacobian(q, poses)[:, :6], model.frame), components)
     return Signal(whitening @ J[:, :components], model.geometry.names)

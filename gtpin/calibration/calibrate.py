@@ -207,10 +207,10 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
     aside = np.ones(len(whole), dtype=bool)
     aside[np.flatnonzero(usable)[settled.used]] = False
     covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
-    before = settled.fit.problem.measured.left(settled.fit.problem.start, near[settled.used])
-    left = problem.left(point, point.poses)
+    before = settled.fit.problem.measured.residual(settled.fit.problem.start, near[settled.used])
+    residual = problem.raw_residual(point, point.poses)
     variance, known = _variances(final, noise), noise.source != "residuals"
-    unexplained = unexplained_by(settled.fit, left, variance, known=known, dof=noise.dof)
+    unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
     out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
@@ -229,7 +229,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
         observability=seen,
         noise=settled.noise,
         sigmas=tuple(zip(readings.group_names, np.where(readings.group_turns, "rad", "m").tolist(), strict=True)),
-        enlarged=settled.excess,
+        sigma_scale=settled.sigma_scale,
         freedom=min([tails.freedom for tails in settled.tails], default=np.inf),
         # The components of one row of a table count once.
         poses=len(rows) if (rows.component < 0).all() else int(rows.row.max()) + 1,
@@ -238,11 +238,11 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
         chi2=settled.chi2,
         dof=settled.dof,
         iterations=settled.steps,
-        residual=left,
+        residual=residual,
         residual_before=before,
         instrument=instrument,
         dataset=whole,
-        by_instrument=tuple(_by_instrument(readings, (before, left, np.sqrt(variance)), out, some)),
+        by_instrument=tuple(_by_instrument(readings, (before, residual, np.sqrt(variance)), out, some)),
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
@@ -257,7 +257,7 @@ def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
     model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
     for rows in fit.problem.chunks():
         poses, some = fit.point.poses[rows], measured.take(rows)
-        J = some.seen(model.kinematics.command_jacobian(some.q, poses), model, poses)
+        J = some.change_by(model.kinematics.command_jacobian(some.q, poses), model, poses)
         found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
     return np.concatenate(found)
 

@@ -60,10 +60,10 @@ def between(fit: Fit[Any]) -> tuple[float, float, float]:
     measured = fit.problem.measured
     counted = measured.counted.ravel()
     some = counted > 0.0
-    places, left = places_of(measured).ravel()[some], fit.residual.ravel()[some]
+    places, residual = places_of(measured).ravel()[some], fit.residual.ravel()[some]
     weight = np.repeat(fit.weight, fit.residual.shape[1])[some]
     own = np.unique(places, return_index=True)[1]
-    return mean_power(left, places, weight), float((weight * left**2).sum()), float(counted[some][own].sum())
+    return mean_power(residual, places, weight), float((weight * residual**2).sum()), float(counted[some][own].sum())
 
 
 def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
@@ -85,7 +85,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     visits = np.bincount(places)
     own = np.unique(places, return_index=True)[1]  # one number of each pose and component
     means, noise = (np.bincount(places, x[counted])[places[own]] / visits[places[own]] for x in (errors, variance))
-    free = max(len(own) - fit.taken, 1.0)
+    free = max(len(own) - fit.effective_parameters, 1.0)
     power = mean_power(fit.residual[counted], places)
     if known:
         chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
@@ -114,8 +114,8 @@ class FitState:
     - ``steps``: number of steps of all fits.
     - ``geometry``: the nominal geometry with the tolerances that were given; those of the fit are wider where the data
       demanded it.
-    - ``wide``: factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would otherwise
-      not converge.
+    - ``noise_scale``: factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would
+      otherwise not converge.
     """
 
     fit: Fit[Problem]
@@ -124,17 +124,17 @@ class FitState:
     tails: tuple[weights.Tails, ...]
     steps: int
     geometry: Geometry
-    wide: float = 1.0
+    noise_scale: float = 1.0
 
     @property
     def chi2(self) -> float:
         """Sum of squares of the whitened residuals, without robust weights."""
-        return float((self.fit.residual**2).sum()) * self.wide**2
+        return float((self.fit.residual**2).sum()) * self.noise_scale**2
 
     @property
     def dof(self) -> float:
         """Number of independent measured numbers less the effective number of parameters."""
-        return self.fit.problem.count - self.fit.taken
+        return self.fit.problem.count - self.fit.effective_parameters
 
     @property
     def heavy(self) -> bool:
@@ -144,14 +144,14 @@ class FitState:
     @property
     def scale(self) -> float:
         """Ratio of the residuals of single visits to noise: the scale of heavy tails, else the root of chi-square; at least
-        ``wide``."""
+        ``noise_scale``."""
         if self.heavy:
-            return max([self.wide, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
-        return max(self.wide, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
+            return max([self.noise_scale, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
+        return max(self.noise_scale, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
 
     @cached_property
-    def excess(self) -> float:
-        """Ratio of the poses' mean residuals to the noise of such means, where these show a lack of fit; else ``wide``.
+    def sigma_scale(self) -> float:
+        """Ratio of the poses' mean residuals to the noise of such means, where these show a lack of fit; else ``noise_scale``.
 
         Repeated visits show the noise, and not whether the model is right at their pose: so errors of the model count as those
         of one visit.
@@ -159,15 +159,15 @@ class FitState:
         if self.heavy:
             return self.scale * self._repeating
         known, (means, _, count) = np.isinf(self.noise.dof), between(self.fit)
-        power, free = means * self.wide**2, max(count - self.fit.taken, 1.0)
+        power, free = means * self.noise_scale**2, max(count - self.fit.effective_parameters, 1.0)
         chance = chi2.sf(power, free) if known else f.sf(power / free, free, self.noise.dof)
-        return self.wide if chance >= LACK_OF_FIT else max(self.wide, float(np.sqrt(power / free)))
+        return self.noise_scale if chance >= LACK_OF_FIT else max(self.noise_scale, float(np.sqrt(power / free)))
 
     @property
     def _repeating(self) -> float:
         """Ratio of the poses' mean residuals to those of independent visits; 1 where an F test shows no more."""
         means, whole, count = between(self.fit)
-        free, inner = max(count - self.fit.taken, 1.0), self.fit.problem.count - count
+        free, inner = max(count - self.fit.effective_parameters, 1.0), self.fit.problem.count - count
         within = max(whole - means, 1e-12 * whole)
         if inner < 1.0 or f.sf((means / free) / (within / inner), free, inner) >= LACK_OF_FIT:
             return 1.0
@@ -176,11 +176,11 @@ class FitState:
     @cached_property
     def final(self) -> Fit[Problem]:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
-        factor = self.excess if self.wide > 1.0 or not self.heavy else self._repeating
+        factor = self.sigma_scale if self.noise_scale > 1.0 or not self.heavy else self._repeating
         if factor <= 1.0:
             return self.fit
         weight = self.fit.weight
-        return fit(self.fit.problem.noisier(factor / self.wide), lambda _: weight, self.fit.point.x)
+        return fit(self.fit.problem.noisier(factor / self.noise_scale), lambda _: weight, self.fit.point.x)
 
     @cached_property
     def observability(self) -> Observability:

@@ -99,7 +99,7 @@ class Fit(Generic[P]):
         return factor
 
     @property
-    def taken(self) -> float:
+    def effective_parameters(self) -> float:
         """Effective number of parameters: the variance reduction, summed over all directions."""
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
 

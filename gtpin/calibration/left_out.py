@@ -52,15 +52,15 @@ def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool
     return errors, some
 
 
-def of_poses(half: Floats, left: Floats, poses: Indices) -> Floats:
+def of_poses(half: Floats, residual: Floats, poses: Indices) -> Floats:
     """(N, c) residuals without the pose of the row.
 
     ``half``: (N, c, k) derivative of the whitened numbers by the unknowns, times a root of the unknowns' covariance.
-    ``left``: (N, c) whitened residuals of a fit to all rows. ``poses``: (N,) index of each row's pose.
+    ``residual``: (N, c) whitened residuals of a fit to all rows. ``poses``: (N,) index of each row's pose.
     """
-    errors, order = np.zeros_like(left), np.argsort(poses, kind="stable")
+    errors, order = np.zeros_like(residual), np.argsort(poses, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):
-        errors[rows] = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), left[rows].ravel()).errors.reshape(
+        errors[rows] = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), residual[rows].ravel()).errors.reshape(
             len(rows), -1
         )
     return errors
@@ -70,9 +70,9 @@ def of_poses(half: Floats, left: Floats, poses: Indices) -> Floats:
 class LeftOutBlock:
     """Residuals of the r numbers of a block from a fit to all other numbers.
 
-    ``errors``: (r,) (I - H)^-1 left with H = half half', the block's leverage, and ``left``, its residual from the fit of
-    all; without the directions that the other numbers do not determine. ``kept``: (r,) share of each number that the others
-    determine. ``log_density``: log probability density of the block given the others, without the constant.
+    ``errors``: (r,) (I - H)^-1 residual with H = half half', the block's leverage, and ``residual``, its residual from the
+    fit of all; without the directions that the other numbers do not determine. ``kept``: (r,) share of each number that the
+    others determine. ``log_density``: log probability density of the block given the others, without the constant.
     """
 
     errors: Floats
@@ -80,16 +80,16 @@ class LeftOutBlock:
     log_density: float
 
     @staticmethod
-    def of(half: Floats, left: Floats) -> LeftOutBlock:
+    def of(half: Floats, residual: Floats) -> LeftOutBlock:
         """The block of some rows.
 
-        ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``left``:
+        ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``residual``:
         (r,) residual of the fit of all.
         """
         if len(half) <= half.shape[1]:
             w, V = np.linalg.eigh(np.eye(len(half)) - half @ half.T)
             good = w > LOST
-            along = V[:, good].T @ left
+            along = V[:, good].T @ residual
             errors, lost = V[:, good] @ (along / w[good]), V[:, ~good]
         else:
             # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
@@ -97,6 +97,6 @@ class LeftOutBlock:
             good = w > LOST
             lost = half @ U[:, ~good] / np.sqrt(1.0 - w[~good])
             seen = half @ U[:, good]
-            errors = left - lost @ (lost.T @ left) + seen @ ((seen.T @ left) / w[good])
-        density = 0.5 * (float(np.log(w[good]).sum()) - float(left @ errors))
+            errors = residual - lost @ (lost.T @ residual) + seen @ ((seen.T @ residual) / w[good])
+        density = 0.5 * (float(np.log(w[good]).sum()) - float(residual @ errors))
         return LeftOutBlock(errors, 1.0 - (lost**2).sum(axis=1), density)

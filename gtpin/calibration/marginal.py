@@ -103,8 +103,8 @@ class MarginalLikelihood:
             covariance = cho_solve((_factor(A), True), np.eye(len(A)))
             step = covariance @ b
             left = self.squares - 2.0 * self.moments @ step + np.einsum("i,gij,j->g", step, self.grams, step)
-            taken = np.einsum("ij,gij->g", covariance, self.grams) / sigma**2
-            free = np.maximum(self.counts - taken, 1e-3 * np.maximum(self.counts, 1.0))
+            effective_parameters = np.einsum("ij,gij->g", covariance, self.grams) / sigma**2
+            free = np.maximum(self.counts - effective_parameters, 1e-3 * np.maximum(self.counts, 1.0))
             now = np.where(is_open, np.maximum(np.sqrt(np.maximum(left, 0.0) / free), SMALLEST), sigma)
             wider = factor
             if widen:

@@ -52,11 +52,14 @@ class NoiseEstimator:
         """The noise at the start: declared sigmas, and an instrument's usual values for the others."""
         measured = self.whole.measured
         group, by_row = measured.group, np.isfinite(measured.row_sigma)
-        usual, known = measured.usual.copy(), np.array([sigma is not None for sigma in measured.declared])
+        initial_sigma, known = (
+            measured.initial_sigma.copy(),
+            np.array([sigma is not None for sigma in measured.declared]),
+        )
         for one in np.setdiff1d(group[by_row], group[~by_row]):  # all of its rows declare their own
             known[one] = True
-            usual[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
-        noise = ReadingNoise(usual, group, measured.row_sigma, ~known).at_least(SMALLEST)
+            initial_sigma[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
+        noise = ReadingNoise(initial_sigma, group, measured.row_sigma, ~known).at_least(SMALLEST)
         station = measured.station
         if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < NEAREST:
             raise DatasetError(
@@ -69,7 +72,7 @@ class NoiseEstimator:
         """(N, c, n) derivative of the measured numbers by the commands, of the start."""
         model, measured = self.whole.start, self.whole.measured
         J = model.kinematics.command_jacobian(measured.q, self.near)
-        return measured.seen(J, model, self.near)
+        return measured.change_by(J, model, self.near)
 
     @cached_property
     def stops(self) -> Indices:
@@ -83,17 +86,17 @@ class NoiseEstimator:
         return np.broadcast_to(0.0, (len(self.near.T[rows]), self.whole.measured.components, 1))
 
     def estimate(
-        self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask, left: Floats
+        self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask, residual: Floats
     ) -> ReadingNoise:
         """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
         ``noise``, ``outcome``: the previous estimate, and the last fit. ``fitted``, ``used``: (N,) the rows of this fit,
-        and those that are not gross errors. ``left``: (N, c) residuals of all rows, m and rad.
+        and those that are not gross errors. ``residual``: (N, c) residuals of all rows, m and rad.
         """
         if noise.sight is not None and noise.reach is not None:
-            ratio = range_ratio(noise.sight[used], noise.reach[used], left[used, :3])
+            ratio = range_ratio(noise.sight[used], noise.reach[used], residual[used, :3])
             noise = replace(noise, range_ratio=ratio)
-        contrast, rows = contrasts(self.stops[used], left[used])
+        contrast, rows = contrasts(self.stops[used], residual[used])
         rows = np.flatnonzero(used)[rows]
         open_ = noise.estimated.any()
         if len(contrast) < LEAST_CONTRASTS:
@@ -102,7 +105,7 @@ class NoiseEstimator:
             found = self._from_residuals(noise, outcome, fitted, used)
             # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
             several = noise.estimated.all() and self.whole.measured.components > 3
-            return self._with_repeatability(found, outcome, used, left) if several and not self.lacking else found
+            return self._with_repeatability(found, outcome, used, residual) if several and not self.lacking else found
         repeated = from_repeats(noise.take(rows), contrast, self.by_command[rows]).at_rows_of(noise)
         if not open_:
             return repeated
@@ -126,24 +129,28 @@ class NoiseEstimator:
         weight, none = outcome.weight * used[fitted], np.zeros(outcome.problem.size, dtype=bool)
         best = MarginalLikelihood.of(outcome, noise.take(fitted), weight, none).best(noise.sigma, widen=False)
         dof = outcome.residual.size / max(len(noise.sigma), 1.0)
-        return replace(noise, sigma=best.noise.sigma, repeatability=0.0, lack=0.0, source="residuals", dof=dof)
+        return replace(
+            noise, sigma=best.noise.sigma, repeatability=0.0, model_discrepancy=0.0, source="residuals", dof=dof
+        )
 
-    def _with_repeatability(self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, left: Floats) -> ReadingNoise:
+    def _with_repeatability(
+        self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, residual: Floats
+    ) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits."""
         # An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
         # belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
-        # are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error (``lack``),
-        # which enters the covariance in the same way.
+        # are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error
+        # (``model_discrepancy``), which enters the covariance in the same way.
         rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
-        size = np.count_nonzero(used) * left.shape[1]
-        whole = left[rows] * np.sqrt(size / max(size - outcome.taken, 1.0))
+        size = np.count_nonzero(used) * residual.shape[1]
+        whole = residual[rows] * np.sqrt(size / max(size - outcome.effective_parameters, 1.0))
         estimate = from_repeats(noise.take(rows), whole, self.by_command[rows])
         if estimate.repeatability == 0.0:
             return noise
         shown = replace(noise, sigma=estimate.sigma, repeatability=estimate.repeatability)
         if independent(self.whole, outcome.point, shown, used, self.by_command):
             return shown
-        return replace(shown, repeatability=0.0, lack=shown.repeatability)
+        return replace(shown, repeatability=0.0, model_discrepancy=shown.repeatability)
 
     def volume(self, noise: ReadingNoise) -> float:
         """The mean log determinant of a noise's covariance."""
@@ -206,9 +213,9 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
     y = problem.residual(point) + B @ point.x
     flat = B.reshape(-1, k)
     C = np.linalg.inv(flat.T @ flat + np.diag(problem.prior))
-    left = y - B @ (C @ (flat.T @ y.ravel()))  # of covariance I - B C B' where the errors are independent
+    residual = y - B @ (C @ (flat.T @ y.ravel()))  # of covariance I - B C B' where the errors are independent
     D = problem.whitening @ J
-    score = np.einsum("nci,nc->ni", D, left)
+    score = np.einsum("nci,nc->ni", D, residual)
     S, G = np.swapaxes(D, 1, 2) @ B, np.swapaxes(D, 1, 2) @ D
     found = []
     for kernel in _neighbours(problem.measured.q):

@@ -42,7 +42,7 @@ class Measured:
         """The poses that a mask, indices or a slice select."""
         return Measured(self.q[rows], self.T[rows], None if self.R is None else self.R[rows])
 
-    def minus(self, predicted: Poses) -> Floats:
+    def residual_at(self, predicted: Poses) -> Floats:
         """(N, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
         if self.R is None:
             return self.T - predicted.T
@@ -132,12 +132,12 @@ class Problem:
     def residual_at(self, point: Point, poses: Poses) -> Floats:
         """(N, c) whitened measured less predicted, for given poses, base frame, instead of those of the point's geometry."""
         return np.asarray(
-            np.clip(np.einsum("nij,nj->ni", self.whitening, self.left(point, poses)), -FARTHEST, FARTHEST)
+            np.clip(np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses)), -FARTHEST, FARTHEST)
         )
 
-    def left(self, point: Point, poses: Poses) -> Floats:
+    def raw_residual(self, point: Point, poses: Poses) -> Floats:
         """(N, c) measured less predicted at ``poses`` (base frame), m and rad, with frame and unknowns at the point."""
-        return self.readings(point.x).left(point.model, poses)
+        return self.readings(point.x).residual(point.model, poses)
 
     @property
     def count(self) -> float:
@@ -168,20 +168,20 @@ class Problem:
         measured = self.readings(point.x).take(rows)
         J = model.kinematics.geometry_jacobian(measured.q, poses)
         J *= model.geometry.tolerance
-        parts = [measured.seen(J, model, poses)]
+        parts = [measured.change_by(J, model, poses)]
         if len(measured.u):
-            parts.append(measured.by_unknown(model.seen(poses)) * self.unit)
+            parts.append(measured.by_unknown(model.in_instrument_frame(poses)) * self.unit)
         if self.free_frame:
             shift, vector = self._frame_change(point.x)
-            motion = frame_motions(model.seen(poses).T - self.pivot - shift)
+            motion = frame_motions(model.in_instrument_frame(poses).T - self.pivot - shift)
             motion[:, :, 3:] = motion[:, :, 3:] @ left_jacobian(vector)
-            parts.append(FRAME_UNIT * measured.by_motion(model.seen(poses)) @ motion)
+            parts.append(FRAME_UNIT * measured.by_motion(model.in_instrument_frame(poses)) @ motion)
         return self._whitened(np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0], rows, weight)
 
     def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
         """(M, c, m) motions (M, 6 + j, m) of some rows' poses, base frame, and of measured joints, as whitened readings."""
         measured = self.readings(point.x).take(rows)
-        return self._whitened(measured.seen(moved, point.model, point.poses[rows]), rows, weight)
+        return self._whitened(measured.change_by(moved, point.model, point.poses[rows]), rows, weight)
 
     def _whitened(self, seen: Floats, rows: slice, weight: Floats | None) -> Floats:
         whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
@@ -229,18 +229,18 @@ def with_unknowns(readings: Readings, poses: Poses) -> Readings:
         return readings
     sigma = readings.sigma
     unit, prior = np.where(np.isfinite(sigma), sigma, FRAME_UNIT), np.isfinite(sigma).astype(float)
-    each = np.where(np.isfinite(readings.row_sigma), readings.row_sigma, readings.usual[readings.group])
+    each = np.where(np.isfinite(readings.row_sigma), readings.row_sigma, readings.initial_sigma[readings.group])
     # The nominal geometry has errors of the size of its tolerances, about 1 mm and 1 mrad. With the instruments' noise alone,
     # the unknowns would compensate these errors.
     each = np.hypot(each, 1e-3)
     start = readings.u
     for _ in range(UNKNOWN_STEPS):
-        left = readings.minus(poses) / each
-        weight = 1.0 / np.maximum(np.abs(left) / max(float(np.median(np.abs(left))), 1e-9) / 3.0, 1.0)
+        residual = readings.residual_at(poses) / each
+        weight = 1.0 / np.maximum(np.abs(residual) / max(float(np.median(np.abs(residual))), 1e-9) / 3.0, 1.0)
         J = (readings.by_unknown(poses) * unit / each[:, :, None] * np.sqrt(weight)[:, :, None]).reshape(-1, len(unit))
         x = np.where(np.isfinite(sigma), readings.u / unit, 0.0)
         normal = J.T @ J + np.diag(prior) + 1e-12 * np.eye(len(unit))
-        step = np.linalg.solve(normal, J.T @ (left * np.sqrt(weight)).ravel() - prior * x)
+        step = np.linalg.solve(normal, J.T @ (residual * np.sqrt(weight)).ravel() - prior * x)
         now = readings.u + unit * step
         far = ~(np.abs(now - start) <= FARTHEST_UNKNOWN)
         readings = readings.at(np.where(far, readings.u, now))

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.calibration.observability import Direction, Observability, Remedy
 from gtpin.calibration.zeros import Zero, equivalent_zeros
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import renamed
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
@@ -80,7 +80,7 @@ class Calibration(Shown):
         Noise of the measurements, declared or estimated: one sigma for each of ``sigmas``.
     sigmas
         Name of the instrument and unit (``m`` or ``rad``) of each of the noise's sigmas.
-    enlarged
+    sigma_scale
         Ratio of the poses' mean residuals to the noise of such means where chi-square shows a lack of fit, else 1.
         ``covariance`` includes it already: it is computed with the noise multiplied by this ratio.
     freedom
@@ -132,7 +132,7 @@ class Calibration(Shown):
     observability: Observability
     noise: ReadingNoise
     sigmas: tuple[tuple[str, str], ...]
-    enlarged: float
+    sigma_scale: float
     freedom: float
     poses: int
     rejected: tuple[str, ...]
@@ -142,7 +142,7 @@ class Calibration(Shown):
     iterations: int
     residual: Floats
     residual_before: Floats
-    instrument: Instrument
+    instrument: InstrumentSection
     dataset: Dataset
     by_instrument: tuple[InstrumentFit, ...]
     unknowns: tuple[Unknown, ...] = ()
@@ -175,6 +175,7 @@ class Calibration(Shown):
         return np.sqrt(np.diag(self.covariance))
 
     learned = renamed("learned", "variance_reduction")
+    enlarged = renamed("enlarged", "sigma_scale")
 
     @cached_property
     def variance_reduction(self) -> Floats:
@@ -366,9 +367,9 @@ def _noise_json(c: Calibration) -> dict[str, Any]:
             for (name, sigma, _), estimated in zip(sigmas, noise.estimated, strict=True)
         ],
         "repeatability": noise.repeatability,
-        "lack": noise.lack,
+        "lack": noise.model_discrepancy,
         "range_ratio": noise.range_ratio if noise.sight is not None else None,
         "source": noise.source,
         "tail_freedom": c.freedom if np.isfinite(c.freedom) else None,
-        "enlarged": c.enlarged,
+        "enlarged": c.sigma_scale,
     }

@@ -118,14 +118,14 @@ class RobustFit:
         ``outcome``, ``fitted``: the fit so far, and (N,) its rows. ``anew``: x and poses from which the next fit starts if
         rows are rejected; None: from the fit so far.
         """
-        used, wide = np.ones(len(self.rows), dtype=bool), 1.0
+        used, noise_scale = np.ones(len(self.rows), dtype=bool), 1.0
         for number in range(1, MAX_ITERATIONS + 1):
-            left, here = self._left(outcome, fitted)
-            whitened = noise.whitened(self.estimator.derivative(noise), left)
+            residual, here = self._residual(outcome, fitted)
+            whitened = noise.whitened(self.estimator.derivative(noise), residual)
             now_used = ~self._gross(whitened, used, fitted, outcome, here, noise)
             if number > FREE_ITERATIONS:
                 now_used |= used
-            now_noise = self.estimator.estimate(noise, outcome, fitted, now_used, left)
+            now_noise = self.estimator.estimate(noise, outcome, fitted, now_used, residual)
             # With the previous noise: a sigma from unweighted squares would hide heavy tails.
             now_tails = self._tails(whitened, now_used)
             if number > FREE_ITERATIONS:
@@ -133,18 +133,28 @@ class RobustFit:
                 now_noise = max(noise, now_noise, key=self.estimator.volume)
             settled = all(now.close_to(old) for now, old in zip(now_tails, tails, strict=True))
             if number > 1 and same(noise, now_noise) and settled and (now_used == used).all():
-                return FitState(outcome, used, noise, tails, steps, self.whole.start.geometry, wide)
+                return FitState(outcome, used, noise, tails, steps, self.whole.start.geometry, noise_scale)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have given a wrong rough fit; without them, its start is a good start.
             x, near = anew if number == 1 and anew is not None and not used.all() else (outcome.point.x, here)
             try:
-                outcome = self._fit(used, noise, self._weigher(tails, wide), x, f"fit {number}", near=near, wide=wide)
+                outcome = self._fit(
+                    used,
+                    noise,
+                    self._weigher(tails, noise_scale),
+                    x,
+                    f"fit {number}",
+                    near=near,
+                    noise_scale=noise_scale,
+                )
             except ConvergenceError:
-                wide = self._scale(noise.whitened(self.estimator.derivative(noise), left)[used], used)
-                if wide < WIDE:
+                noise_scale = self._scale(noise.whitened(self.estimator.derivative(noise), residual)[used], used)
+                if noise_scale < WIDE:
                     raise
-                weigh = self._weigher(tails, wide)
-                outcome = self._fit(used, noise, weigh, outcome.point.x, f"fit {number}", near=here, wide=wide)
+                weigh = self._weigher(tails, noise_scale)
+                outcome = self._fit(
+                    used, noise, weigh, outcome.point.x, f"fit {number}", near=here, noise_scale=noise_scale
+                )
             fitted = used
             steps += outcome.iterations
         raise ConvergenceError(
@@ -184,10 +194,10 @@ class RobustFit:
 
     def _cores(self, outcome: Fit[Problem], noise: ReadingNoise) -> Floats:
         """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
-        left, sigma = self.whole.left(outcome.point, outcome.point.poses), noise.sigma.copy()
-        shrunk = np.sqrt(max(1.0 - outcome.taken / self.whole.count, 1e-3))
+        residual, sigma = self.whole.raw_residual(outcome.point, outcome.point.poses), noise.sigma.copy()
+        shrunk = np.sqrt(max(1.0 - outcome.effective_parameters / self.whole.count, 1e-3))
         for group in np.flatnonzero(noise.estimated):
-            own = np.abs(left[(noise.group == group) & ~np.isfinite(noise.row_sigma)])
+            own = np.abs(residual[(noise.group == group) & ~np.isfinite(noise.row_sigma)])
             if len(own):
                 sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
         return sigma
@@ -229,7 +239,7 @@ class RobustFit:
 
     @cached_property
     def _alike(self) -> list[Indices]:
-        return self.whole.measured.alike
+        return self.whole.measured.noise_groups
 
     @cached_property
     def estimator(self) -> NoiseEstimator:
@@ -254,13 +264,13 @@ class RobustFit:
         *,
         rough: bool = False,
         near: Poses | None = None,
-        wide: float = 1.0,
+        noise_scale: float = 1.0,
     ) -> Fit[Problem]:
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
 
-        near, own, J = self.near if near is None else near, noise.scaled(wide), self.estimator.derivative(noise)
+        near, own, J = self.near if near is None else near, noise.scaled(noise_scale), self.estimator.derivative(noise)
         if not used.all():
             near, own, J = near[used], own.take(used), J[used]
         problem = self.whole.take(used, own.whitening(J, self.whole.measured.components))
@@ -269,13 +279,13 @@ class RobustFit:
             return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
         return fit(problem, lambda r: weigh(r, used), x, report, near=near)
 
-    def _left(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
+    def _residual(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit to some rows at all rows, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
         if not fitted.all():
             others = point.model.kinematics.forward(self.whole.measured.q[~fitted], self.near[~fitted])
             poses = Poses.merged(fitted, poses, others)
-        return self.whole.left(point, poses), poses
+        return self.whole.raw_residual(point, poses), poses
 
     def _in_used(self, used: Mask) -> list[Indices]:
         """The groups of rows whose residuals are compared with each other, as indices among the used rows."""
@@ -290,9 +300,9 @@ class RobustFit:
                 weight[rows] = weights.huber(residual[rows])
         return weight
 
-    def _weigher(self, tails: Tails, wide: float) -> Callable[[Floats, Mask], Floats]:
+    def _weigher(self, tails: Tails, noise_scale: float) -> Callable[[Floats, Mask], Floats]:
         def weigh(residual: Floats, used: Mask) -> Floats:
-            weight, residual = np.ones(len(residual)), residual * wide
+            weight, residual = np.ones(len(residual)), residual * noise_scale
             for rows, of in zip(self._in_used(used), tails, strict=True):
                 # The information of the data is less than that of the weighted squares that fit them.
                 weight[rows] = of.weigh(residual[rows]) * of.kept(residual.shape[1])

@@ -144,8 +144,8 @@ class Evaluation:
     @property
     def _freedom(self) -> float:
         poses = len(np.unique(self.rows.visits))
-        taken = self._left_out[1] if self.fitted or self.gap is not None else 0.0
-        return float(max(3.0 * (poses - taken / self.corrected.errors.shape[1]), 1.0))
+        effective_parameters = self._left_out[1] if self.fitted or self.gap is not None else 0.0
+        return float(max(3.0 * (poses - effective_parameters / self.corrected.errors.shape[1]), 1.0))
 
     @cached_property
     def _between(self) -> list[tuple[float, float]]:
@@ -223,8 +223,8 @@ class Evaluation:
             if any(name.startswith("approach") for name in active.effect.covariates(held.model.robot, active.site))
         ]
         without = held.model.without(reversals).predict(robot.q, robot.covariates)
-        left = held.errors if not reversals else held.measured.minus(without)
+        residual = held.errors if not reversals else held.measured.residual_at(without)
         return [
             *positioning(robot.q, travel, self.approach, sites, units),
-            *mean_reversal(held.travel(left), self.approach, sites, units),
+            *mean_reversal(held.travel(residual), self.approach, sites, units),
         ]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gtpin.calibration.left_out import of_poses
 from gtpin.calibration.problem import Measured, measured_poses, rough_frame
 from gtpin.data import Dataset
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model, in_frame, joined, root_of
@@ -54,8 +54,8 @@ def by_unknowns(model: Model, at: At) -> Floats:
     kinematics = model.kinematics
     columns = [kinematics.geometry_jacobian(at.q, at.plain)[:, :6]]
     for active in model.effects:
-        situation = Situation(kinematics, at.q, at.plain, at.covariates, fixed=active.references)
-        columns.append(active.basis(situation).displacement(situation)[:, :6])
+        operating_points = OperatingPoints(kinematics, at.q, at.plain, at.covariates, fixed=active.references)
+        columns.append(active.basis(operating_points).displacement(operating_points)[:, :6])
     return in_frame(np.concatenate(columns, axis=2), model.frame)
 
 
@@ -84,7 +84,7 @@ class FreeFrame:
     def of(model: Model, fitted: At, whitening: Floats) -> FreeFrame:
         """The frame's posterior from the poses of a fit; whitening (N, c, c) of their c = 3 or 6 components."""
         c = whitening.shape[1]
-        seen = model.seen(fitted.plain).T
+        seen = model.in_instrument_frame(fitted.plain).T
         pivot = seen.mean(axis=0)
         F = (whitening @ frame_motions(seen - pivot)[:, :c]).reshape(-1, 6)
         D = whitening @ by_unknowns(model, fitted)[:, :c]
@@ -93,7 +93,7 @@ class FreeFrame:
 
     def motions(self, model: Model, at: At) -> Floats:
         """(N, 6, 6) derivative of the measured poses by the frame's shift (m) and rotation (rad)."""
-        return frame_motions(model.seen(at.plain).T - self.pivot)
+        return frame_motions(model.in_instrument_frame(at.plain).T - self.pivot)
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ class HeldAgainst:
             base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)
             model = replace(model, frame=rough_frame(base, measured))
             predicted = model.predict(dataset.q, dataset.covariates)
-            model = replace(model, frame=_best_frame(model.frame, predicted.T, measured.minus(predicted), noise))
-        errors = measured.minus(model.predict(dataset.q, dataset.covariates))
+            model = replace(model, frame=_best_frame(model.frame, predicted.T, measured.residual_at(predicted), noise))
+        errors = measured.residual_at(model.predict(dataset.q, dataset.covariates))
         return HeldAgainst(model, measured, errors, at, noise)
 
     @cached_property
@@ -173,8 +173,8 @@ class HeldAgainst:
     @property
     def _misfit(self) -> float:
         """Root mean square of the errors in units of the noise, at least 1."""
-        left = np.einsum("nij,nj->ni", self.whitening, self.errors)
-        return max(1.0, float(np.sqrt((left**2).mean())))
+        residual = np.einsum("nij,nj->ni", self.whitening, self.errors)
+        return max(1.0, float(np.sqrt((residual**2).mean())))
 
     def frame(self) -> FreeFrame:
         """The instrument's free frame, as these rows determine it."""
@@ -218,7 +218,7 @@ class HeldAgainst:
         Returns (N, c) errors, m and rad; and the effective number of fitted parameters.
         """
         W, c = self.whitening / self._misfit, self.errors.shape[1]
-        left = np.einsum("nij,nj->ni", W, self.errors)
+        residual = np.einsum("nij,nj->ni", W, self.errors)
         columns = by_unknowns(self.model, self.at)[:, :c] * prior_sizes(self.model, self.at)
         if posterior.frame is not None:
             columns = np.concatenate([columns, FREE * posterior.frame.motions(self.model, self.at)[:, :c]], axis=2)
@@ -226,9 +226,9 @@ class HeldAgainst:
         flat = J.reshape(-1, J.shape[2])
         values, vectors = np.linalg.eigh(flat.T @ flat)
         half = J @ (vectors / np.sqrt(np.maximum(values, 0.0) + 1.0))
-        out = of_poses(half, left, visits)
-        taken = float((np.maximum(values, 0.0) / (np.maximum(values, 0.0) + 1.0)).sum())
-        return np.asarray(np.linalg.solve(W, out[..., None])[..., 0]), taken
+        out = of_poses(half, residual, visits)
+        effective_parameters = float((np.maximum(values, 0.0) / (np.maximum(values, 0.0) + 1.0)).sum())
+        return np.asarray(np.linalg.solve(W, out[..., None])[..., 0]), effective_parameters
 
     def travel(self, errors: Floats) -> Floats | None:
         """(N, n) deviations of the actuators' travel, m or rad, for errors (N, c) of poses; None where not determined."""
@@ -246,7 +246,9 @@ def prior_sizes(model: Model, at: At) -> Floats:
     """
     found = [model.geometry.tolerance]
     for active in model.effects:
-        sigma = active.basis(Situation(model.kinematics, at.q, at.plain, at.covariates, fixed=active.references)).sigma
+        sigma = active.basis(
+            OperatingPoints(model.kinematics, at.q, at.plain, at.covariates, fixed=active.references)
+        ).sigma
         found.append(sigma * max(1.0, float(np.sqrt(((active.coefficients / sigma) ** 2).mean()))))
     return np.concatenate(found)
 

@@ -87,7 +87,7 @@ def _text(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-class _Rate(ProgressColumn):
+class _CaseRate(ProgressColumn):
     """Number of cases per minute."""
 
     def render(self, task: Task) -> Text:
@@ -120,6 +120,6 @@ class _Bars:
 @contextmanager
 def _watched(plant: str | None) -> Iterator[_Bars]:
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _CaseRate(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         yield _Bars(bars, plant)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, get_origin
 import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Command, Force, Origin, Tcp, Vector, output_option, tell
-from gtpin.data import Commands, Dataset, Instrument
+from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.importers.matched import Match
@@ -265,7 +265,7 @@ def points(
         within=within,
         header=header,
         decimal_comma=decimal_comma,
-        instrument=Instrument(frame=frame, target=target),
+        instrument=InstrumentSection(frame=frame, target=target),
         tcp=tcp,
     )
 
@@ -299,6 +299,6 @@ def ros_poses(
         match,
         within=within,
         prefix=prefix,
-        instrument=Instrument(frame=frame, target=target),
+        instrument=InstrumentSection(frame=frame, target=target),
         tcp=tcp,
     )

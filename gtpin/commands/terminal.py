@@ -139,7 +139,7 @@ def rendered(*parts: RenderableType) -> str:
     return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
 
 
-class _Rate(ProgressColumn):
+class _IterationRate(ProgressColumn):
     """Iterations per second: the number of iterations of a fit is not known beforehand."""
 
     def render(self, task: Task) -> Text:
@@ -151,7 +151,7 @@ class _Rate(ProgressColumn):
 def progress_of(what: str) -> Iterator[Progress]:
     """Show progress of long work on standard error, if that is a terminal; yields the function to report it to."""
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), _Rate(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), _IterationRate(), TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
 

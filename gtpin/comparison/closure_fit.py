@@ -74,8 +74,8 @@ def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = 
     weight = np.ones(len(geometry.robot.rod_sites))
     for _ in range(ROUNDS if priors else 1):
         if priors:
-            left = closure_residual(_moved(geometry, x), q, poses)
-            weight = 1.0 / np.maximum(np.sqrt((left**2).mean(axis=0)), SMALLEST)
+            residual = closure_residual(_moved(geometry, x), q, poses)
+            weight = 1.0 / np.maximum(np.sqrt((residual**2).mean(axis=0)), SMALLEST)
         x, taken = _minimise(geometry, q, poses, x, weight, 1.0 if priors else 0.0)
         steps += taken
     found = _moved(geometry, x)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import commands_for, errors_of
 from gtpin.model.model import Frame, Model

@@ -10,8 +10,8 @@ import numpy as np
 
 from gtpin.compensation.machine import CompensatedMachine, check_session
 from gtpin.effects.active import ActiveEffect
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number
-from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, warn
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -79,7 +79,7 @@ def geometric_scales(model: Model) -> dict[str, float]:
 def _moves_along(model: Model, active: ActiveEffect) -> bool:
     """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
     q, known = model.robot.home_q[None], CompensatedMachine(replace(model, effects=(active,))).columns(1)
-    at = Situation(model.kinematics, q, model.kinematics.forward(q), known, active.references)
+    at = OperatingPoints(model.kinematics, q, model.kinematics.forward(q), known, active.references)
     return active.basis(at).command is not None
 
 
@@ -119,7 +119,7 @@ def _table(
     robot = model.robot
     lower, upper = float(robot.lower[index]), float(robot.upper[index])
     margin = BEYOND * (upper - lower)
-    steps = [place for active in effects for place in active.effect.jumps(active.nonlinear)]
+    steps = [place for active in effects for place in active.effect.jumps(active.shape_parameter)]
     q = np.union1d(
         np.linspace(lower - margin, upper + margin, DENSE), [s + width for s in steps for width in (0.0, STEP_WIDTH)]
     )
@@ -159,7 +159,7 @@ def _deviations(
         machine = CompensatedMachine(replace(model, effects=(active,)), session)
         for approach, total in ((1.0, below), (-1.0, above)):
             covariates = machine.columns(len(q), approach)
-            moved = active.basis(Situation(kinematics, commands, poses, covariates, active.references)).command
+            moved = active.basis(OperatingPoints(kinematics, commands, poses, covariates, active.references)).command
             assert moved is not None
             total += moved[1] @ active.coefficients
     # With the other actuators at home, the robot can't reach all commands of this one. The loads are not known there: the

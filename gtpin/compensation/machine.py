@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.compensation.compensate import machine_of
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.typing import Floats

@@ -2,9 +2,10 @@
 
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.dataset import Dataset
-from gtpin.data.description import SCHEMA, Conditions, Description, Driver, Instrument
+from gtpin.data.description import SCHEMA, Conditions, Description, Driver, InstrumentSection
 from gtpin.data.plausible import check_commands, check_measurements
 from gtpin.data.split import by_region, by_session, random
+from gtpin.errors import renamed_names
 
 __all__ = [
     "SCHEMA",
@@ -14,10 +15,12 @@ __all__ = [
     "Dataset",
     "Description",
     "Driver",
-    "Instrument",
+    "InstrumentSection",
     "by_region",
     "by_session",
     "check_commands",
     "check_measurements",
     "random",
 ]
+
+__getattr__ = renamed_names(__name__, {"Instrument": "InstrumentSection"})

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
-from gtpin.data.table import Column, Table, bad_cell, check_header, numbers, numbers_or_words
+from gtpin.data.table import Column, DataTable, bad_cell, check_header, numbers, numbers_or_words
 from gtpin.errors import DatasetError
 
 TOGETHER = 256
@@ -24,7 +24,7 @@ Row = tuple[int, list[str]]
 _OTHERS = {";": "';'", "\t": "tabs"}
 
 
-def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
+def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> DataTable:
     """Read the bytes of a CSV file: UTF-8 with or without BOM, any line ending, trailing blank lines.
 
     Columns in `ignore` are not looked at; those in `ids` hold ids, as `pose` does. Columns of words are left out. Raises
@@ -59,7 +59,7 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
                 raise bad_cell(file, names, row[1], column, row[0])
             if read is not None:
                 columns[name] = read
-    return Table(file, tuple(names), np.array(lines, dtype=np.int64), columns)
+    return DataTable(file, tuple(names), np.array(lines, dtype=np.int64), columns)
 
 
 def _check_text(file: Path, data: bytes) -> None:

@@ -20,7 +20,7 @@ from gtpin.data.description import (
     Conditions,
     Description,
     Driver,
-    Instrument,
+    InstrumentSection,
     describe,
     read_toml,
     write_description,
@@ -116,7 +116,7 @@ class Dataset(Shown):
     position: Floats
     orientation: Floats | None = None
     covariates: Mapping[str, Column] = field(default_factory=dict)
-    instrument: Instrument = field(default_factory=Instrument)
+    instrument: InstrumentSection = field(default_factory=InstrumentSection)
     conditions: Conditions = field(default_factory=Conditions)
     tolerance: Mapping[str, float] = field(default_factory=dict)
     tcp: str | None = None

@@ -59,13 +59,13 @@ class Driver:
     size: float
 
 
-class Section(BaseModel):
+class TomlSection(BaseModel):
     """A part of a dataset.toml: unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
-class Instrument(Section):
+class InstrumentSection(TomlSection):
     """The instrument that measured the poses.
 
     - `position_sigma`, `orientation_sigma`: standard deviation of its noise per axis, m and rad; None: it is estimated.
@@ -81,13 +81,13 @@ class Instrument(Section):
     station: Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None = None
 
 
-class Conditions(Section):
+class Conditions(TomlSection):
     """The reference temperature, degC: the nominal geometry is valid at it, and thermal effects are zero."""
 
     reference_temperature: TomlFinite = 20.0
 
 
-class DriverTable(Section):
+class DriverTable(TomlSection):
     """One `[[driver]]`: see :class:`~gtpin.data.description.Driver`."""
 
     column: TomlName
@@ -96,7 +96,7 @@ class DriverTable(Section):
     size: TomlPositive
 
 
-class Description(Section):
+class Description(TomlSection):
     """The whole of dataset.toml.
 
     `tcp` is the link whose pose is measured; None: the robot's own TCP. `actuators` are the joints that q1 .. qn command;
@@ -107,15 +107,15 @@ class Description(Section):
     robot: TomlName
     tcp: TomlName | None = None
     actuators: Annotated[tuple[TomlName, ...], Field(strict=False)] = ()
-    instrument: Instrument = Instrument()
+    instrument: InstrumentSection = InstrumentSection()
     conditions: Conditions = Conditions()
     tolerance: dict[TomlName, TomlPositive] = {}
     driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
 
 
-_SECTIONS: dict[str, type[Section]] = {
+_SECTIONS: dict[str, type[TomlSection]] = {
     "": Description,
-    "instrument": Instrument,
+    "instrument": InstrumentSection,
     "conditions": Conditions,
     "driver": DriverTable,
 }

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.data.csv_file import read_csv
-from gtpin.data.table import Column, Table
+from gtpin.data.table import Column, DataTable
 from gtpin.errors import CONTROL, DatasetError, GtpinError, warn
 from gtpin.memory import amount, require
 from gtpin.output.results import writing
@@ -113,7 +113,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
     return found[0] if found else None
 
 
-def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
+def read_table(file: Path, ignore: Collection[str] = (), ids: Collection[str] = ()) -> DataTable:
     """Read a CSV, or a Parquet file by its suffix; see `read_csv` and `read_parquet`.
 
     Raises `GtpinError` where the file needs more memory than is free, and `DatasetError` for a Parquet file without pyarrow.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.description import Instrument
+from gtpin.data.description import InstrumentSection
 from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
@@ -49,7 +49,7 @@ class InstrumentRows:
         T: Floats,
         quaternions: Floats | None,
         line: NDArray[np.int64],
-        instrument: Instrument | None = None,
+        instrument: InstrumentSection | None = None,
         file: Path | None = None,
     ) -> InstrumentRows:
         """Poses that a lone tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""

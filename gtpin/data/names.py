@@ -84,3 +84,8 @@ def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) ->
             column=name,
             hint=f"{numbered[1]} columns are numbered 1 to {n_actuators}, like q1 .. q{n_actuators}",
         )
+
+
+def site_called(name: str, sites: Collection[str]) -> str:
+    """A site by any of its names: ``all_links`` is ``arm`` and ``instrument`` is ``frame``, where no site is called so."""
+    return name if name in sites else {"all_links": "arm", "instrument": "frame"}.get(name, name)

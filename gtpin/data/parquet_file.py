@@ -11,12 +11,12 @@ import pyarrow.parquet
 
 from gtpin.data.ids import table_ids
 from gtpin.data.names import kind_of
-from gtpin.data.table import Column, Table, bad_cell, check_header, numbers_or_words
+from gtpin.data.table import Column, DataTable, bad_cell, check_header, numbers_or_words
 from gtpin.errors import DatasetError
 from gtpin.typing import Floats
 
 
-def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> Table:
+def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> DataTable:
     """Read the bytes of a Parquet file; rows are numbered as in a CSV, the first is 2.
 
     Numbers may be integers, floats, decimals or text that spells them. Raises `DatasetError` like `read_csv`.
@@ -51,7 +51,7 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Col
             row = [_texts(table[other].slice(index, 1))[0] for other in names]
             raise bad_cell(file, names, row, names.index(name), index + 2)
         columns[name] = found
-    return Table(file, tuple(names), np.arange(2, table.num_rows + 2), columns)
+    return DataTable(file, tuple(names), np.arange(2, table.num_rows + 2), columns)
 
 
 def _floats(column: pa.ChunkedArray) -> Floats | None:

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.data.checks import CheckedRows
-from gtpin.data.description import Description, Instrument, read_toml
+from gtpin.data.description import Description, InstrumentSection, read_toml
 from gtpin.data.files import read_table
 from gtpin.data.ids import Ids
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.second_schema import columns_beside, describe_second, file_of, warn_of_files
-from gtpin.data.table import Column, Table
+from gtpin.data.table import Column, DataTable
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
 
@@ -97,7 +97,7 @@ def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
         return None
     if isinstance(table.target, tuple) or table.targets or table.target_sigma:
         return None
-    instrument = Instrument(
+    instrument = InstrumentSection(
         position_sigma=table.position_sigma or table.sigma,
         orientation_sigma=table.orientation_sigma,
         frame=table.frame,
@@ -128,7 +128,7 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
     return _Part(table, file, line, pose, q, readings, covariates)
 
 
-def _readings(read: Table, table: InstrumentTable, rows: CheckedRows) -> dict[str, Column]:
+def _readings(read: DataTable, table: InstrumentTable, rows: CheckedRows) -> dict[str, Column]:
     """The columns of readings, by name, that a table of the instrument's kind has."""
     found: dict[str, Column] = {}
     for name in table.numbers:
@@ -144,7 +144,7 @@ def _readings(read: Table, table: InstrumentTable, rows: CheckedRows) -> dict[st
     return found
 
 
-def _check_tracker(read: Table, found: dict[str, Column], rows: CheckedRows) -> None:
+def _check_tracker(read: DataTable, found: dict[str, Column], rows: CheckedRows) -> None:
     quaternions = read.orientation()
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))

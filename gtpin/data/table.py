@@ -99,7 +99,7 @@ Column = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class DataTable:
     """Columns of one file: ids as `str`, every other column as finite float64.
 
     Columns of words are in `names` but not in `columns`.

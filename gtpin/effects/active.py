@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import PARTS, TURN, Column, References, Situation
-from gtpin.errors import ModelError, warn
+from gtpin.effects.operating_points import PARTS, TURN, Column, OperatingPoints, References
+from gtpin.errors import ModelError, renamed, warn
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.protocol import Kinematics
 from gtpin.kinematics.rotations import exp
@@ -23,8 +23,8 @@ from gtpin.typing import Floats
 class ActiveEffect:
     """An effect at a site, with its coefficients.
 
-    - ``effect``, ``site``, ``nonlinear``: the effect, its site, and the value of its nonlinear parameter; None where it has
-      none.
+    - ``effect``, ``site``, ``shape_parameter``: the effect, its site, and the value of its nonlinear parameter; None where
+      it has none.
     - ``coefficients``, ``covariance``: (m,) and (m, m), in the effect's own units.
     - ``references``: reference values of its covariates and loads.
     - ``further``: further values of the nonlinear parameter. Each value has its own coefficients.
@@ -34,24 +34,25 @@ class ActiveEffect:
 
     effect: Effect
     site: str
-    nonlinear: float | None
+    shape_parameter: float | None
     coefficients: Floats
     covariance: Floats
     references: References
     further: tuple[float, ...] = ()
     only_measured: bool = False
+    nonlinear = renamed("nonlinear", "shape_parameter")
 
     @property
     def values(self) -> tuple[float, ...]:
         """All values of its nonlinear parameter."""
-        return () if self.nonlinear is None else (self.nonlinear, *self.further)
+        return () if self.shape_parameter is None else (self.shape_parameter, *self.further)
 
     @property
     def name(self) -> str:
         """``effect@site``."""
         return f"{self.effect.id}@{self.site}"
 
-    def basis(self, at: Situation) -> Basis:
+    def basis(self, at: OperatingPoints) -> Displacement:
         """Displacements for unit coefficients, one column for each coefficient.
 
         Raises `ModelError` if a covariate that it needs is missing, or the number of coefficients is wrong.
@@ -114,7 +115,7 @@ def _displaced(
     commands, twist = q.copy(), np.zeros((len(q), 6))
     lengths, twists = np.zeros((1, 1)), dict[int, Floats]()
     for active in effects:
-        at = Situation(kinematics, q, plain, covariates, fixed=active.references)
+        at = OperatingPoints(kinematics, q, plain, covariates, fixed=active.references)
         basis, c = active.basis(at), active.coefficients
         if basis.command is not None:
             commands[:, basis.command[0]] += basis.command[1] @ c
@@ -133,7 +134,7 @@ def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:
     return np.asarray(np.floor(angle / TURN * PARTS).astype(int) % PARTS)
 
 
-def where_measured(at: Situation, effect: Effect, site: str, values: tuple[float, ...]) -> Basis:
+def where_measured(at: OperatingPoints, effect: Effect, site: str, values: tuple[float, ...]) -> Displacement:
     """The basis of a turning joint's deviation, as :meth:`~gtpin.effects.effect.Effect.basis_of`, for a new calibration.
 
     The deviation is zero at angles that the fit did not have. The geometry absorbs a deviation of the form

@@ -8,12 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
-from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
+from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links, loaded_along
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import drive_sizes, loads_of
 from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
@@ -51,18 +51,18 @@ class JointClearance(Effect):
     depends_on = ("load",)
     core = (0,)
     of_travel = True
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "half_play": Range(0.0, np.inf, "play makes a link longer in tension, not shorter")
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "half_play": ParameterRange(0.0, np.inf, "play makes a link longer in tension, not shorter")
     }
 
-    def untestable(self, at: Situation, site: str) -> Untestable | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
         """``one_sign``, ``no_load`` or ``no_masses``: play can be observed only where the force changes its sign."""
         if not loaded(at, site):
             return no_load(at)
         pulled = int((loads_of(at, site)[0] > 0.0).sum())
         return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The sign of the force, a smooth transition where the force is small, and yielding."""
         rods, (load, mean, spread) = rods_of(at, site), (values[..., 0] for values in loads_of(at, site))
         scale, sign = spread if rods else np.maximum(np.abs(mean) + spread, 1e-9), np.sign(load)
@@ -70,7 +70,7 @@ class JointClearance(Effect):
         sizes = drive_sizes(at, site, [1.0, MODULATION.soft_clearance, MODULATION.yielding], 1.5e-5)
         return of_lengths(at, rods, columns[:, None], sizes) if rods else along_track(at, site, columns, sizes)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         half, yielding = float(coefficients[0]), float(coefficients[2])
         return {"half_play": (half, "m"), "play": (2.0 * half, "m"), "yielding": (yielding, "m")}
 
@@ -101,7 +101,7 @@ class JointRunout(Effect):
     acts_at = staticmethod(links)
     depends_on = ("direction",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Products of cosines over the two angles of the link about its mean direction."""
         i = rods_of(at, site)[0]
         a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
@@ -110,7 +110,7 @@ class JointRunout(Effect):
         size *= 2.0 / np.linalg.norm(size)
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         # The mean square of a cosine is 1/2, that of a product of two cosines 1/4.
         square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
         rms = float(np.sqrt(square @ coefficients**2))

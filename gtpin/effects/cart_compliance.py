@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis
 from gtpin.effects.chain_motions import cart_load, joint_frame, of_body
-from gtpin.effects.effect import Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.effect import Effect, ParameterRange, Parameters, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import sliding_carts
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.sites import sliding_actuators
 from gtpin.effects.smooth import approach, wave
 from gtpin.typing import Floats
 
@@ -53,13 +53,15 @@ class CartCompliance(Effect):
     clause = "{site} moves and tilts under the forces of its links"
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
-    acts_at = staticmethod(sliding_carts)
+    acts_at = staticmethod(sliding_actuators)
     depends_on = ("load", "payload")
     exported_as = "cart_springs"
     core = (0, 1, 2)
-    plausible: ClassVar[Mapping[str, Range]] = {"along": Range(0.0, np.inf, "no cart moves against its links' pull")}
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "along": ParameterRange(0.0, np.inf, "no cart moves against its links' pull")
+    }
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Compliances along and across, modulated by load, friction, place and small forces; then rotational compliances."""
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
@@ -94,14 +96,14 @@ class CartCompliance(Effect):
                     sizes.append(share * TIP)
         return of_body(at, site, np.stack(columns, axis=2), unit(sizes, 1.0))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
         tips = coefficients[TIPS : TIPS + 3]
         return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}
 
 
-def _smallest(at: Situation, rods: list[int], axes: Floats) -> Floats:
+def _smallest(at: OperatingPoints, rods: list[int], axes: Floats) -> Floats:
     """(3,) half of the usual pull along each of three axes in the fit, N.
 
     The usual pull is that of the rods' usual forces in their mean directions.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from gtpin.effects.basis import Basis, of_lengths, rods_of
+from gtpin.effects.displacement import Displacement, of_lengths, rods_of
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
-from gtpin.effects.situation import Situation
 from gtpin.kinematics.bodies import index_of
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import joint_axis
@@ -38,14 +38,14 @@ class JointFrame:
         return self.indices[0]
 
 
-def joint_frame(at: Situation, site: str) -> JointFrame:
+def joint_frame(at: OperatingPoints, site: str) -> JointFrame:
     """The frames that the actuator at a site carries, and its axis in them."""
     actuator = at.robot.sites.index(site)
     axis = at.kinematics.axis(actuator)
     return JointFrame(at.kinematics.carried(actuator), axis, rotation_axes(axis)[:2])
 
 
-def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Basis:
+def of_joint(at: OperatingPoints, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Displacement:
     """Basis of motions of what an actuator carries, with w c coefficients: w directions of motion times c functions each.
 
     ways (6, w) are unit twists in the axes of its frames. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are
@@ -54,29 +54,29 @@ def of_joint(at: Situation, site: str, ways: Floats, columns: Floats, sigma: Flo
     return of_body(at, site, np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1), sigma)
 
 
-def of_body(at: Situation, site: str, twist: Floats, sigma: Floats) -> Basis:
+def of_body(at: OperatingPoints, site: str, twist: Floats, sigma: Floats) -> Displacement:
     """Basis of twists (N, 6, m), m and rad, of what an actuator carries, in the axes of its frames.
 
     A joint's own placement frame moves. The frames on a cart (its rods' joints) shift together and turn about their mean.
     """
     indices = joint_frame(at, site).indices
     if len(indices) == 1:
-        return Basis(sigma, placements=((indices[0], twist),))
+        return Displacement(sigma, placements=((indices[0], twist),))
     lever, turn = levers(at, site), twist[:, 3:]
     moved = [
         twist[:, :3] + np.cross(turn, lever[:, i, :, None], axisa=1, axisb=1, axisc=1) for i in range(len(indices))
     ]
     twists = (np.concatenate([shift, turn], axis=1) for shift in moved)
-    return Basis(sigma, placements=tuple(zip(indices, twists, strict=True)))
+    return Displacement(sigma, placements=tuple(zip(indices, twists, strict=True)))
 
 
-def levers(at: Situation, site: str) -> Floats:
+def levers(at: OperatingPoints, site: str) -> Floats:
     """(N, k, 3) vectors from the mean of the k joints on a cart to each of them, base frame, m."""
     joints = at.carrier_joints[:, joint_frame(at, site).indices]
     return np.asarray(joints - joints.mean(axis=1, keepdims=True))
 
 
-def of_carried(at: Situation, site: str, basis: Basis) -> Floats:
+def of_carried(at: OperatingPoints, site: str, basis: Displacement) -> Floats:
     """(N, 6, m) motion of a cart by a basis, base frame: shift of the mean of its joints, m, and turn about it, rad, by least
     squares."""
     lever, moved = levers(at, site), basis.shifts(joint_frame(at, site).indices)
@@ -86,25 +86,25 @@ def of_carried(at: Situation, site: str, basis: Basis) -> Floats:
     return np.concatenate([moved.mean(axis=1), np.linalg.pinv(inertia, rcond=1e-9) @ moment], axis=1)
 
 
-def cart_load(at: Situation, site: str) -> tuple[Floats, Floats]:
+def cart_load(at: OperatingPoints, site: str) -> tuple[Floats, Floats]:
     """(N, 3) force, N, of the rods on a cart and (N, 3) their moment, N m, about the mean of its joints, base frame."""
     pull = at.joint_loads[:, joint_frame(at, site).indices, :3]
     return pull.sum(axis=1), np.cross(levers(at, site), pull).sum(axis=1)
 
 
-def of_tips(at: Situation, site: str, twists: list[Floats], sigma: Floats) -> Basis:
+def of_tips(at: OperatingPoints, site: str, twists: list[Floats], sigma: Floats) -> Displacement:
     """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
     carried = [(link, target_at(at.kinematics.robot, link).actionInverse @ twist) for link, twist in found]
     if not at.robot.constraints:
-        return Basis(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
+        return Displacement(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
     # A link of a loop may carry more than one joint, or a loop's anchor. All of them move with the tip, as if the link's own
     # placement frame moved.
     own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
-    return Basis(sigma, placements=tuple(own))
+    return Displacement(sigma, placements=tuple(own))
 
 
-def lengthened(at: Situation, site: str, strain: Floats, sigma: Floats) -> Basis:
+def lengthened(at: OperatingPoints, site: str, strain: Floats, sigma: Floats) -> Displacement:
     """Basis of the growth of a site's k links: strains (N, k, m), relative to their length, of rods and of other links.
 
     A rod changes its length. Another link grows along the line from its joint to the next joint.
@@ -115,7 +115,7 @@ def lengthened(at: Situation, site: str, strain: Floats, sigma: Floats) -> Basis
     return of_tips(at, site, [way[:, None] * strain[:, None, i] for i, way in enumerate(along)], sigma)
 
 
-def tip_to_joint(at: Situation, link: MovingLink) -> Floats:
+def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
     """(N, 6, 6) matrices that transform a twist of the frame that ``Bodies`` has at a link's tip to the link's placement
     frame."""
     R, T = _tip_from_joint(at, link)
@@ -125,7 +125,7 @@ def tip_to_joint(at: Situation, link: MovingLink) -> Floats:
     return moved
 
 
-def _tip_from_joint(at: Situation, link: MovingLink) -> tuple[Floats, Floats]:
+def _tip_from_joint(at: OperatingPoints, link: MovingLink) -> tuple[Floats, Floats]:
     """(N, 3, 3) and (N, 3), m: the frame that ``Bodies`` has at a link's tip, in the link's own placement frame."""
     own, bodies = index_of(link.joint_id), at.bodies
     back = np.swapaxes(bodies.R[:, own], 1, 2)
@@ -146,7 +146,7 @@ def _tip(robot: Robot, link: MovingLink, last: pin.SE3) -> pin.SE3:
     return last if link.tip == robot.model.njoints - 1 else robot.model.jointPlacements[link.tip + 1]
 
 
-def reach(at: Situation, link: MovingLink) -> Floats:
+def reach(at: OperatingPoints, link: MovingLink) -> Floats:
     """(3,) vector from a link's own joint to its tip (the next joint, or the URDF's TCP), in the tip's axes, m."""
     robot = at.kinematics.geometry.robot
     placement = _tip(robot, link, robot.load_placement)
@@ -159,7 +159,7 @@ BODY = 2.0
 """Length of such a link over the distance of its centre of mass from the joints. Derived for a uniform beam that ends there."""
 
 
-def beam(at: Situation, link: MovingLink) -> Floats:
+def beam(at: OperatingPoints, link: MovingLink) -> Floats:
     """(3,) l u of the beam that bends and twists, in the axes of the link's tip, m: :func:`reach`.
 
     A link that turns and whose joints meet in one point has a body all the same. It is a beam along the link's own axis that
@@ -179,7 +179,7 @@ OWN_WEIGHT = 3.0 / 8.0
 weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""
 
 
-def tip_loads(at: Situation, link: MovingLink) -> Floats:
+def tip_loads(at: OperatingPoints, link: MovingLink) -> Floats:
     """(N, 6) force, N, and moment, N m, on a link's tip, in the tip's axes.
 
     They are the load of everything beyond the tip, and ``OWN_WEIGHT`` times the weight of the link itself. In a robot with
@@ -194,7 +194,7 @@ def tip_loads(at: Situation, link: MovingLink) -> Floats:
     return np.asarray(loads)
 
 
-def _carried(at: Situation, link: MovingLink) -> Floats:
+def _carried(at: OperatingPoints, link: MovingLink) -> Floats:
     """(N, 6) load on a link without its own weight, N and N m, about the origin and in the axes of the frame at its tip.
 
     That frame is the one that ``Bodies`` has.

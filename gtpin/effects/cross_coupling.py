@@ -8,11 +8,11 @@ from itertools import combinations, count, product
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, Parameters
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import carts, joints
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.sites import actuators, joints
 from gtpin.effects.smooth import drive_sizes, wave
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -66,12 +66,12 @@ class CrossCoupling(Effect):
     of_travel = True
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
-        return carts(robot) if robot.n_actuators > 1 else ()
+        return actuators(robot) if robot.n_actuators > 1 else ()
 
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
@@ -93,7 +93,7 @@ class CrossCoupling(Effect):
         chosen = _products(robot.n_actuators - 1, site not in joints(robot), robot.sites.index(site))
         return [[k * chosen.single + order for order in range(LOWEST)] for k in range(chosen.others)]
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         chosen = _with_count(len(coefficients))
         # A wave of odd order falls from 1 to -1; a wave of even order has the same value at both ends.
         single = coefficients[: chosen.others * chosen.single].reshape(chosen.others, -1)
@@ -101,7 +101,7 @@ class CrossCoupling(Effect):
 
 
 @dataclass(frozen=True)
-class _Products:
+class _CosineProducts:
     """Products of cosines over the travel of some other actuators.
 
     - ``others``: number of the other actuators.
@@ -129,7 +129,7 @@ class _Products:
 
 
 @cache
-def _products(others: int, rods: bool, own: int = 0) -> _Products:
+def _products(others: int, rods: bool, own: int = 0) -> _CosineProducts:
     """Products for an actuator with the index ``own``. Their number does not depend on it."""
     fine = not rods and others >= FINE
     single = SINGLE if fine else ORDERS.get(others, MANY)
@@ -145,7 +145,7 @@ def _products(others: int, rods: bool, own: int = 0) -> _Products:
             if sum(orders) <= most:
                 rows.append(tuple(dict(zip(some, orders, strict=True)).get(k, 0) for k in range(others)))
                 along.append(near and sum(orders) <= (OWN if fine else single - 1))
-    return _Products(others, single, tuple(rows), tuple(along), STEEP if fine else DECAY)
+    return _CosineProducts(others, single, tuple(rows), tuple(along), STEEP if fine else DECAY)
 
 
 def _distance(other: int, own: int) -> int:
@@ -153,7 +153,7 @@ def _distance(other: int, own: int) -> int:
     return own - other if other < own else other - own + 1
 
 
-def _with_count(coefficients: int) -> _Products:
+def _with_count(coefficients: int) -> _CosineProducts:
     """The products of a robot with this number of coefficients: it is different for each number of other actuators."""
     found = (_products(others, rods) for others in count(1) for rods in (True, False))
     return next(chosen for chosen in found if chosen.count == coefficients)

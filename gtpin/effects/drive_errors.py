@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track
-from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement, along_track
+from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import drive_load, drive_sizes, extent, modulated, session_columns, smooth_cosines
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -43,17 +43,17 @@ class EncoderScale(Effect):
     of_travel = True
     exported_as = "drive_scale"
     core = (0,)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "scale": Range(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "scale": ParameterRange(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")
     }
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
         columns, size = modulated(at.q[:, j], [at.travel[:, j]], MODULATION.scale)
         return along_track(at, site, columns, unit(size, 1e-4))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         return {"scale": (float(coefficients[0]), "m/m"), "uneven": (-2.0 * float(coefficients[1]), "m/m")}
 
 
@@ -87,13 +87,13 @@ class Linearity(Effect):
     of_travel = True
     of_own_command = True
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Cosines along the track. Those of long wavelength are larger; the first is nearly a straight line."""
         j = at.robot.sites.index(site)
         columns, size = smooth_cosines(at, j, SMOOTH_ORDERS, SMOOTH_DECAY)
         return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         rms, span = extent(coefficients)
         ends = -2.0 * float(coefficients[::2].sum())
         return {"rms": (rms, "m"), "peak_to_valley": (span, "m"), "end_to_end": (ends, "m")}
@@ -123,12 +123,12 @@ class ZeroShift(Effect):
     of_travel = True
     since_a_model = True
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """One column for each session: a constant shift."""
         columns = session_columns(at)
         return along_track(at, site, columns, drive_sizes(at, site, np.ones(columns.shape[1]), 4e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if len(coefficients) == 1:
             return {"shift": (float(coefficients[0]), "m")}
         shifts = coefficients - coefficients.mean()
@@ -163,14 +163,14 @@ class Backlash(Effect):
     of_travel = True
     between_visits = True
     core = (0,)
-    usual: ClassVar[Mapping[str, Range]] = {
-        "half_width": Range(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")
+    expected_range: ClassVar[Mapping[str, ParameterRange]] = {
+        "half_width": ParameterRange(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")
     }
 
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         return (f"approach{number(robot, site)}",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The direction of approach, and its modulation by travel and load."""
         j = at.robot.sites.index(site)
         load = drive_load(at, site)
@@ -178,7 +178,7 @@ class Backlash(Effect):
         columns, size = modulated(approach, [at.travel[:, j], load / 2.0], MODULATION.play)
         return along_track(at, site, columns, drive_sizes(at, site, size, 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         half = float(coefficients[0])
         return {"half_width": (half, "m"), "reversal": (2.0 * half, "m")}
 
@@ -207,8 +207,8 @@ class ServoLag(Effect):
     of_travel = True
     between_visits = True
     core = (0,)
-    usual: ClassVar[Mapping[str, Range]] = {
-        "lag": Range(
+    expected_range: ClassVar[Mapping[str, ParameterRange]] = {
+        "lag": ParameterRange(
             0.0, np.inf, "a drive ahead of its command has too much feed-forward, or the speed's sign is wrong"
         )
     }
@@ -216,7 +216,7 @@ class ServoLag(Effect):
     def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
         return (f"speed{number(robot, site)}",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Minus the speed, and its modulation by the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")

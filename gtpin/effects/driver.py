@@ -11,12 +11,12 @@ import pinocchio as pin
 
 from gtpin.data import Dataset
 from gtpin.data.description import MOTIONS, Driver
-from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links, turns
-from gtpin.effects.situation import Situation
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.moving_links import moving_links
@@ -48,8 +48,8 @@ def refusal(robot: Robot, site: str, motion: str) -> str | None:
 
 
 def moved(
-    at: Situation, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: InstrumentAxes
-) -> Basis:
+    at: OperatingPoints, site: str, motions: Sequence[str], columns: Floats, sigma: Floats, instrument: InstrumentAxes
+) -> Displacement:
     """Displacements of a site by w motions with c columns each: ``columns`` is (N, w, c), m or rad; ``sigma`` (w c,) sizes.
 
     ``q`` is along or about the joint's own axis. The other motions are along and about the axes of a frame: for a joint its
@@ -72,13 +72,13 @@ def moved(
     twist = np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1)
     if site == "platform":
         R = at.poses.R
-        return Basis(sigma, twist=np.concatenate([R @ twist[:, :3], R @ twist[:, 3:]], axis=1))
+        return Displacement(sigma, twist=np.concatenate([R @ twist[:, :3], R @ twist[:, 3:]], axis=1))
     if site == "frame":
         turned = np.concatenate([instrument.axes @ twist[:, :3], instrument.axes @ twist[:, 3:]], axis=1)
-        return Basis(sigma, twist=frame_motions(at.poses.T - instrument.origin) @ turned)
+        return Displacement(sigma, twist=frame_motions(at.poses.T - instrument.origin) @ turned)
     found = _placement(robot, site)
     assert found is not None
-    return Basis(sigma, placements=tuple((index, action @ twist) for index, action in found))
+    return Displacement(sigma, placements=tuple((index, action @ twist) for index, action in found))
 
 
 def _placement(robot: Robot, site: str) -> tuple[tuple[int, Floats], ...] | None:
@@ -153,7 +153,7 @@ class DriverEffect(Effect):
     def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
         return (self.column.name,)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """For each motion the column, and its square as a modulation."""
         mine = self._at(site)
         v = (at.covariate(self.column.name) - self.column.mean) / self.column.range
@@ -161,7 +161,7 @@ class DriverEffect(Effect):
         sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
         return moved(at, site, [driver.motion for driver in mine], columns, sigma, self.instrument)
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         found: Parameters = {}
         for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
             angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))

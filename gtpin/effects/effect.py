@@ -9,10 +9,11 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.effects.basis import Basis, side_by_side
-from gtpin.effects.sites import carts, number, turns
-from gtpin.effects.situation import Situation
+from gtpin.effects.displacement import Displacement, side_by_side
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.sites import actuators, number, turns
 from gtpin.effects.untestable import Untestable
+from gtpin.errors import warn
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -25,7 +26,7 @@ Parameters = dict[str, tuple[float, str]]
 """Physical parameters by name: value and unit."""
 
 
-class Range(NamedTuple):
+class ParameterRange(NamedTuple):
     """A range of a parameter: lowest and highest value in the parameter's unit, and ``why``, a clause that reports quote."""
 
     low: float
@@ -57,14 +58,14 @@ class Effect(ABC):
 
         u_n = B_n(covariates, nonlinear) c,        c ~ N(0, s^2 diag(sigma^2))
 
-    u_n is one of the quantities of :class:`~gtpin.effects.basis.Basis`: the travel of an actuator, the positions of the rods'
-    joints on their carriers, the lengths of rods, the placement frames of joints, or the measured pose. :meth:`basis` returns
-    B, the displacements for unit coefficients c, and sigma, the typical size of each coefficient. The diagnosis estimates the
-    scale s and the coefficients.
+    u_n is one of the quantities of :class:`~gtpin.effects.displacement.Displacement`: the travel of an actuator, the
+    positions of the rods' joints on their carriers, the lengths of rods, the placement frames of joints, or the measured
+    pose. :meth:`basis` returns B, the displacements for unit coefficients c, and sigma, the typical size of each
+    coefficient. The diagnosis estimates the scale s and the coefficients.
 
     An effect does not define the motion of the TCP. The chain determines it. The evidence uses the first-order motion, from
-    the Jacobians of the loop closures (``Basis.displacement``). Predictions use the exact motion: the closures are solved
-    again with the displaced parts (``gtpin.effects.active.with_effects``).
+    the Jacobians of the loop closures (``Displacement.displacement``). Predictions use the exact motion: the closures are
+    solved again with the displaced parts (``gtpin.effects.active.with_effects``).
 
     A subclass sets ``id``, ``title`` and ``coefficient``, and defines :meth:`basis`. Everything else has a default; without
     :meth:`sites` it acts at each actuator. The docstring of the subclass should give the equation, the signs and the
@@ -77,7 +78,7 @@ class Effect(ABC):
 
     >>> import numpy as np
     >>> import gtpin
-    >>> from gtpin.effects import Effect, Situation, along_track, carts
+    >>> from gtpin.effects import Effect, OperatingPoints, along_track, actuators
     >>> class CableChain(Effect):
     ...     id = "cable_chain"
     ...     title = "pull of a cable chain"
@@ -86,12 +87,12 @@ class Effect(ABC):
     ...     coefficient = ("rate", "m/m")
     ...
     ...     def sites(self, robot):
-    ...         return carts(robot)
+    ...         return actuators(robot)
     ...
     ...     def covariates(self, robot, site):
     ...         return ("payload",)
     ...
-    ...     def basis(self, at, site, nonlinear=None):
+    ...     def basis(self, at, site, shape_parameter=None):
     ...         q, full = at.q[:, at.robot.sites.index(site)], at.covariate("payload") / 20.0
     ...         B = np.stack([-q * full, -full], axis=1)  # (N, 2): m of travel for r = 1 m/m and p = 1 m
     ...         return along_track(at, site, B, np.array([5e-5, 2e-5]))  # typical sizes of r and p
@@ -101,7 +102,7 @@ class Effect(ABC):
 
     >>> kinematics = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))).kinematics
     >>> q = np.array([[0.1, 0.2, 0.0], [-0.3, -0.1, -0.2]])
-    >>> at = Situation(kinematics, q, kinematics.forward(q), {"payload": np.array([10.0, 20.0])})
+    >>> at = OperatingPoints(kinematics, q, kinematics.forward(q), {"payload": np.array([10.0, 20.0])})
     >>> moved = CableChain().basis(at, "cart2").displacement(at) @ [5e-5, 2e-5]
     >>> (1e6 * np.linalg.norm(moved[:, :3], axis=1)).round(1)
     array([19.5, 19.8])
@@ -131,10 +132,10 @@ class Effect(ABC):
     """Indices of the columns of B that are its core. The other columns are its modulation (a backlash that varies along the
     track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone is not
     this effect. If empty, all columns are the core."""
-    plausible: ClassVar[Mapping[str, Range]] = {}
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {}
     """By parameter, the range that physics allows. A cause with a parameter outside its range by more than three standard
     deviations is dropped."""
-    usual: ClassVar[Mapping[str, Range]] = {}
+    expected_range: ClassVar[Mapping[str, ParameterRange]] = {}
     """By parameter, the expected range. A cause with a parameter outside its range is still named, with a warning to check
     it."""
     most_values: ClassVar[int] = 1
@@ -157,12 +158,17 @@ class Effect(ABC):
     of the joint, or springs of its bearing. Empty: none of these. Effects along an actuator that depend only on its position,
     direction of approach and session need no name here."""
 
-    acts_at: ClassVar[staticmethod[[Robot], tuple[str, ...]]] = staticmethod(carts)
+    acts_at: ClassVar[staticmethod[[Robot], tuple[str, ...]]] = staticmethod(actuators)
     """The sites of a robot at which it can act, where they are those of a function of :mod:`gtpin.effects.sites`."""
     needs: ClassVar[tuple[str, ...]] = ()
     """The covariates that it needs at each site."""
     depends_on: ClassVar[tuple[str, ...]] = ()
     """The names that :meth:`coordinates` gives, where they are the same at each site and not the usual ones."""
+
+    def __init_subclass__(cls) -> None:
+        if "usual" in vars(cls):
+            warn("usual is now called expected_range; the old name goes with version 0.4", DeprecationWarning)
+            cls.expected_range = vars(cls)["usual"]
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         """Sites at which it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``.
@@ -172,7 +178,7 @@ class Effect(ABC):
         return self.acts_at(robot)
 
     @abstractmethod
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Displacements B at N poses for unit coefficients, and the typical sizes sigma of the coefficients.
 
         A row of B may depend only on the row's own pose and covariates and on ``at.references``. The prediction of a pose then
@@ -184,7 +190,7 @@ class Effect(ABC):
             The N poses, with their commands, covariates, and directions and forces of the rods.
         site
             One of :meth:`sites`.
-        nonlinear
+        shape_parameter
             The value of the nonlinear parameter (a period, the place of a step), for effects that have one.
         """
 
@@ -197,11 +203,13 @@ class Effect(ABC):
         """Covariates that the effect needs at a site; without them it can't be tested or applied there. Default: ``needs``."""
         return self.needs
 
-    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: OperatingPoints, site: str) -> Sequence[float]:
         """Values of the nonlinear parameter to try; empty where the effect has no such parameter."""
         return ()
 
-    def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+    def resolved(
+        self, at: OperatingPoints, site: str, values: Floats, others: Sequence[float]
+    ) -> npt.NDArray[np.bool_]:
         """(S,) whether these poses distinguish a value of the nonlinear parameter from a smooth function and from other values.
 
         ``others`` are values of the same cause that are in a model already. By default all values are distinguished.
@@ -212,11 +220,11 @@ class Effect(ABC):
         """Of a description: the columns of B of each form that a mechanism with few parameters has."""
         return ()
 
-    def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
+    def jumps(self, shape_parameter: float | None) -> tuple[float, ...]:
         """Commands, m or rad, at which the displacement along a track is discontinuous; correction tables have points there."""
         return ()
 
-    def untestable(self, at: Situation, site: str) -> Untestable | str | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | str | None:
         """The reason why these data can't show the effect, if it is known before a fit; otherwise None.
 
         By default the reasons are: a covariate of :meth:`covariates` is missing, unusable or constant, or
@@ -243,7 +251,7 @@ class Effect(ABC):
         own = (f"q{number(robot, site)}",) if site in robot.sites else ()
         return (*self.covariates(robot, site), *own)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         """Physical parameters computed from the coefficients, by name: value and unit. Nonlinear parameters come first.
 
         By default there is one parameter: the first coefficient, with the name and unit in ``coefficient``.
@@ -251,14 +259,14 @@ class Effect(ABC):
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         """The physical parameters at a site, in the units of that site: m where its actuator slides, rad where it turns."""
-        found = self.parameters(coefficients, nonlinear)
+        found = self.parameters(coefficients, shape_parameter)
         if not (self.of_travel and turns(robot, site)):
             return found
         return {name: (value, TURNING.get(unit, unit)) for name, (value, unit) in found.items()}
 
-    def basis_of(self, at: Situation, site: str, values: Sequence[float]) -> Basis:
+    def basis_of(self, at: OperatingPoints, site: str, values: Sequence[float]) -> Displacement:
         """Displacements for several values of the nonlinear parameter: the columns of :meth:`basis` for each, side by side."""
         if len(values) < 2:
             return self.basis(at, site, *values)

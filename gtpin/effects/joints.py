@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement, along_track
+from gtpin.effects.effect import Effect, ParameterRange, Parameters, unit
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints, turns
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach, cosines, loads_of
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -47,15 +47,15 @@ class JointCompliance(Effect):
     depends_on = ("load", "payload")
     exported_as = "joint_spring"
     core = (0,)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "compliance": Range(0.0, np.inf, "no drive moves against the load that it carries")
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "compliance": ParameterRange(0.0, np.inf, "no drive moves against the load that it carries")
     }
 
-    def untestable(self, at: Situation, site: str) -> Untestable | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
         """``no_load`` or ``no_masses`` where the joint carries no load, because it then has no deflection."""
         return None if loaded(at, site) else no_load(at)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The load, its modulation by stiffening, and hysteresis from friction."""
         j = at.robot.sites.index(site)
         load, mean, spread = (values[..., 0] for values in loads_of(at, site))
@@ -64,26 +64,26 @@ class JointCompliance(Effect):
         sizes = [1.0, MODULATION.stiffening, MODULATION.friction]
         return along_track(at, site, columns, unit(sizes, GIVE[turns(at.robot, site)]))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         names = ("compliance", "stiffening", "hysteresis")
         return {name: (float(c), "rad/(N m)") for name, c in zip(names, coefficients, strict=True)}
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         unit = "rad/(N m)" if turns(robot, site) else "m/N"
-        return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, nonlinear).items()}
+        return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, shape_parameter).items()}
 
 
 LEAST_LOAD = 1e-6
 """Smallest load on a joint's own axis, relative to the largest load on any joint. Smaller loads are rounding errors."""
 
 
-def loaded(at: Situation, site: str) -> bool:
+def loaded(at: OperatingPoints, site: str) -> bool:
     """Whether a rod has a force, or a joint a force along its axis or a moment about it, at any pose."""
     load = loads_of(at, site)[0]
     return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))
 
 
-def no_load(at: Situation) -> Untestable:
+def no_load(at: OperatingPoints) -> Untestable:
     """Why a part carries nothing: ``no_masses`` where no joint carries anything at any pose, else ``no_load``."""
     return Untestable("no_load" if at.joint_loads.any() else "no_masses")
 
@@ -112,15 +112,15 @@ class BearingCompliance(Effect):
     depends_on = ("load", "payload")
     exported_as = "bearing_springs"
     core = (0, 2)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "tilt": Range(0.0, np.inf, "no bearing tilts against the moment that it carries")
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "tilt": ParameterRange(0.0, np.inf, "no bearing tilts against the moment that it carries")
     }
 
-    def untestable(self, at: Situation, site: str) -> Untestable | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
         """``no_load`` or ``no_masses`` where the joint carries no load, because an unloaded bearing does not tilt."""
         return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else no_load(at)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Tilts about a and b, and how they depend on the magnitude of the moment."""
         frame = joint_frame(at, site)
         moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
@@ -133,7 +133,7 @@ class BearingCompliance(Effect):
             at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, MODULATION.stiffening] * 2, 5e-6)
         )
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         a, harder_a, b, harder_b = (float(c) for c in coefficients)
         found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
         return {name: (value, "rad/(N m)") for name, value in found.items()}
@@ -174,7 +174,7 @@ class AxisMotion(Effect):
     coefficient = ("radial", "m")
     acts_at = staticmethod(joints)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Five error motions: harmonics of a turning joint's angle, or cosines along a sliding joint's travel."""
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
@@ -200,7 +200,7 @@ class AxisMotion(Effect):
             return [[2 * HARMONICS * m + w for m in ms for w in wave] for ms in motions for wave in waves]
         return [[ORDERS * m + w for m in ms for w in range(LOWEST)] for ms in motions]
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         a, b, c, tilt_a, tilt_b = (float(v) for v in np.sqrt((coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0))
         return {
             "radial": (float(np.hypot(a, b)), "m"),
@@ -208,9 +208,9 @@ class AxisMotion(Effect):
             "tilt": (float(np.hypot(tilt_a, tilt_b)), "rad"),
         }
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if turns(robot, site):
-            return self.parameters(coefficients, nonlinear)
+            return self.parameters(coefficients, shape_parameter)
         squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0
         return {
             "straightness": (float(np.sqrt(squares[:2].sum())), "m"),

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, of_lengths, rods_of
 from gtpin.effects.chain_motions import beam, bending, lengthened, of_tips, tip_loads, torsion
-from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement, of_lengths, rods_of
+from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.joints import no_load
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import arm_and_links, links, links_at
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import approach
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -73,16 +73,16 @@ class LinkCompliance(Effect):
     depends_on = ("load", "payload")
     exported_as = "link_spring"
     core = (0,)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "compliance": Range(0.0, np.inf, "no link gets shorter when it is pulled"),
-        "bending": Range(0.0, np.inf, "no link bends against its load"),
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "compliance": ParameterRange(0.0, np.inf, "no link gets shorter when it is pulled"),
+        "bending": ParameterRange(0.0, np.inf, "no link bends against its load"),
     }
 
-    def untestable(self, at: Situation, site: str) -> Untestable | str | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | str | None:
         """``no_masses`` where no link carries a load."""
         return None if at.joint_loads.any() else no_load(at)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The common compliance, then its modulation: load, tension or compression, friction, link, and length of a leg."""
         if not links(at.robot):
             return _of_beams(at, site)
@@ -102,7 +102,7 @@ class LinkCompliance(Effect):
             sizes.append(MODULATION.extension)
         return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         whole, stiffening, pulled, held = (float(c) for c in coefficients[:4])
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
         drawn = coefficients[4 + len(own) :]
@@ -116,9 +116,9 @@ class LinkCompliance(Effect):
         found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
         return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if links(robot):
-            return self.parameters(coefficients, nonlinear)
+            return self.parameters(coefficients, shape_parameter)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
 
 
@@ -128,7 +128,7 @@ FLEXIBILITY, MEDIUM = 1e-5, 15.0
 BEAM = ("bending", "torsion", "stiffening")
 
 
-def _of_beams(at: Situation, site: str) -> Basis:
+def _of_beams(at: OperatingPoints, site: str) -> Displacement:
     """Basis with three columns: bending, torsion, and the dependence of bending on the load."""
     twists = []
     for link in links_at(at.robot, site):
@@ -174,16 +174,18 @@ class ThermalLinks(Effect):
     acts_at = staticmethod(arm_and_links)
     needs = ("temp_link",)
     core = (0,)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "expansion": ParameterRange(
             -2e-6, 1e-4, "of link materials only carbon fibre shrinks with heat, by 1e-6/K; plastics expand by 1e-4/K"
         )
     }
-    usual: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K, and few links have a third or three times as much")
+    expected_range: ClassVar[Mapping[str, ParameterRange]] = {
+        "expansion": ParameterRange(
+            4e-6, 3.5e-5, "steel has 12e-6/K, and few links have a third or three times as much"
+        )
     }
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The common expansion, then its modulation: temperature difference, time, and for robots with rods each link."""
         warm = at.covariate("temp_link") - at.references.temperature
         late = at.time if at.has("time") else np.zeros(len(at))
@@ -195,7 +197,7 @@ class ThermalLinks(Effect):
         sizes = [1.0, MODULATION.warming, MODULATION.late, *[MODULATION.links] * own]
         return lengthened(at, site, strain, unit(sizes, 8e-6 if rods else 1.5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         own = coefficients[3:]
         if not own.size:
             return {"expansion": (float(coefficients[0]), "1/K")}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import the_frame, the_platform
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, session_columns, span
 from gtpin.typing import Floats
 
@@ -40,14 +40,14 @@ class TrackerDrift(Effect):
     acts_at = staticmethod(the_frame)
     needs = ("time",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Cosines over time for the six degrees of freedom of the frame, without the constant, which geometry absorbs."""
         waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
         twist, freedom = frame_twist(at)
         columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
-        return Basis(np.concatenate([freedom * s for s in size]), twist=columns)
+        return Displacement(np.concatenate([freedom * s for s in size]), twist=columns)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)
         drift = -2.0 * by_order[::2].sum(axis=0)
         spans = [span(c) for c in by_order.T]
@@ -83,14 +83,14 @@ class FrameShift(Effect):
     acts_at = staticmethod(the_frame)
     needs = ("session",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The six degrees of freedom of the frame, for each session."""
         twist, freedom = frame_twist(at)
         sessions = session_columns(at)
         columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
-        return Basis(np.tile(freedom, sessions.shape[1]), twist=columns)
+        return Displacement(np.tile(freedom, sessions.shape[1]), twist=columns)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_session = coefficients.reshape(-1, 6)
         if len(by_session) == 1:
             return {name: (float(value), unit) for (name, unit), value in zip(FREEDOMS, by_session[0], strict=True)}
@@ -128,7 +128,7 @@ class TrackerScale(Effect):
     stretches_frame = True
     core = (0,)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Scaling of the measured positions about home, and shifts where the scale varies with time or temperature."""
         waves = []
         if at.has("time"):
@@ -140,7 +140,7 @@ class TrackerScale(Effect):
         twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
         for k, wave in enumerate(waves):
             twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
-        return Basis(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)
+        return Displacement(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)
 
 
 class TargetOffset(Effect):
@@ -164,11 +164,11 @@ class TargetOffset(Effect):
     acts_at = staticmethod(the_platform)
     depends_on = ("position",)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Offsets along the TCP frame's axes."""
         twist = np.zeros((len(at), 6, 3))
         twist[:, :3] = at.poses.R
-        return Basis(unit(np.ones(3), 1e-3), twist=twist)
+        return Displacement(unit(np.ones(3), 1e-3), twist=twist)
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         return {f"offset_{axis}": (float(c), "m") for axis, c in zip("xyz", coefficients, strict=True)}

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints, tracks, turning_joint
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import drive_sizes
 from gtpin.typing import Floats
 
@@ -65,7 +65,7 @@ class RackPeriodic(Effect):
     core = (0, 1)
     most_values = 24  # assumed: twice the lines that a joint of the UR10 of docs/real_arms.md has above 0.1 mrad
 
-    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: OperatingPoints, site: str) -> Sequence[float]:
         """Periods to try, so dense that the phase error over the whole track is at most a twelfth of a turn."""
         span = _span(at, site)
         if turning_joint(at.robot, site):
@@ -79,7 +79,9 @@ class RackPeriodic(Effect):
         frequencies = np.arange(1.0 / longest, 1.0 / shortest + 2.0 * step, step)
         return [float(1.0 / f) for f in frequencies]
 
-    def resolved(self, at: Situation, site: str, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+    def resolved(
+        self, at: OperatingPoints, site: str, values: Floats, others: Sequence[float]
+    ) -> npt.NDArray[np.bool_]:
         """At a turning joint of a robot without rods: ``LEAST_TURNS`` periods in its range, or ``APART`` from its others."""
         if not turning_joint(at.robot, site):
             return super().resolved(at, site, values, others)
@@ -89,15 +91,15 @@ class RackPeriodic(Effect):
         apart = np.abs(cycles[:, None] - 1.0 / np.asarray(others)).min(axis=1) * span
         return np.asarray(apart >= APART)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic.
 
         For robots with rods the change is linear and quadratic in the travel x, so that the coefficients of the cosine and sine
         remain those of the middle.
         """
-        assert nonlinear is not None
+        assert shape_parameter is not None
         j = at.robot.sites.index(site)
-        phase, x = 2.0 * np.pi * at.q[:, j] / nonlinear, at.travel[:, j]
+        phase, x = 2.0 * np.pi * at.q[:, j] / shape_parameter, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
         if site not in joints(at.robot):
@@ -105,10 +107,10 @@ class RackPeriodic(Effect):
             sizes = [1.0, 1.0, *[MODULATION.period] * 6]
         return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         c, s = coefficients[:2]
         found = {
-            "period": (float(nonlinear or 0.0), "m"),
+            "period": (float(shape_parameter or 0.0), "m"),
             "amplitude": (float(np.hypot(c, s)), "m"),
             "phase": (float(np.arctan2(s, c)), "rad"),
         }
@@ -116,7 +118,7 @@ class RackPeriodic(Effect):
         return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})
 
 
-def _span(at: Situation, site: str) -> float:
+def _span(at: OperatingPoints, site: str) -> float:
     """Range of a joint's commands, m or rad."""
     return max(float(np.ptp(at.q[:, at.robot.sites.index(site)])), 1e-9)
 
@@ -159,7 +161,7 @@ class RackStep(Effect):
     of_own_command = True
     core = (0,)
 
-    def nonlinear_values(self, at: Situation, site: str) -> Sequence[float]:
+    def nonlinear_values(self, at: OperatingPoints, site: str) -> Sequence[float]:
         """Places to try: the middle between neighbouring commands, except near the ends of the track."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
@@ -167,20 +169,20 @@ class RackStep(Effect):
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 
-    def jumps(self, nonlinear: float | None) -> tuple[float, ...]:
-        return () if nonlinear is None else (nonlinear,)
+    def jumps(self, shape_parameter: float | None) -> tuple[float, ...]:
+        return () if shape_parameter is None else (shape_parameter,)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """The step, a slope beyond it, and ramps less the step, which make its flank wider."""
-        assert nonlinear is not None
+        assert shape_parameter is not None
         j = at.robot.sites.index(site)
-        past = at.q[:, j] - nonlinear
+        past = at.q[:, j] - shape_parameter
         beyond = (past > 0.0).astype(float)
         flanks = [np.clip(0.5 + past / width, 0.0, 1.0) - beyond for width in FLANKS]
         span = at.robot.upper[j] - at.robot.lower[j]
         sizes = [1.0, MODULATION.slope / span, *[MODULATION.flank] * len(FLANKS)]
         return along_track(at, site, np.stack([beyond, beyond * past, *flanks], axis=1), unit(sizes, 5e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         step, slope = (float(c) for c in coefficients[:2])
-        return {"place": (float(nonlinear or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}
+        return {"place": (float(shape_parameter or 0.0), "m"), "step": (step, "m"), "slope": (slope, "m/m")}

@@ -6,12 +6,12 @@ from gtpin.robot.moving_links import MovingLink, moving_links
 from gtpin.robot.robot import Robot
 
 
-def carts(robot: Robot) -> tuple[str, ...]:
+def actuators(robot: Robot) -> tuple[str, ...]:
     """Sites of all actuators, of robots with and without rods."""
     return robot.sites
 
 
-def sliding_carts(robot: Robot) -> tuple[str, ...]:
+def sliding_actuators(robot: Robot) -> tuple[str, ...]:
     """Sites of the actuators that slide a carrier along a track."""
     carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
     return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
@@ -29,7 +29,7 @@ def joints(robot: Robot) -> tuple[str, ...]:
 
 def guided(robot: Robot) -> tuple[str, ...]:
     """Sites of the actuators whose guide or bearing has error motions: joints, and carriers that slide along a track."""
-    return joints(robot) or sliding_carts(robot)
+    return joints(robot) or sliding_actuators(robot)
 
 
 def links(robot: Robot) -> tuple[str, ...]:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.effects.basis import rods_of
+from gtpin.effects.displacement import rods_of
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, turning_joint
-from gtpin.effects.situation import Situation
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.typing import Floats
@@ -40,8 +40,8 @@ def extent(coefficients: Floats) -> tuple[float, float]:
     largest less the smallest value.
     """
     values = cosines(GRID, 1, len(coefficients))[0] @ coefficients
-    left = values - values.mean() - GRID * (GRID @ values) / (GRID @ GRID)  # the middle of the grid is zero
-    return float(np.sqrt((left**2).mean())), float(np.ptp(left))
+    residual = values - values.mean() - GRID * (GRID @ values) / (GRID @ GRID)  # the middle of the grid is zero
+    return float(np.sqrt((residual**2).mean())), float(np.ptp(residual))
 
 
 def span(coefficients: Floats) -> float:
@@ -71,7 +71,7 @@ FREEDOMS = tuple((f"{kind}_{axis}", unit) for kind, unit in (("shift", "m"), ("t
 """Names and units of a frame's six degrees of freedom."""
 
 
-def frame_twist(at: Situation) -> tuple[Floats, Floats]:
+def frame_twist(at: OperatingPoints) -> tuple[Floats, Floats]:
     """(N, 6, 6) motion of the measured pose per unit shift, m, and turn, rad, of the frame, and (6,) their typical sizes.
 
     Shifts and turns are along and about the axes of the base frame, turns about the TCP at home.
@@ -79,7 +79,7 @@ def frame_twist(at: Situation) -> tuple[Floats, Floats]:
     return frame_motions(at.poses.T - at.kinematics.home.T[0]), np.array([SHIFT] * 3 + [TURN] * 3)
 
 
-def session_columns(at: Situation) -> Floats:
+def session_columns(at: OperatingPoints) -> Floats:
     """(N, sessions) 1 where a pose belongs to the session, otherwise 0.
 
     A session that was not in the fit gets equal values in all columns. Its shift is then the mean shift. A warning says so.
@@ -101,7 +101,7 @@ def session_columns(at: Situation) -> Floats:
     return np.asarray(columns)
 
 
-def approach(at: Situation, actuator: int | None) -> Floats:
+def approach(at: OperatingPoints, actuator: int | None) -> Floats:
     """(N,) direction of approach of an actuator, -1 to 1; zero where the data of the fit did not contain it.
 
     It is +1 where the actuator moved towards larger commands before it stopped, and -1 where towards smaller ones.
@@ -119,7 +119,7 @@ RIM = 0.1
 this radius 20 um is 0.2 mrad, the transmission error of a strain wave gear of 0.7 arcmin."""
 
 
-def drive_sizes(at: Situation, site: str, relative: Sequence[float] | Floats, size: float) -> Floats:
+def drive_sizes(at: OperatingPoints, site: str, relative: Sequence[float] | Floats, size: float) -> Floats:
     """Typical sizes of a drive's deviation, in the unit of its command: ``relative`` times ``size``, the size along a track, m.
 
     For a turning joint of a robot without rods they are divided by ``RIM``. Turning actuators of robots with rods use the
@@ -140,7 +140,7 @@ LEAST_ORDERS = 3
 """Smallest number of half waves of a smooth deviation. Assumed."""
 
 
-def smooth_orders(at: Situation, j: int, most: int) -> int:
+def smooth_orders(at: OperatingPoints, j: int, most: int) -> int:
     """Number of cosines over the travel of drive j that count as smooth: ``most``, but for a turning joint of a robot without
     rods only those with at most ``SLOWEST_LINE`` periods per turn, and ``LEAST_ORDERS`` at least.
     """
@@ -149,7 +149,7 @@ def smooth_orders(at: Situation, j: int, most: int) -> int:
     return min(most, max(LEAST_ORDERS, int(SLOWEST_LINE / _turns(at, j))))
 
 
-def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floats, Floats]:
+def smooth_cosines(at: OperatingPoints, j: int, most: int, decay: float) -> tuple[Floats, Floats]:
     """(N, most) cosines over the travel of drive j, and (most,) their sizes: see :func:`~gtpin.effects.smooth.cosines`.
 
     For a turning joint of a robot without rods, cosines with many periods per turn are smaller: see ``FALL``.
@@ -162,13 +162,13 @@ def smooth_cosines(at: Situation, j: int, most: int, decay: float) -> tuple[Floa
     return columns, size * np.where(kept, 1.0, np.minimum(1.0, SLOWEST_LINE / rate) ** FALL)
 
 
-def _turns(at: Situation, j: int) -> float:
+def _turns(at: OperatingPoints, j: int) -> float:
     """Periods per turn of the joint of a half wave over the range of its commands: k half waves have k times as many."""
     lower, upper = (float(ends[j]) for ends in at.references.commands)
     return float(np.pi / (upper - lower))
 
 
-def drive_load(at: Situation, site: str) -> Floats:
+def drive_load(at: OperatingPoints, site: str) -> Floats:
     """(N,) (load - mean) / spread of the load on a drive, without unit; mean and spread are over the poses of the fit.
 
     The load is the mean over :func:`loads_of`, each scaled in this way.
@@ -177,7 +177,7 @@ def drive_load(at: Situation, site: str) -> Floats:
     return np.asarray(((load - mean) / spread).mean(axis=1))
 
 
-def loads_of(at: Situation, site: str) -> tuple[Floats, Floats, Floats]:
+def loads_of(at: OperatingPoints, site: str) -> tuple[Floats, Floats, Floats]:
     """(N, k) loads at a site, N or N m, and their (k,) means and spreads over the poses of the fit.
 
     They are the axial forces of the k rods of the site; without rods, the force along a joint's axis or the moment about it.

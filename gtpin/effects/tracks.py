@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.basis import Basis, along_track
 from gtpin.effects.chain_motions import joint_frame, of_joint
-from gtpin.effects.effect import ChainWords, Effect, Parameters, Range, unit
+from gtpin.effects.displacement import Displacement, along_track
+from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.sites import sliding_carts, tracks, turns
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.sites import sliding_actuators, tracks, turns
 from gtpin.effects.smooth import cosines, extent
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.robot import Robot
@@ -27,13 +27,13 @@ class _GuideErrors(Effect):
 
     nature = "profile"
     coefficient = ("first_wave", "m")
-    acts_at = staticmethod(sliding_carts)
+    acts_at = staticmethod(sliding_actuators)
     motions: ClassVar[tuple[str, ...]]
     """The motions, as in the names of parameters: along, or about, the track (``roll``), a and b."""
     size: ClassVar[float]
     """Typical size of a motion, m or rad."""
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Cosines along the track for each motion."""
         waves, size = cosines(at.travel[:, at.robot.sites.index(site)], 1, ORDERS, DECAY)
         frame, ways = joint_frame(at, site), np.zeros((6, len(self.motions)))
@@ -43,7 +43,7 @@ class _GuideErrors(Effect):
         columns = np.broadcast_to(waves[:, None, :], (len(at), len(self.motions), ORDERS))
         return of_joint(at, site, ways, columns, unit(np.tile(size, len(self.motions)), self.size))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         found: Parameters = {}
         for motion, part in zip(self.motions, np.split(coefficients, len(self.motions)), strict=True):
             for name, value in zip(("rms", "peak_to_valley"), extent(part), strict=True):
@@ -95,7 +95,7 @@ class CartRotation(_GuideErrors):
     motions = ("roll", "a", "b")
     size = 1e-4
 
-    def untestable(self, at: Situation, site: str) -> Untestable | None:
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
         """``single_joint`` where the cart has one joint, because a rotation of the cart about it does not move it."""
         return None if len(joint_frame(at, site).indices) > 1 else Untestable("single_joint")
 
@@ -123,18 +123,22 @@ class ThermalTrack(Effect):
     needs = ("temp_frame",)
     of_travel = True
     core = (0, 1)
-    plausible: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(-2e-6, 1e-4, "no guideway shrinks with heat, and even plastics expand by only 1e-4/K")
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "expansion": ParameterRange(
+            -2e-6, 1e-4, "no guideway shrinks with heat, and even plastics expand by only 1e-4/K"
+        )
     }
-    usual: ClassVar[Mapping[str, Range]] = {
-        "expansion": Range(4e-6, 3.5e-5, "steel has 12e-6/K, and few guideways have a third or three times as much")
+    expected_range: ClassVar[Mapping[str, ParameterRange]] = {
+        "expansion": ParameterRange(
+            4e-6, 3.5e-5, "steel has 12e-6/K, and few guideways have a third or three times as much"
+        )
     }
 
     def sites(self, robot: Robot) -> tuple[str, ...]:
         # An angle does not grow with heat.
         return tuple(site for site in tracks(robot) if not turns(robot, site))
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         """Expansion in proportion to the command, motion of the track's zero, and their modulation."""
         j = at.robot.sites.index(site)
         warm = at.covariate("temp_frame") - at.references.temperature
@@ -146,7 +150,7 @@ class ThermalTrack(Effect):
             sizes += [MODULATION.late, MODULATION.late_zero]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 
-    def parameters(self, coefficients: Floats, nonlinear: float | None) -> Parameters:
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         expansion, zero = (float(c) for c in coefficients[:2])
         fixed = -zero / expansion if expansion else 0.0
         return {"expansion": (expansion, "1/K"), "at_zero": (zero, "m/K"), "fixed_point": (fixed, "m")}

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.chain_motions import cart_load, of_body, of_carried
-from gtpin.effects.sites import number, sliding_carts
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.sites import number, sliding_actuators
 from gtpin.effects.smooth import approach
 from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line, waves
 from gtpin.export.loss import by_effect, conditions, rms
@@ -153,7 +153,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
     :func:`~gtpin.export.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
-    for site in sliding_carts(robot):
+    for site in sliding_actuators(robot):
         index, axes = robot.sites.index(site), _axes(robot, site)
         total = [NOTHING] * 6
         ends = float(robot.lower[index]), float(robot.upper[index])
@@ -219,14 +219,14 @@ def _joint(
     return Joint(f"{site}_{name}", "slide" if k < 3 else "hinge", axis, np.zeros(3), 0.0, spring=spring)
 
 
-def _motion(active: ActiveEffect, at: Situation, axes: Floats) -> Floats:
+def _motion(active: ActiveEffect, at: OperatingPoints, axes: Floats) -> Floats:
     """(N, 6) motion of a cart by an effect: shift of the mean of its rods' joints, m, and turn about it, rad, in the cart's
     axes."""
     moved = of_carried(at, active.site, active.basis(at)) @ active.coefficients
     return np.hstack([moved[:, :3] @ axes.T, moved[:, 3:] @ axes.T])
 
 
-def _at_tcp(at: Situation, site: str, axes: Floats, motion: Floats) -> Floats:
+def _at_tcp(at: OperatingPoints, site: str, axes: Floats, motion: Floats) -> Floats:
     """(N, 6) motion of the TCP, m and rad, base frame, by a motion (N, 6) of a cart in its axes, to first order."""
     twist = np.hstack([motion[:, :3] @ axes, motion[:, 3:] @ axes])
     return of_body(at, site, twist[..., None], np.ones(1)).displacement(at)[:, :6, 0]
@@ -249,5 +249,5 @@ def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floa
 
 def _tangents(active: ActiveEffect) -> list[float]:
     """The six compliances at the usual load, m/N and rad/(N m), in the order of ``NAMES``."""
-    found = active.effect.parameters(active.coefficients, active.nonlinear)
+    found = active.effect.parameters(active.coefficients, active.shape_parameter)
     return [found[name][0] if name in found else 0.0 for name in NAMES]

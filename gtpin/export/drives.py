@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import loads_of
 from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted, waves
 from gtpin.export.loss import by_effect, conditions, rms
@@ -104,13 +104,13 @@ def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floa
     return DriveCurve(mean, 0.0)
 
 
-def _largest_load(at: Situation, site: str) -> float:
+def _largest_load(at: OperatingPoints, site: str) -> float:
     """Bound of the load on a drive in the fit, N or N m: mean plus ``SPREADS`` standard deviations, summed over its rods."""
     _, mean, spread = loads_of(at, site)
     return float((np.abs(mean) + SPREADS * spread).sum())
 
 
-def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
+def _over_the_range(model: Model, index: int, at: OperatingPoints) -> OperatingPoints:
     """The same conditions with an actuator's commands over its whole range."""
     robot = model.robot
     lower, upper = (
@@ -122,10 +122,10 @@ def _over_the_range(model: Model, index: int, at: Situation) -> Situation:
     poses = model.kinematics.forward(q)
     rows = np.flatnonzero(poses.reached)
     known = {name: values[rows] for name, values in at.covariates.items()}
-    return Situation(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
+    return OperatingPoints(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
 
 
-def _travel(active: ActiveEffect, at: Situation, index: int, approach: float) -> Floats:
+def _travel(active: ActiveEffect, at: OperatingPoints, index: int, approach: float) -> Floats:
     """(N,) deviation of the actuator's travel, m or rad, if it comes from the direction ``approach``, +1 or -1."""
     name = f"approach{index + 1}"
     if name in at.covariates:
@@ -204,6 +204,8 @@ def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
     carried = set()
     for active in model.effects:
         if active.effect.exported_as == "drive_scale":
-            scales[active.site] *= 1.0 + active.effect.parameters(active.coefficients, active.nonlinear)["scale"][0]
+            scales[active.site] *= (
+                1.0 + active.effect.parameters(active.coefficients, active.shape_parameter)["scale"][0]
+            )
             carried.add(active.name)
     return scales, carried | {"drive scales"}

@@ -155,11 +155,13 @@ def _corrections(model: Model, file: Path, form: Format, session: str | None) ->
 
 def _doubt(model: Model) -> tuple[str, ...]:
     """A message where the sigmas of a table are too small if what the model leaves of the data is no noise."""
-    left = model.unexplained
-    if left is None or left.none:
+    unexplained = model.unexplained
+    if unexplained is None or unexplained.none:
         return ()
-    size = f"{1e6 * left.position:.3g} um" if left.position else f"{1e6 * left.orientation:.3g} urad"
-    kind = "beyond noise, so" if left.noise_known else "an axis: if these are no noise,"
+    size = (
+        f"{1e6 * unexplained.position:.3g} um" if unexplained.position else f"{1e6 * unexplained.orientation:.3g} urad"
+    )
+    kind = "beyond noise, so" if unexplained.noise_known else "an axis: if these are no noise,"
     return (f"is of a model that leaves {size} {kind} corrections may be off by more than their sigmas",)
 
 

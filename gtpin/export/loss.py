@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.compensation.corrections import geometric_scales
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -101,12 +101,12 @@ def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
     return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
-def by_effect(active: ActiveEffect, at: Situation) -> Floats:
+def by_effect(active: ActiveEffect, at: OperatingPoints) -> Floats:
     """(N, 6) motion of the measured TCP by an effect, m and rad, to first order."""
     return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
 
 
-def conditions(model: Model, active: ActiveEffect, session: str | None = None) -> Situation:
+def conditions(model: Model, active: ActiveEffect, session: str | None = None) -> OperatingPoints:
     """Poses and covariates at which the loss of an effect is computed; all sessions of the fit in turn, or one.
 
     Forces on the tool are drawn with the mean and the spread of the loads of the fit, where it had some.
@@ -131,11 +131,11 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
             known[name] = np.where(np.arange(count) % 2, 1.0, -1.0)
         else:
             known[name] = np.zeros(count)
-    at = Situation(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
+    at = OperatingPoints(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)
     return replace(at, covariates={**known, **_tool_forces(model, active, at)})
 
 
-def _tool_forces(model: Model, active: ActiveEffect, at: Situation) -> dict[str, Column]:
+def _tool_forces(model: Model, active: ActiveEffect, at: OperatingPoints) -> dict[str, Column]:
     """Random forces on the tool, ``fx fy fz``, N, that load rods or joints as much as in the fit; along gravity if the dataset
     has only payloads."""
     references, gravity = active.references, np.array(model.robot.description.gravity)

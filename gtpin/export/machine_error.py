@@ -40,11 +40,11 @@ class OpenDirections:
     moved: Floats
     unexplained: float
 
-    def rms(self, left: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
+    def rms(self, residual: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
         """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
-        allow; ``left`` (N, 3): the error, m, of the machine that the model is."""
-        e, R = left[:, axes], self.moved[:, axes]
-        flat, n = R.reshape(-1, R.shape[2]), len(left)
+        allow; ``residual`` (N, 3): the error, m, of the machine that the model is."""
+        e, R = residual[:, axes], self.moved[:, axes]
+        flat, n = R.reshape(-1, R.shape[2]), len(residual)
         square, cross = flat.T @ flat / n, flat.T @ e.ravel() / n
         fixed = float((e**2).sum() / n) + e.shape[1] * self.unexplained**2
         z = np.random.default_rng(0).standard_normal((DRAWS, len(square)))
@@ -77,12 +77,12 @@ def open_directions(
     """
     if machine.model.covariance is None:
         return None
-    at, left = _at(machine, q), whole.unexplained
+    at, unexplained = _at(machine, q), whole.unexplained
     moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
     if not whole.frame.is_base:
         moved = placed_best(moved, at.plain)
     moved = on_the_bed(moved[:, :3], at.plain.T) if standing else moved[:, :3]
-    return OpenDirections(moved, left.position if left is not None and left.noise_known else 0.0)
+    return OpenDirections(moved, unexplained.position if unexplained is not None and unexplained.noise_known else 0.0)
 
 
 def left_of_commands(model: Model, q: Floats) -> tuple[str, ...]:

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, target_at, tip_loads, torsion
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import loads_of
 from gtpin.export.curves import STIFFEST, line
 from gtpin.export.loss import conditions
@@ -181,10 +181,10 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     return replace(mechanism, bodies=tuple(bodies))
 
 
-def _home(model: Model, active: ActiveEffect | None = None) -> Situation:
+def _home(model: Model, active: ActiveEffect | None = None) -> OperatingPoints:
     """The robot at home."""
     kinematics = model.kinematics
-    return Situation(
+    return OperatingPoints(
         kinematics, model.robot.home_q[None], kinematics.home, {}, fixed=None if active is None else active.references
     )
 

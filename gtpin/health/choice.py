@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.workspace import default_commands
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.typing import Floats

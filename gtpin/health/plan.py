@@ -180,7 +180,7 @@ def plan(
     check_kind(model, Model)
     if purpose not in get_args(Purpose):
         raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
-    left, given, fit = model.unexplained or EXPLAINED, noise is not None, model.fit
+    unexplained, given, fit = model.unexplained or EXPLAINED, noise is not None, model.fit
     if noise is None:
         if fit is None:
             hint = "give it: Noise(1.5e-5, 5e-5), m and rad"
@@ -200,7 +200,7 @@ def plan(
         information = Information(best.nats, others[0], best.error, others[1])
         commands = _commands(some, best.rows, purpose)
         return PosePlan(purpose, commands, model, noise, where, information=information)
-    known = given or left.noise_known
+    known = given or unexplained.noise_known
     # Otherwise the noise of the fit is what it left.
     used = noise if known else replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
@@ -208,11 +208,11 @@ def plan(
     def possible(some: Candidates) -> GainSampler:
         """The changes that measuring candidates could test."""
         earlier = Earlier(model)
-        seen = model.seen(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
+        seen = model.in_instrument_frame(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
         measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, model.robot)
         rows = used.rows(len(some), measured.components)
         observed = Observed(measured, some.covariates, rows, np.ones(len(some)), temperature=20.0, free_frame=free)
-        return changes(earlier, observed, left, scope)[0]
+        return changes(earlier, observed, unexplained, scope)[0]
 
     hypotheses = possible(some).hypotheses
     words = checked_first() if purpose == "health" else tuple(between)
@@ -248,7 +248,7 @@ def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Po
     columns, prior, groups = [design.B], [np.ones(design.B.shape[1])], []
     place = design.B.shape[1]
     for hypothesis in wanted:
-        own = design.columns(hypothesis.basis(design.situation))
+        own = design.columns(hypothesis.basis(design.operating_points))
         core = hypothesis.effect.core or tuple(range(own.shape[1]))
         columns.append(own)
         prior.append(np.where(np.isin(np.arange(own.shape[1]), core), variance, 1.0))
@@ -266,9 +266,9 @@ def _told(
 ) -> list[Separability]:
     planned = np.sqrt(np.diag(choice.covariance(rows)))
     others = np.mean([np.sqrt(np.diag(choice.covariance(drawn))) for drawn in random], axis=0)
-    robot, found = design.situation.robot, []
+    robot, found = design.operating_points.robot, []
     for hypothesis, group in zip(wanted, choice.groups, strict=True):
-        sigma = hypothesis.basis(design.situation).sigma
+        sigma = hypothesis.basis(design.operating_points).sigma
         first = hypothesis.effect.core[0] if hypothesis.effect.core else 0
         one = np.where(np.arange(len(sigma)) == first, sigma, 0.0)
         name, (value, unit) = next(iter(hypothesis.effect.parameters_of(robot, hypothesis.site, one, ()).items()))

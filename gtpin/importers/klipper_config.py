@@ -90,7 +90,7 @@ def read_config(file: Path, without: Path | None = None) -> Sections:
     Raises `DatasetError` if a line has another format, or an included file is outside the folder, or includes itself. Warns if
     an included file is missing.
     """
-    reader = _Reader(file.parent, None if without is None else os.path.abspath(without))
+    reader = _ConfigReader(file.parent, None if without is None else os.path.abspath(without))
     reader.read(file)
     return reader.found
 
@@ -107,7 +107,7 @@ def needed(sections: Sections, section: str, name: str, file: Path) -> Option:
 
 
 @dataclass
-class _Reader:
+class _ConfigReader:
     """Reads the files of a configuration in the folder ``root`` but for ``without``, with what it has read."""
 
     root: Path

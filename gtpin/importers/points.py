@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.data import Commands, Dataset, Instrument
+from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.data.ids import Ids, normal_id
 from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.data.table import number
@@ -216,7 +216,7 @@ def read_points(
     within: float | None = None,
     header: int = 0,
     decimal_comma: bool = False,
-    instrument: Instrument | None = None,
+    instrument: InstrumentSection | None = None,
     tcp: str | None = None,
 ) -> Dataset:
     """Read a list of points or poses.
@@ -267,7 +267,7 @@ def read_points(
         position=np.column_stack([table.values[name] for name in POSITION]) * LENGTHS[unit],
         orientation=np.column_stack([table.values[name] for name in ORIENTATION]) if turned else None,
         covariates=covariates,
-        instrument=instrument or Instrument(frame="free", target="free"),
+        instrument=instrument or InstrumentSection(frame="free", target="free"),
         tcp=tcp,
         row=table.row,
         file=file,

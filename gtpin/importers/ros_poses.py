@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data import Commands, Dataset, Instrument
+from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, check_ranges, matched
@@ -49,7 +49,7 @@ def read_ros_poses(
     *,
     within: float | None = None,
     prefix: str | None = None,
-    instrument: Instrument | None = None,
+    instrument: InstrumentSection | None = None,
     tcp: str | None = None,
 ) -> Dataset:
     """Read the poses of a topic, each with the command that belongs to it.
@@ -99,7 +99,7 @@ def read_ros_poses(
         position=found[:, :3],
         orientation=found[:, 3:],
         covariates=covariates,
-        instrument=instrument or Instrument(frame="free", target="free"),
+        instrument=instrument or InstrumentSection(frame="free", target="free"),
         tcp=tcp,
         row=line,
         file=file,

@@ -32,7 +32,7 @@ class Encoder(Instrument):
         except RobotError as error:
             raise DatasetError(error.what, column="joint", hint=error.hint) from None
         unit = "rad" if self.turns else "m"
-        self.components = (Component("reading", unit, usual=5e-5 if self.turns else 2e-5),)
+        self.components = (Component("reading", unit, initial_sigma=5e-5 if self.turns else 2e-5),)
         if self.table.zero_sigma == 0.0:
             return ()
         return [Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)]
@@ -41,10 +41,10 @@ class Encoder(Instrument):
         """(M, 1) what would be read, rad or m."""
         return np.asarray(poses.joints[self.table.joint][:, None] + u.sum())
 
-    def minus(self, poses: Poses, u: Floats) -> Floats:
+    def residual_at(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1) measured less predicted, rad or m; for a revolute joint between -pi and pi."""
-        left = super().minus(poses, u)
-        return np.asarray(left - 2.0 * np.pi * np.round(left / (2.0 * np.pi))) if self.turns else left
+        residual = super().residual_at(poses, u)
+        return np.asarray(residual - 2.0 * np.pi * np.round(residual / (2.0 * np.pi))) if self.turns else residual
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, 6) zeros: given the joint's coordinate, the reading does not depend on the platform's pose."""

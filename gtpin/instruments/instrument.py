@@ -13,7 +13,7 @@ import numpy as np
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.data.table import Column
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, renamed
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.robot import Robot
@@ -64,7 +64,7 @@ class Component:
     group
         Index of its noise sigma. Components with the same index share one sigma: the three of a tracker's position have index
         0, the three of its orientation index 1.
-    usual
+    initial_sigma
         Sigma, in ``unit``, at which its estimation starts if none is declared.
     shown
         Whether its residuals are part of the instrument's root mean square error.
@@ -72,15 +72,16 @@ class Component:
     Examples
     --------
     >>> import gtpin
-    >>> gtpin.Component("height", "m").usual
+    >>> gtpin.Component("height", "m").initial_sigma
     2e-05
     """
 
     name: str
     unit: str
     group: int = 0
-    usual: float = 2e-5
+    initial_sigma: float = 2e-5
     shown: bool = True
+    usual = renamed("usual", "initial_sigma")
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +235,9 @@ class Instrument(ABC):
             (k,) deviations of the unknowns from their declared values, m or rad.
         """
 
-    def minus(self, poses: Poses, u: Floats) -> Floats:
+    minus = renamed("minus", "residual_at")
+
+    def residual_at(self, poses: Poses, u: Floats) -> Floats:
         """(M, c) measured less predicted; ``poses`` and ``u`` as for :meth:`predicted`."""
         return self.measured() - self.predicted(poses, u)
 
@@ -248,7 +251,7 @@ class Instrument(ABC):
 
     def _slope(self, ahead: tuple[Poses, Floats], behind: tuple[Poses, Floats]) -> Floats:
         """(M, c) derivative of the prediction by central differences between two states."""
-        return (self.minus(*behind) - self.minus(*ahead)) / (2.0 * STEP)
+        return (self.residual_at(*behind) - self.residual_at(*ahead)) / (2.0 * STEP)
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, j) derivative of the prediction by the coordinates, rad or m, of the j joints in ``poses.joints``."""

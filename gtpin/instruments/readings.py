@@ -128,7 +128,7 @@ class Readings:
         )
 
     @property
-    def alike(self) -> list[Indices]:
+    def noise_groups(self) -> list[Indices]:
         """Groups of rows whose residuals are compared with each other to find outliers: indices of the rows of each group.
 
         A group has the rows of one instrument; where c = 1, those of one noise sigma. Groups are separate because, before a
@@ -164,12 +164,12 @@ class Readings:
         )
 
     @cached_property
-    def usual(self) -> Floats:
+    def initial_sigma(self) -> Floats:
         """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
         found = []
         for one in self.instruments:
             for group, sigma in enumerate(one.declared):
-                found.append(sigma or next(c.usual for c in one.components if c.group == group))
+                found.append(sigma or next(c.initial_sigma for c in one.components if c.group == group))
         return np.array(found)
 
     @cached_property
@@ -187,9 +187,9 @@ class Readings:
         """(N, c) degrees of freedom that each number counts as: see :meth:`Instrument.counted`."""
         return self._each(lambda _, one: one.counted())
 
-    def minus(self, poses: Poses) -> Floats:
+    def residual_at(self, poses: Poses) -> Floats:
         """(N, c) measured less predicted at poses (N) of the TCP, base frame."""
-        return self._each(lambda i, one: one.minus(self._part(poses, i), self.u[self._own[i]]))
+        return self._each(lambda i, one: one.residual_at(self._part(poses, i), self.u[self._own[i]]))
 
     def by_motion(self, poses: Poses) -> Floats:
         """(N, c, 6 + j) derivative of the readings by a shift, m, and a rotation vector, rad, of the platform, base frame, and
@@ -214,15 +214,15 @@ class Readings:
 
         return self._each(own)
 
-    def left(self, model: Model, poses: Poses) -> Floats:
+    def residual(self, model: Model, poses: Poses) -> Floats:
         """(N, c) measured less predicted at poses (N), base frame, as instruments in the model's frame read them."""
-        return self.minus(model.seen(poses))
+        return self.residual_at(model.in_instrument_frame(poses))
 
-    def seen(self, J: Floats, model: Model, poses: Poses) -> Floats:
+    def change_by(self, J: Floats, model: Model, poses: Poses) -> Floats:
         """(N, c, m) change of the readings by m motions J (N, 6 + j, m) of the poses, base frame, and of j measured joints."""
         if self.tracked:  # the components are those of the pose
             return in_frame(J, model.frame)[:, : self.components]
-        return np.asarray(self.by_motion(model.seen(poses)) @ in_frame(J, model.frame))
+        return np.asarray(self.by_motion(model.in_instrument_frame(poses)) @ in_frame(J, model.frame))
 
     def unknown_columns(self, model: Model, poses: Poses, free_frame: bool, pivot: Floats | None) -> tuple[Floats, int]:
         """(N, c, k) derivatives by the unknowns in units of their prior sigmas, and by a free frame; and how many of these have
@@ -231,7 +231,7 @@ class Readings:
         An unknown without a prior gets one of the sigma ``VAGUE``. The last six are those of a free frame, without a prior:
         shifts, m, and rotations, rad, about ``pivot`` (3,), or about the middle of the poses if that is None.
         """
-        seen = model.seen(poses)
+        seen = model.in_instrument_frame(poses)
         known = self.by_unknown(seen) * np.where(np.isfinite(self.sigma), self.sigma, VAGUE)
         if not free_frame:
             return known, 0
@@ -254,7 +254,7 @@ class Readings:
         """(k,) deviations of the unknowns in units of their prior sigmas; 0 for an unknown without a prior."""
         return np.asarray(np.where(np.isfinite(self.sigma), self.u / self.sigma, 0.0))
 
-    def taken(self, free_frame: bool) -> int:
+    def free_unknowns(self, free_frame: bool) -> int:
         """Number of unknowns without a prior, which is the number of degrees of freedom that they take."""
         return int((~np.isfinite(self.sigma)).sum()) + (6 if free_frame else 0)
 

@@ -25,7 +25,7 @@ class Tilt(Instrument):
     """
 
     kind, Table = "tilt", TiltTable
-    components = (Component("tilt_x", "rad", usual=5e-5), Component("tilt_y", "rad", usual=5e-5))
+    components = (Component("tilt_x", "rad", initial_sigma=5e-5), Component("tilt_y", "rad", initial_sigma=5e-5))
     table: TiltTable
 
     def _unknowns(self) -> Sequence[Unknown]:

@@ -39,7 +39,7 @@ class Tracker(OfTargets):
         self.turned = "qw" in self.read.numbers and bool(np.isfinite(self.read.numbers["qw"]).all())
         # Orientations are shown where nothing else tells of them: for a lone tracker, which has no name.
         lone = not self.table.name
-        turns = tuple(Component(axis, "rad", group=1, usual=5e-5, shown=lone) for axis in TURNS)
+        turns = tuple(Component(axis, "rad", group=1, initial_sigma=5e-5, shown=lone) for axis in TURNS)
         self.components = positions + (turns if self.turned else ())
         free_target = self.table.target == "free"
         self.targets = Targets(self.table, self.read, free=free_target)
@@ -87,11 +87,11 @@ class Tracker(OfTargets):
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         """(M, c) in the instrument's frame: position, m, and rotation vector, rad, from measured to predicted orientation."""
-        found = self.measured() - self.minus(poses, u)
+        found = self.measured() - self.residual_at(poses, u)
         found[:, :3] = self._read_at(poses, u).T
         return found
 
-    def minus(self, poses: Poses, u: Floats) -> Floats:
+    def residual_at(self, poses: Poses, u: Floats) -> Floats:
         """(M, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
         seen = self._read_at(poses, u)
         if self.rotations is None:

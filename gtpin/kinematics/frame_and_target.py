@@ -124,18 +124,18 @@ class _Fit:
             X = _nearest(turns.sum(axis=0))
             weight = 1.0 / np.maximum(np.linalg.norm(turns - X, axis=(1, 2)), 1e-2)
             X = _nearest((weight[:, None, None] * turns).sum(axis=0))
-        A, left = F @ self.poses.R, self.T - (self.poses.T - self.middle) @ F.T
-        weight, t, f = np.ones(len(left)), np.zeros(3), -F @ self.middle
+        A, residual = F @ self.poses.R, self.T - (self.poses.T - self.middle) @ F.T
+        weight, t, f = np.ones(len(residual)), np.zeros(3), -F @ self.middle
         for _ in range(5):
-            f = np.average(left - A @ t, axis=0, weights=weight) if self.free else f
+            f = np.average(residual - A @ t, axis=0, weights=weight) if self.free else f
             mean = np.average(A, axis=0, weights=weight) if self.free else np.zeros((3, 3))
-            centre = np.average(left, axis=0, weights=weight) if self.free else np.zeros(3)
-            B, b = A - mean, left - centre
+            centre = np.average(residual, axis=0, weights=weight) if self.free else np.zeros(3)
+            B, b = A - mean, residual - centre
             inner = np.einsum("n,nji,njk->ik", weight, B, B) + np.eye(3) * (1e-2 / AWAY) ** 2
             t = np.linalg.solve(inner, np.einsum("n,nji,nj->i", weight, B, b))
             off = np.linalg.norm(b - B @ t, axis=1)
             weight = 1.0 / np.maximum(off / max(float(np.median(off)), LEAST), 1.0)
-        f = np.average(left - A @ t, axis=0, weights=weight) if self.free else np.zeros(3)
+        f = np.average(residual - A @ t, axis=0, weights=weight) if self.free else np.zeros(3)
         return _State(f, F, t, X)
 
     def residuals(self, s: _State) -> tuple[Floats, Floats | None]:

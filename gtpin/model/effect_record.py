@@ -14,9 +14,9 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import GROUP, effects_by_id
 from gtpin.effects.driver import PREFIX, DriverColumn, DriverEffect, InstrumentAxes, refusal
 from gtpin.effects.effect import Effect
+from gtpin.effects.operating_points import PARTS, OperatingPoints, References
+from gtpin.effects.operating_points import Column as Covariate
 from gtpin.effects.sites import joints, links
-from gtpin.effects.situation import PARTS, References, Situation
-from gtpin.effects.situation import Column as Covariate
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.robot import Robot
@@ -82,7 +82,7 @@ class JointsRecord(Record):
 
 
 class ReferencesRecord(Record):
-    """Reference values of the covariates; see :class:`~gtpin.effects.situation.References`."""
+    """Reference values of the covariates; see :class:`~gtpin.effects.operating_points.References`."""
 
     optional = ("commands", "joints")  # robots with rods have none
     temperature: Finite
@@ -159,7 +159,7 @@ def record(active: ActiveEffect) -> EffectRecord:
     return EffectRecord(
         effect=active.effect.id,
         site=active.site,
-        setting=None if active.nonlinear is None else float(active.nonlinear),
+        setting=None if active.shape_parameter is None else float(active.shape_parameter),
         further_settings=list(map(float, active.further)),
         coefficients=active.coefficients.tolist(),
         covariance=active.covariance.tolist(),
@@ -297,7 +297,7 @@ def _try(active: ActiveEffect, kinematics: Kinematics) -> None:
     some: dict[str, Covariate] = {name: np.zeros(1) for name in known.covariates}
     if known.sessions:
         some["session"] = np.array(known.sessions[:1], dtype=object)
-    at = Situation(kinematics, kinematics.geometry.robot.home_q[None], home, some, fixed=known)
+    at = OperatingPoints(kinematics, kinematics.geometry.robot.home_q[None], home, some, fixed=known)
     try:
         with np.errstate(all="ignore"):
             displacement = active.basis(at).displacement(at) @ active.coefficients

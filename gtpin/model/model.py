@@ -13,8 +13,8 @@ from scipy.linalg import block_diag
 from gtpin.data.ids import normal_ids
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.situation import Column
-from gtpin.errors import ModelError
+from gtpin.effects.operating_points import Column
+from gtpin.errors import ModelError, renamed
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
@@ -167,9 +167,9 @@ class Model:
         commands = np.asarray(q, dtype=float)
         kinematics = self.kinematics
         if not self.effects:
-            return self.seen(kinematics.forward(commands))
+            return self.in_instrument_frame(kinematics.forward(commands))
         known = {name: _column(name, values, len(commands)) for name, values in (covariates or {}).items()}
-        return self.seen(with_effects(kinematics, commands, known, self.effects))
+        return self.in_instrument_frame(with_effects(kinematics, commands, known, self.effects))
 
     def without(self, names: Collection[str]) -> Model:
         """The model without the effects whose names (``effect@site``) are in ``names``; unknown names are ignored."""
@@ -228,7 +228,9 @@ class Model:
             for x in draws(mean, covariance, n, rng)
         )
 
-    def seen(self, poses: Poses) -> Poses:
+    seen = renamed("seen", "in_instrument_frame")
+
+    def in_instrument_frame(self, poses: Poses) -> Poses:
         """``poses``, given in the base frame, transformed to the instrument's frame."""
         return poses if self.frame.is_base else poses.moved(self.frame.T, self.frame.R)
 

@@ -207,7 +207,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
-    left = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
+    unexplained = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
     return Model(
         geometry,
         frame,
@@ -216,7 +216,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         instruments=instruments,
         joint_covariance=joint,
         fit=fit,
-        unexplained=left,
+        unexplained=unexplained,
     )
 
 

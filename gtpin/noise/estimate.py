@@ -136,7 +136,7 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
         open_[group] = len(own) >= LEAST_CONTRASTS
         if open_[group]:
             sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
-    start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, lack=0.0)
+    start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, model_discrepancy=0.0)
     rows, count, root = _alike(start, contrast, by_command)
     best = likeliest(start.take(rows), root, by_command[rows], np.ones(len(rows)), count)
     sigma = np.maximum(best.sigma, SMALLEST)

@@ -31,8 +31,9 @@ class ReadingNoise:
     - ``row_sigma``: (N, c) sigma that a row declares for a number; NaN where it declares none.
     - ``estimated``: (G,) whether the group's sigma was estimated from the data.
     - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
-    - ``lack``: standard deviation, m or rad, of errors along the motion of every actuator that the model does not explain.
-      They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in the same way.
+    - ``model_discrepancy``: standard deviation, m or rad, of errors along the motion of every actuator that the model does
+      not explain. They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in
+      the same way.
     - ``sight``: (N, 3) unit vectors from a lone tracker to what it measures; None where its station is not known.
     - ``reach``: (N,) distance from there, divided by the mean distance; None where ``sight`` is None.
     - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance. A position's sigma is
@@ -46,7 +47,7 @@ class ReadingNoise:
     row_sigma: Floats
     estimated: Mask
     repeatability: float = 0.0
-    lack: float = 0.0
+    model_discrepancy: float = 0.0
     sight: Floats | None = None
     reach: Floats | None = None
     range_ratio: float = 1.0
@@ -74,8 +75,8 @@ class ReadingNoise:
 
     @property
     def along_drives(self) -> float:
-        """Root of the sum of the squares of ``repeatability`` and ``lack``, m or rad."""
-        return float(np.hypot(self.repeatability, self.lack))
+        """Root of the sum of the squares of ``repeatability`` and ``model_discrepancy``, m or rad."""
+        return float(np.hypot(self.repeatability, self.model_discrepancy))
 
     @property
     def each(self) -> Floats:
@@ -133,12 +134,12 @@ class ReadingNoise:
             sigma=self.sigma * factor,
             row_sigma=self.row_sigma * factor,
             repeatability=self.repeatability * factor,
-            lack=self.lack * factor,
+            model_discrepancy=self.model_discrepancy * factor,
         )
 
     def of_unit_sigma(self) -> ReadingNoise:
         """The same noise with sigmas of 1 m or rad where rows declare none, and without the drives' part."""
-        return replace(self, sigma=np.ones_like(self.sigma), repeatability=0.0, lack=0.0)
+        return replace(self, sigma=np.ones_like(self.sigma), repeatability=0.0, model_discrepancy=0.0)
 
     def sized_as(self, other: object) -> ReadingNoise:
         """The same noise with the sigmas and the repeatability of another."""

@@ -216,12 +216,12 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
         off = flat - s
         distance = np.sqrt((off**2).sum(axis=1) + height**2)
         J = np.column_stack([-off / distance[:, None], np.ones(len(flat))])
-        left = measured - distance
-        step = np.linalg.lstsq(J, left, rcond=None)[0]
+        residual = measured - distance
+        step = np.linalg.lstsq(J, residual, rcond=None)[0]
         s = s + step[:2]
         if np.abs(step[:2]).max() < SMALLEST:
             break
-    return np.asarray(left - J @ step)
+    return np.asarray(residual - J @ step)
 
 
 def runs(away: Floats) -> list[Run]:

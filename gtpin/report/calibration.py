@@ -149,9 +149,9 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
         f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
     )
-    if c.enlarged > 1.0:
+    if c.sigma_scale > 1.0:
         advice = [
-            f"The mean residuals of the poses are {c.enlarged:.2f} times their noise: "
+            f"The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: "
             "geometry alone does not explain these data.",
             "gtpin diagnose finds the causes of the rest. The sigmas below are enlarged accordingly.",
         ]

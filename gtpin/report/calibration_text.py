@@ -68,9 +68,10 @@ def _fit(c: Calibration) -> str:
     lines.append(f"  iterations                        {c.iterations}")
     if c.rejected:
         lines.append(f"  set aside                         {', '.join(c.rejected)}")
-    if c.enlarged > 1.0:
+    if c.sigma_scale > 1.0:
         lines.append(
-            f"  The mean residuals of the poses are {c.enlarged:.2f} times their noise: the geometry does not explain these\n"
+            f"  The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: the geometry does not "
+            "explain these\n"
             "  data. Sigmas below are enlarged accordingly."
         )
     return "\n".join(lines)
@@ -84,9 +85,10 @@ def _noise(c: Calibration) -> str:
     if noise.repeatability > 0.0:
         how = "the residuals" if noise.source == "residuals" else "repeated visits"
         lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
-    if noise.lack > 0.0:
+    if noise.model_discrepancy > 0.0:
         lines.append(
-            f"  model error along single drives, correlated between neighbouring poses: {noise.lack * 1e6:.2f} um or urad"
+            "  model error along single drives, correlated between neighbouring poses: "
+            f"{noise.model_discrepancy * 1e6:.2f} um or urad"
         )
     if scatters(c):
         lines.append(

@@ -254,11 +254,11 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
             words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
             numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
     else:
-        size, left = gap_words(d.gap), d.baseline.model.unexplained
+        size, unexplained = gap_words(d.gap), d.baseline.model.unexplained
         numbers.append((nominal_words(d.baseline), "nominal geometry, RMS"))
         numbers.append((size.before, "calibrated geometry, at left-out poses"))
         numbers += [(size.after, "with the causes")] if d.causes else []
-        known = left is None or left.noise_known
+        known = unexplained is None or unexplained.noise_known
         numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""

@@ -17,7 +17,7 @@ from gtpin.report.words import number_word
 
 def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
-    none, where, left = d.verdict == "none", d.where, d.unexplained
+    none, where, unexplained = d.verdict == "none", d.where, d.unexplained
     regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
     return {
         "schema": "gtpin-diagnosis/1",
@@ -38,13 +38,13 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             **_turns(d),
         },
         "unexplained": {
-            **_of(left, "share", "p_value"),
-            "correlates": [{"site": site, "covariate": over, "p_value": p} for site, over, p in left.correlates],
+            **_of(unexplained, "share", "p_value"),
+            "correlates": [{"site": site, "covariate": over, "p_value": p} for site, over, p in unexplained.correlates],
             "descriptions": [
                 _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
-                for t in left.descriptions
+                for t in unexplained.descriptions
             ],
-            "could_be": [{"effect": effect, "site": site} for effect, site in left.could_be],
+            "could_be": [{"effect": effect, "site": site} for effect, site in unexplained.could_be],
             "questions": [
                 _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
                 | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.active import ActiveEffect
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints
-from gtpin.effects.situation import Situation
 from gtpin.estimate import WIDE
 from gtpin.report.effect_motions import Motion, motions
 from gtpin.report.embedded import Plot, escaped
@@ -80,7 +80,7 @@ class EffectCurve:
 @dataclass(frozen=True)
 class _Level:
     label: str
-    at: Situation
+    at: OperatingPoints
     x: npt.NDArray[np.generic]
     rows: npt.NDArray[np.intp]
 
@@ -102,7 +102,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     """Name of the coordinate along which curves are drawn, and situations along it, one for each value of a second
     coordinate; no situations where it can't be varied alone."""
 
-    def at(**given: npt.NDArray[np.generic]) -> Situation:
+    def at(**given: npt.NDArray[np.generic]) -> OperatingPoints:
         return residuals.at(*residuals.middle(given), active.references)
 
     robot, every = residuals.model.robot, np.arange(len(residuals))
@@ -145,7 +145,7 @@ def _angular(residuals: Residuals, name: str) -> bool:
 
 
 def _swept(
-    active: ActiveEffect, residuals: Residuals, there: Situation, x_name: str, levels: list[_Level]
+    active: ActiveEffect, residuals: Residuals, there: OperatingPoints, x_name: str, levels: list[_Level]
 ) -> Iterator[EffectCurve]:
     at_poses = {motion.name: motion for motion in motions(active, there)}
     by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
@@ -158,28 +158,30 @@ def _swept(
         parts = [level[name].columns for level in by_level]
         straightened = first.straightened and len(levels) == 1 and x_name.startswith("q")
         parts = _less_geometry(parts, np.asarray(levels[0].x, dtype=float) if straightened else None)
-        left = residuals.along(residuals.after, at_poses[name].tcp)
+        residual = residuals.along(residuals.after, at_poses[name].tcp)
         lines = []
         for level, columns in zip(levels, parts, strict=True):
             y, sigma = _with_sigma(active, columns)
             x = along[level.rows]
-            lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + left[level.rows]))
+            lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + residual[level.rows]))
         lever = _lever(residuals, at_poses[name])
         yield EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever)
 
 
-def _at_poses(active: ActiveEffect, residuals: Residuals, at: Situation, own: tuple[str, ...]) -> Iterator[EffectCurve]:
+def _at_poses(
+    active: ActiveEffect, residuals: Residuals, at: OperatingPoints, own: tuple[str, ...]
+) -> Iterator[EffectCurve]:
     for number, motion in enumerate(motions(active, at)):
         (columns,) = _less_geometry([motion.columns], None)
         y, sigma = _with_sigma(active, columns)
-        left, lever = residuals.along(residuals.after, motion.tcp), _lever(residuals, motion)
+        residual, lever = residuals.along(residuals.after, motion.tcp), _lever(residuals, motion)
         for x_name, unit, x in _places(at, motion, number, own):
             order = np.argsort(x, kind="stable")
-            line = CurveLine("", x[order], y[order], sigma[order], x[order], (y + left)[order])
+            line = CurveLine("", x[order], y[order], sigma[order], x[order], (y + residual)[order])
             yield EffectCurve(motion.name, motion.unit, with_unit(x_name, unit), (line,), smooth=False, lever=lever)
 
 
-def _places(at: Situation, motion: Motion, number: int, own: tuple[str, ...]) -> list[tuple[str, str, Floats]]:
+def _places(at: OperatingPoints, motion: Motion, number: int, own: tuple[str, ...]) -> list[tuple[str, str, Floats]]:
     """Coordinates against which an effect of forces, directions or positions is shown."""
     if "load" in own and motion.carried is not None:
         return [(motion.carried.words, motion.carried.unit, motion.carried.at(at))]
@@ -207,8 +209,8 @@ def _less_geometry(parts: list[Floats], x: Floats | None) -> list[Floats]:
     """Columns without the part that geometry absorbs: their mean over all parts, and a straight line over x if x is given."""
     whole = np.vstack(parts)
     taken = np.ones((len(whole), 1)) if x is None else np.stack([np.ones(len(x)), x - x.mean()], axis=1)
-    left = whole - taken @ np.linalg.lstsq(taken, whole, rcond=None)[0]
-    return np.split(left, np.cumsum([len(part) for part in parts])[:-1])
+    residual = whole - taken @ np.linalg.lstsq(taken, whole, rcond=None)[0]
+    return np.split(residual, np.cumsum([len(part) for part in parts])[:-1])
 
 
 def _with_sigma(active: ActiveEffect, columns: Floats) -> tuple[Floats, Floats]:

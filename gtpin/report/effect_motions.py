@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.basis import Basis, along_track, of_lengths
 from gtpin.effects.chain_motions import beam, joint_frame, of_body, of_carried, tip_to_joint
+from gtpin.effects.displacement import Displacement, along_track, of_lengths
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at, tracks, turning_joint
-from gtpin.effects.situation import Situation
 from gtpin.report.words import travel_words
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
@@ -34,7 +34,7 @@ class Carried:
     indices: tuple[int, ...]
     way: Floats
 
-    def at(self, at: Situation) -> Floats:
+    def at(self, at: OperatingPoints) -> Floats:
         """(N,) the load, N or N m."""
         return np.asarray(at.joint_loads[:, self.indices].sum(axis=1) @ self.way)
 
@@ -71,7 +71,7 @@ class Motion:
     carried: Carried | None = None
 
 
-def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
+def motions(active: ActiveEffect, at: OperatingPoints) -> list[Motion]:
     """All quantities that an effect displaces by more than a rounding error."""
     basis, site, size = active.basis(at), active.site, at.robot.motion_size
     placed = _of_carrier if tracks(at.robot) else placements
@@ -87,7 +87,7 @@ def motions(active: ActiveEffect, at: Situation) -> list[Motion]:
     return [m for m in found if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 
-def _travel(at: Situation, basis: Basis) -> list[Motion]:
+def _travel(at: OperatingPoints, basis: Displacement) -> list[Motion]:
     if basis.command is None:
         return []
     number, columns = basis.command
@@ -97,14 +97,14 @@ def _travel(at: Situation, basis: Basis) -> list[Motion]:
     return [Motion(travel_words(at.robot, site), unit, columns, one, carried=_own_load(at, site))]
 
 
-def _own_load(at: Situation, site: str) -> Carried:
+def _own_load(at: OperatingPoints, site: str) -> Carried:
     """The load about a joint's axis or along it; on a cart the force along its track."""
     frame, still, turning = joint_frame(at, site), np.zeros(3), turning_joint(at.robot, site)
     what = f"{site} {'about' if turning else 'along'} its {'track' if tracks(at.robot) else 'axis'}"
     return Carried(what, frame.indices, np.concatenate([still, frame.axis] if turning else [frame.axis, still]))
 
 
-def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
+def _of_carrier(at: OperatingPoints, site: str, basis: Displacement) -> list[Motion]:
     frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
     if frame is None or not frame.indices:
         return []
@@ -123,7 +123,7 @@ def _of_carrier(at: Situation, site: str, basis: Basis) -> list[Motion]:
     return found
 
 
-def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
+def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Motion]:
     """Motions of a joint's axis, or of the tips of links; those that move the TCP most are first."""
     found = []
     for index, twists in basis.placements:
@@ -145,7 +145,7 @@ def placements(at: Situation, site: str, basis: Basis) -> list[Motion]:
     return sorted(found, key=lambda motion: -at_tcp(motion))
 
 
-def _link(at: Situation, site: str, index: int) -> MovingLink:
+def _link(at: OperatingPoints, site: str, index: int) -> MovingLink:
     """The link of a site whose tip has the index; in a robot with loops, whose own placement frame has it."""
     found = links_at(at.robot, site)
     if at.robot.constraints:
@@ -153,7 +153,7 @@ def _link(at: Situation, site: str, index: int) -> MovingLink:
     return next(link for link in found if link.tip == index)
 
 
-def _ways(at: Situation, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:
+def _ways(at: OperatingPoints, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:
     """Name of the part that is displaced, and six directions, as twists (6,), with their names."""
     if link is None:
         frame = joint_frame(at, site)

@@ -52,10 +52,10 @@ class MapScale:
 
 def sizes(residuals: Residuals, after: bool) -> Floats:
     """(N,) lengths of the position residuals, m; for readings, root mean squares of each row's residuals over their sigmas."""
-    left = residuals.after if after else residuals.before
+    residual = residuals.after if after else residuals.before
     if residuals.of_poses:
-        return np.asarray(np.linalg.norm(left[:, :3], axis=1))
-    return np.asarray(np.sqrt(((left / residuals.sigma) ** 2).mean(axis=1)))
+        return np.asarray(np.linalg.norm(residual[:, :3], axis=1))
+    return np.asarray(np.sqrt(((residual / residuals.sigma) ** 2).mean(axis=1)))
 
 
 def maps(residuals: Residuals, scale: MapScale, layers: PlotChoice) -> tuple[list[Plot], tuple[PlotChoice, ...]]:
@@ -114,8 +114,8 @@ def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrume
     traces = [scatter("markers", T[:, a], T[:, b], marker=marker, text=said, hovertemplate=hover)]
     if scale.magnified:
         # Residuals are in the instrument's frame, the map is in the base frame.
-        left = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
-        ends, gap = T + scale.magnified * left, np.full(len(T), np.nan)
+        residual = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
+        ends, gap = T + scale.magnified * residual, np.full(len(T), np.nan)
         x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in (a, b))
         look = {"color": ZERO, "width": 1.2}
         traces.insert(0, scatter("lines", x, y, line=look, hoverinfo="skip", connectgaps=False))

@@ -14,7 +14,7 @@ from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
 from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with_nights
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words
 from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit

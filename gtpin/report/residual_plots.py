@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gtpin.data.names import command_names
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Column as Values
+from gtpin.effects.operating_points import Column as Values
 from gtpin.errors import DatasetError
 from gtpin.report.embedded import Plot, PlotChoice, escaped
 from gtpin.report.figure import DATA, DIVERGING, FIT, INK, ZERO, Drawing, alone, colorbar, scatter, titled
@@ -303,7 +303,7 @@ def _drawn(seen: View) -> npt.NDArray[np.intp]:
 
 def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool, after: bool) -> Drawing:
     rows = _drawn(seen)
-    left = seen.after if after else seen.before
+    residual = seen.after if after else seen.before
     made = (seen.before - seen.after)[rows] if causes and not after else None
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = titled(against.title, seen.title, showlegend=False, margin={"t": 10})
@@ -312,15 +312,15 @@ def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool,
         order = {"categoryorder": "array", "categoryarray": list(against.order)}
         layout["xaxis"] |= {"type": "category", "automargin": "height"} | order
         layout["scattermode"] = "group"
-        return Drawing(_boxes(against, rows, left[rows], made), layout)
+        return Drawing(_boxes(against, rows, residual[rows], made), layout)
     layout["xaxis"]["hoverformat"] = ".4g"
-    traces = _dots(residuals, against, rows, left[rows], made)
+    traces = _dots(residuals, against, rows, residual[rows], made)
     if against.line is not None and not after:  # not means, which would average out a short period
         x, y = against.line.x, seen.factor * against.line.fit[seen.name]
         name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
     else:
         groups, values = against.groups(seen.rows), against.values.astype(float)
-        x, y = (np.array([of[group].mean() for group in groups]) for of in (values, left))
+        x, y = (np.array([of[group].mean() for group in groups]) for of in (values, residual))
         name, look = "mean of neighbouring poses", {"color": INK, "width": 1.6}
     return Drawing([*traces, scatter("lines", x, y, name=name, hoverinfo="skip", line=look)], layout)
 
@@ -329,11 +329,11 @@ def _dots(
     residuals: Residuals,
     against: ColumnFit,
     rows: npt.NDArray[np.intp],
-    left: npt.ArrayLike,
+    residual: npt.ArrayLike,
     made: npt.ArrayLike | None,
 ) -> list[Any]:
     hover = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
-    layers = [(left, "residual", DATA), (made, "predicted from the causes", FIT)]
+    layers = [(residual, "residual", DATA), (made, "predicted from the causes", FIT)]
     return [
         scatter("markers", against.values[rows], y, name=name, marker=POINTS | {"color": color})
         | {"text": residuals.names[rows], "hovertemplate": hover}
@@ -343,12 +343,12 @@ def _dots(
 
 
 def _boxes(
-    against: ColumnFit, rows: npt.NDArray[np.intp], left: npt.ArrayLike, made: npt.ArrayLike | None
+    against: ColumnFit, rows: npt.NDArray[np.intp], residual: npt.ArrayLike, made: npt.ArrayLike | None
 ) -> list[Any]:
     """For each value a mark at the median, a thick line between the quartiles, and a thin one to the ends."""
     names, of = np.unique(against.values[rows].astype(str), return_inverse=True)
     layers = [
-        (left, "residuals of one value: median, quartiles, ends", DATA),
+        (residual, "residuals of one value: median, quartiles, ends", DATA),
         (made, "predicted from the causes", FIT),
     ]
     traces = []

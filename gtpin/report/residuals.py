@@ -14,7 +14,7 @@ from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import command_names
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -67,12 +67,12 @@ class Residuals:
         rows = np.flatnonzero(~np.isin(whole.row, lines))
         kept = whole.take(rows[evenly(len(rows), MOST)])
         readings = Readings.of(kept, robot, baseline.u)
-        before = readings.minus(baseline.model.predict(kept.q))
+        before = readings.residual_at(baseline.model.predict(kept.q))
         after = before
         if model is not None:
             values = {name: value for one in model.instruments for name, value in one.unknowns.items()}
             u = np.array([values[unknown.name] for unknown in readings.unknowns])
-            after = readings.at(u).minus(model.predict(kept.q, kept.covariates))
+            after = readings.at(u).residual_at(model.predict(kept.q, kept.covariates))
         sigma = noise_at(baseline.noise, readings).each
         return Residuals(kept, len(rows), baseline.model, model or baseline.model, before, after, sigma, readings)
 
@@ -129,11 +129,11 @@ class Residuals:
         """Indices of the rows that have a component: with several instruments, those of the instrument that reads it."""
         return self.axes[name][0] if name in self.axes else np.arange(len(self))
 
-    def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> Situation:
+    def at(self, q: Floats, covariates: Mapping[str, Column], fixed: References | None = None) -> OperatingPoints:
         """The situation at commands q (N, n) and covariates, with the model's geometry."""
         kinematics = self.model.kinematics
         temperature = self.dataset.conditions.reference_temperature
-        return Situation(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
+        return OperatingPoints(kinematics, q, kinematics.forward(q), dict(covariates), fixed, temperature)
 
     def along(self, residual: Floats, motion: Floats) -> Floats:
         """(N,) size of a motion that explains residuals (N, c) best, by weighted least squares in each row.
@@ -141,7 +141,7 @@ class Residuals:
         ``motion`` (N, 6 + k): motion of the TCP, base frame, and of k measured joints, for size 1.
         """
         sigma = self.sigma[0] if self.of_poses else self.sigma  # of poses, those of all rows are equal
-        u = self.readings.seen(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
+        u = self.readings.change_by(motion[:, :, None], self.model, self.poses)[:, :, 0] / sigma
         power = np.einsum("nc,nc->n", u, u)
         return np.asarray(np.einsum("nc,nc->n", u, residual / sigma) / np.maximum(power, 1e-300))
 

@@ -152,7 +152,7 @@ class RobotDescription:
         joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
-        reader = _Reader(source)
+        reader = _AttributeReader(source)
         loops = tuple(reader.loop(element) for element in root.findall("loop_joint"))
         elements = root.findall("gtpin")
         if len(elements) > 1:
@@ -216,7 +216,7 @@ def parse_xml(xml: str, source: str) -> Element:
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _AttributeReader:
     """Reads and checks attributes of the URDF's elements; its errors name the file ``source``."""
 
     source: str

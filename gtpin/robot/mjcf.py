@@ -49,7 +49,7 @@ def mjcf_to_urdf(root: Element, source: str) -> str:
     masses = Masses.of(root, values)
     without_objects(root)
     _check_number(root, "body", source)
-    writer = _Writer(values, masses, Element("robot", name=root.get("model", "mjcf")))
+    writer = _UrdfWriter(values, masses, Element("robot", name=root.get("model", "mjcf")))
     return writer.write(root)
 
 
@@ -59,7 +59,7 @@ def _check_number(root: Element, tag: str, source: str) -> None:
 
 
 @dataclass
-class _Writer:
+class _UrdfWriter:
     """Writes the URDF element by element.
 
     ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``bodies``: links of bodies, by

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.compensation.compensate import machine_of
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset, check_commands
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
@@ -160,20 +160,20 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         if not len(mine):
             continue
         u = _unknowns(one, known)
-        left = one.minus(seen[mine], u)
+        residual = one.residual_at(seen[mine], u)
         first = next(c.unit for c in one.components if c.shown)
         shown = np.array([c.shown and c.unit == first for c in one.components])
         T[mine] = one.looked_at(based[mine], u)
-        error[mine] = np.einsum("mci,mc->mi", one.by_pose(seen[mine], u)[:, shown, :3], left[:, shown]) @ frame.R
-        value[mine] = np.linalg.norm(left[:, shown], axis=1)
+        error[mine] = np.einsum("mci,mc->mi", one.by_pose(seen[mine], u)[:, shown, :3], residual[:, shown]) @ frame.R
+        value[mine] = np.linalg.norm(residual[:, shown], axis=1)
         whitened[mine] = value[mine] / (one.declared[0] or max(float(np.sqrt((value[mine] ** 2).mean())), 1e-300))
         name[mine], unit[mine] = one.name, first
         if not one.name:
             # Each rod's share of the gap; orientations that are not measured count as free of errors.
-            at = Situation(model.kinematics, kept.q, model.kinematics.forward(kept.q), kept.covariates)
+            at = OperatingPoints(model.kinematics, kept.q, model.kinematics.forward(kept.q), kept.covariates)
             sigma = [kept.instrument.position_sigma or 0.0, kept.instrument.orientation_sigma or 0.0]
-            based_left = left @ np.kron(np.eye(left.shape[1] // 3), frame.R)
-            share = at.rod_shares(based_left, np.diag(np.repeat(sigma, 3)[: left.shape[1]]))
+            based_left = residual @ np.kron(np.eye(residual.shape[1] // 3), frame.R)
+            share = at.rod_shares(based_left, np.diag(np.repeat(sigma, 3)[: residual.shape[1]]))
     by, units = tuple(map(str, name)), tuple(map(str, unit))
     return DrawnGap(whose(model), kept.pose, rows.line, kept.q, T, error, share, by, value, units, whitened)
 

@@ -20,7 +20,7 @@ from gtpin.report.skeleton import Camera, Skeleton, skeleton
 from gtpin.typing import Floats
 from gtpin.view.displays import ChainDisplay, InstrumentDisplay
 from gtpin.view.gap import DrawnGap
-from gtpin.view.shapes import Shape, joint_places, of_errors, parts, robot_as_modelled, shapes
+from gtpin.view.shapes import NamedPart, joint_places, of_errors, parts, robot_as_modelled, shapes
 
 BLACK = np.array([0.1, 0.1, 0.1])
 BETWEEN = 12
@@ -207,9 +207,9 @@ class Scene:
         visualizer.display(self.posture.configuration)
         return visualizer
 
-    def _name_parts(self) -> dict[Shape, Any]:
+    def _name_parts(self) -> dict[NamedPart, Any]:
         """A label at each part, at alternate sides of parts that are near each other."""
-        data, scene, named = self._visualizer.data, self.server.scene, dict[Shape, Any]()
+        data, scene, named = self._visualizer.data, self.server.scene, dict[NamedPart, Any]()
         places = {part: part.place(data) for part in parts(self.robot)}
         near = NEAR * max(float(np.ptp(np.array(list(places.values())), axis=0).max()), 1e-9) if places else 0.0
         for part, place in places.items():

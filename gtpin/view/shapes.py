@@ -42,7 +42,7 @@ def of_errors(lengths: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class NamedPart:
     """A part: its name, the number of the Pinocchio joint that it moves with, and its place (3,) in that joint's frame, m."""
 
     name: str
@@ -54,14 +54,14 @@ class Shape:
         return np.asarray(data.oMi[self.joint].act(self.at))
 
 
-def parts(robot: Robot) -> tuple[Shape, ...]:
+def parts(robot: Robot) -> tuple[NamedPart, ...]:
     """The parts of a robot. Their names are drawn at the TCP (the platform), at the actuators' joints, and at the rods'
     middles."""
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
     found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
     # A leg is an actuator and a rod: its name is drawn only once, at its middle.
     found |= {site: (joint, tip / 2.0) for site, (_, joint, tip) in robot.rod_tips.items()}
-    return tuple(Shape(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
+    return tuple(NamedPart(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
 
 def platform_name(robot: Robot) -> str:

@@ -8,7 +8,7 @@ from accuracy_machines import MODEL, ROBOT, commands
 
 import gtpin
 from gtpin.accuracy.planning import Signal, best_poses, plan_poses, signal
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import ModelError
 from gtpin.noise.noise import Noise
 
@@ -59,7 +59,7 @@ def test_the_best_beat_random_choices_in_nats_and_in_prediction() -> None:
 
 def test_learned_is_what_a_calibration_of_these_poses_reports() -> None:
     q = commands(30, seed=3)
-    instrument = Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5)
+    instrument = InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5)
     poses = MODEL.predict(q)
     rng = np.random.default_rng(4)
     dataset = Dataset(

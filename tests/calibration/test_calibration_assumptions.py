@@ -140,7 +140,7 @@ def test_an_instrument_set_up_anew_in_a_session_of_its_own_is_left_to_the_diagno
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", ["tracker_drift", "link_compliance", "thermal_track"])
 def test_what_drifts_or_follows_a_recorded_column_is_no_bump(effect):
-    found = gtpin.calibrate(make_case(41, effects=[(effect, None)], energy=8000.0, poses=90).dataset)
+    found = gtpin.calibrate(make_case(41, effects=[(effect, None)], noncentrality=8000.0, poses=90).dataset)
     assert found.poses > 0  # not refused
 
 

@@ -79,7 +79,7 @@ def test_a_fit_that_starts_from_a_part_ends_where_the_fit_of_all_ends(robot, mon
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_nothing_depends_on_how_many_poses_are_worked_on_together(monkeypatch):
-    dataset = make_case(4, effects=[("thermal_links", "arm")], energy=800.0, poses=150).dataset
+    dataset = make_case(4, effects=[("thermal_links", "arm")], noncentrality=800.0, poses=150).dataset
     whole = gtpin.diagnose(dataset)
     monkeypatch.setattr(poses, "CHUNK", 37)
     found = gtpin.diagnose(dataset)

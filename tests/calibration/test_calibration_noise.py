@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, measured, tolerance, undeclared
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.noise.estimate import from_repeats, tamed
 from gtpin.noise.reading_noise import ReadingNoise
 
@@ -98,7 +98,7 @@ def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(rati
         noise = rng.standard_normal((120, 6)) * [*[across] * 3, *[ORIENTATION_SIGMA] * 3]
         along = (noise[:, :3] * sight).sum(axis=1, keepdims=True) * sight
         noise[:, :3] = ratio * along + (distance / distance.mean())[:, None] * (noise[:, :3] - along)
-        instrument = Instrument(
+        instrument = InstrumentSection(
             position_sigma=POSITION_SIGMA, orientation_sigma=ORIENTATION_SIGMA, station=tuple(station)
         )
         return machine, measured(machine, q, rng, noise=noise, instrument=instrument)
@@ -191,7 +191,7 @@ def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
 def test_gross_errors_of_positions_alone_are_set_aside():
     for seed in range(12):
         spoilt, _, bad = gross_case(seed, wrong=3, count=60)
-        positions = replace(spoilt, orientation=None, instrument=Instrument(position_sigma=POSITION_SIGMA))
+        positions = replace(spoilt, orientation=None, instrument=InstrumentSection(position_sigma=POSITION_SIGMA))
         with pytest.warns(gtpin.GtpinWarning, match="gross"):
             assert bad <= set(gtpin.calibrate(positions).rejected)
 
@@ -237,7 +237,7 @@ def test_data_without_noise_are_fitted_closely(declared, nominal, repeats, seed)
         visits = np.concatenate([visits, np.arange(20)])
     if nominal:
         machine = type(machine)(machine.gantry.nominal(), dict.fromkeys(machine.deviations, 0.0))
-    tiny = Instrument(position_sigma=1e-9, orientation_sigma=1e-9)
+    tiny = InstrumentSection(position_sigma=1e-9, orientation_sigma=1e-9)
     q = commands(rng, 80)
     dataset = measured(machine, q[visits], rng, noise=np.zeros((len(visits), 6)), pose=visits, instrument=tiny)
     found = gtpin.calibrate(dataset if declared else undeclared(dataset))
@@ -256,7 +256,7 @@ def test_noise_larger_than_declared_enlarges_the_sigmas():
         return machine, measured(machine, commands(rng, 100), rng, noise=noise)
 
     found = study(make, MACHINES)
-    mean_is([c.enlarged for c in found.calibrations], 2.0, 0.01)
+    mean_is([c.sigma_scale for c in found.calibrations], 2.0, 0.01)
     # A lack of fit is told, not hidden in the noise: chi-square stays what the declared noise makes it.
     assert_chi2(sum(c.chi2 for c in found.calibrations) / 4.0, sum(c.dof for c in found.calibrations))
     found.assert_covers()

@@ -110,13 +110,13 @@ def test_a_direction_that_the_data_can_t_see_changes_no_prediction(case):
         if kind == "free":
             Q, _ = np.linalg.qr(rigid(found, q))
             flat = (change / np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)).ravel()
-            left = (flat - Q @ (Q.T @ flat)).reshape(-1, 6)
+            residual = (flat - Q @ (Q.T @ flat)).reshape(-1, 6)
         else:
-            left = change / np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
-        left = left[:, : found.residual.shape[1]]
+            residual = change / np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
+        residual = residual[:, : found.residual.shape[1]]
         # One tolerance along it moves all 60 poses together by less than a tenth of the noise's sigma, root of the sum of
         # squares; the bend of the closures over a tolerance (1e-3^2 / 2 of 0.2 m) adds a few tenths a pose.
-        assert np.sqrt((left**2).mean()) < 0.2 * step
+        assert np.sqrt((residual**2).mean()) < 0.2 * step
 
 
 def test_directions_are_named_with_weights_in_tolerances(case):

@@ -75,7 +75,7 @@ def test_parameters_left_out_stay_nominal():
 def test_what_was_left_out_wrongly_shows_as_a_lack_of_fit(dataset):
     found = gtpin.calibrate(dataset, without=["track_direction"])
     assert found.chi2_per_dof > 2.0
-    assert found.enlarged == pytest.approx(np.sqrt(found.chi2_per_dof)) or np.isfinite(found.freedom)
+    assert found.sigma_scale == pytest.approx(np.sqrt(found.chi2_per_dof)) or np.isfinite(found.freedom)
 
 
 def test_a_name_that_is_no_parameter_is_refused(dataset):

@@ -56,7 +56,7 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
         for sign in (1.0, -1.0):
             moved = x.copy()
             moved[k] += sign * h
-            ends.append(problem.point(moved).model.seen(problem.point(moved).poses))
+            ends.append(problem.point(moved).model.in_instrument_frame(problem.point(moved).poses))
         step = ends[0].minus(ends[1]) if orientation else ends[0].T - ends[1].T
         # h of a tolerance is about a micrometre: differences are good to 1e-6 of it, and to rounding in the closures.
         np.testing.assert_allclose(
@@ -86,8 +86,10 @@ def test_scipy_finds_the_same_optimum(free):
         if free:
             look = Rotation.from_rotvec(1e-5 * x[51:]) * Rotation.from_matrix(view.R)
             T, seen = look.apply(T) + view.T + 1e-5 * x[48:51], look * seen
-        left = np.hstack([(dataset.position - T) / POSITION_SIGMA, (turn * seen.inv()).as_rotvec() / ORIENTATION_SIGMA])
-        return np.concatenate([left.ravel(), x[:48]])
+        residual = np.hstack(
+            [(dataset.position - T) / POSITION_SIGMA, (turn * seen.inv()).as_rotvec() / ORIENTATION_SIGMA]
+        )
+        return np.concatenate([residual.ravel(), x[:48]])
 
     def jacobian(x):
         # scipy's own steps are too short for a tolerance of a millimetre: rounding would show.

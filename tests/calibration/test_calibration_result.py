@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from virtual_gantry import commands, draw, measured, names, undeclared
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.errors import GtpinError
 from gtpin.report.calibration_text import calibration_text
 
@@ -104,7 +104,7 @@ def test_the_text_names_poses_that_were_set_aside(case):
 @pytest.mark.slow
 def test_the_text_admits_a_lack_of_fit_and_says_where_sigmas_come_from(case):
     dataset, _ = case
-    fine = Instrument(position_sigma=5e-6, orientation_sigma=2e-5)
+    fine = InstrumentSection(position_sigma=5e-6, orientation_sigma=2e-5)
     found = gtpin.calibrate(replace(dataset, instrument=fine))
     assert "does not explain" in calibration_text(found)
     assert found.to_json()["chi2_per_dof"] > 4.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.export import export
 from gtpin.model.dh import controller_table
 from gtpin.model.fit_conditions import ModelDiscrepancy
@@ -83,7 +83,7 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
         [f"p{i}" for i in range(80)],
         q,
         np.array(seen) + sigma * rng.standard_normal((80, 3)),
-        instrument=Instrument(frame="free", target="free", position_sigma=sigma),
+        instrument=InstrumentSection(frame="free", target="free", position_sigma=sigma),
     )
     calibration = gtpin.calibrate(dataset)
     found = {(p.site, p.name): p for p in controller_table(calibration.model)}

@@ -14,8 +14,8 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.data import Dataset, Instrument
-from gtpin.effects import Situation
+from gtpin.data import Dataset, InstrumentSection
+from gtpin.effects import OperatingPoints
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.kinematics.frame_and_target import frame_and_target
@@ -71,7 +71,7 @@ def test_with_frame_and_target_free_poses_that_were_not_measured_are_predicted_a
         case.dataset,
         position=T,
         orientation=np.array([[Q.w, Q.x, Q.y, Q.z] for Q in quaternions]),
-        instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, frame="free", target="free"),
+        instrument=InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5, frame="free", target="free"),
     )
     known = gtpin.calibrate(case.dataset).model.predict(case.commands.q).T - case.truth.T
     free = gtpin.calibrate(dataset).model.predict(case.commands.q).T - elsewhere(case.truth.T, case.truth.R)[0]
@@ -82,7 +82,7 @@ def test_with_frame_and_target_free_poses_that_were_not_measured_are_predicted_a
 def test_a_free_target_on_rods_is_refused() -> None:
     dataset = make_case(1, poses=40, held_out=1).dataset
     with pytest.raises(DatasetError, match="free target"):
-        gtpin.calibrate(replace(dataset, instrument=Instrument(target="free")))
+        gtpin.calibrate(replace(dataset, instrument=InstrumentSection(target="free")))
 
 
 @pytest.mark.parametrize("effect", ["link_compliance", "thermal_links"])
@@ -98,7 +98,7 @@ def test_where_the_target_sits_changes_what_is_seen_of_the_last_link_and_not_how
     seen = []
     for geometry in (nominal, nominal.with_values(np.array(values))):
         kinematics = gtpin.Model(geometry).kinematics
-        at = Situation(kinematics, q, kinematics.forward(q), known)
+        at = OperatingPoints(kinematics, q, kinematics.forward(q), known)
         seen.append(effects_by_id()[effect].basis(at, site).displacement(at))
     R = gtpin.Model(nominal).predict(q).R
     lever = np.einsum("nij,j->ni", R, place.translation)
@@ -161,7 +161,7 @@ def measured(
         q=q,
         position=np.array([M.translation for M in seen]),
         orientation=np.array([np.roll(pin.Quaternion(M.rotation).coeffs(), 1) for M in seen]),
-        instrument=Instrument(position_sigma=NOISE, orientation_sigma=TURNS, frame=frame, target="free"),
+        instrument=InstrumentSection(position_sigma=NOISE, orientation_sigma=TURNS, frame=frame, target="free"),
     )
 
 

@@ -15,7 +15,7 @@ from virtual_arm import ROBOT, Arm
 import gtpin
 from gtpin.cli import app
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import PARTS, References, Situation
+from gtpin.effects.operating_points import PARTS, OperatingPoints, References
 from gtpin.model.model_folder import write_model
 from gtpin.model.predict import predict
 
@@ -182,7 +182,7 @@ def kept_at(angle):
     q = np.where(np.arange(6) == J, angle[:, None], 0.0)
     kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
     one = replace(in_part(), only_measured=True)
-    at = Situation(kinematics, q, kinematics.forward(q), {}, fixed=one.references)
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {}, fixed=one.references)
     return one.basis(at).command[1] @ one.coefficients
 
 

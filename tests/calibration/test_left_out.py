@@ -73,8 +73,12 @@ def test_visits_that_agree_do_not_make_a_model_right(visits):
         group_turns=one[0] > 0,
     )
 
-    def left(errors, taken, known):
-        fit = SimpleNamespace(problem=SimpleNamespace(measured=measured), residual=errors[:, None] / 1e-6, taken=taken)
+    def left(errors, effective_parameters, known):
+        fit = SimpleNamespace(
+            problem=SimpleNamespace(measured=measured),
+            residual=errors[:, None] / 1e-6,
+            effective_parameters=effective_parameters,
+        )
         return unexplained_by(fit, errors[:, None], one + 1e-12, known=known, dof=np.inf)
 
     found = left(errors, 10.0, True)

@@ -16,7 +16,7 @@ def as_readings(dataset):
     """The dataset as readings of an instrument that has a name."""
     (table,) = dataset.readings.tables
     named = replace(dataset.readings, tables=(table.model_copy(update={"name": "tracker"}),))
-    return replace(dataset, instrument=gtpin.data.Instrument(), orientation=None, readings=named)
+    return replace(dataset, instrument=gtpin.data.InstrumentSection(), orientation=None, readings=named)
 
 
 def visited(dataset, rng, times, scatter):

@@ -60,7 +60,7 @@ def test_turns_so_small_that_the_nominal_robot_hides_them_show_after_the_fit():
 @pytest.mark.parametrize("declared", [True, False])
 def test_effects_are_no_convention(robot, declared):
     for seed in (651, 652):
-        data = make_case(seed, robot=robot, n_effects=2, energy=4000.0, poses=80, held_out=1).dataset
+        data = make_case(seed, robot=robot, n_effects=2, noncentrality=4000.0, poses=80, held_out=1).dataset
         if not declared:
             unknown = data.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
             data = replace(data, instrument=unknown)

@@ -250,7 +250,7 @@ def test_a_sigma_that_is_far_from_what_the_data_show_is_named(tmp_path, name):
 def test_a_sigma_that_is_a_resolution_is_questioned_and_does_little_harm(tmp_path):
     with pytest.warns(GtpinWarning, match="or the declared sigma is too small"):
         found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=2e-7)))
-    assert found.enlarged > 30.0  # sigmas of parameters are those of the noise that is there
+    assert found.sigma_scale > 30.0  # sigmas of parameters are those of the noise that is there
 
 
 def test_a_sigma_of_a_careful_data_sheet_is_not_used_and_warned_of(tmp_path):

@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.checks.suspected import NO_FIT, suspect
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import DatasetError, GtpinWarning
 
 MISTAKE = DatasetError("q1 looks reversed", column="q1", hint="change the sign of q1")
 
 
 def of(position: float | None, orientation: float | None, *, trusted: bool = False) -> Dataset:
-    known = Instrument(position_sigma=position, orientation_sigma=orientation)
+    known = InstrumentSection(position_sigma=position, orientation_sigma=orientation)
     return Dataset("ur5", ["a"], np.zeros((1, 6)), np.zeros((1, 3)), instrument=known, trusted=trusted)
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 
 Floats = np.ndarray
 ROBOT = gtpin.load_robot("ur5")
@@ -67,5 +67,5 @@ class Arm:
             q=q,
             position=turn.apply(T) + shift + sigmas[0] * rng.standard_normal(T.shape),
             orientation=(noise * turn * Rotation.from_matrix(R)).as_quat(scalar_first=True),
-            instrument=Instrument(position_sigma=sigmas[0], orientation_sigma=sigmas[1], frame=frame),
+            instrument=InstrumentSection(position_sigma=sigmas[0], orientation_sigma=sigmas[1], frame=frame),
         )

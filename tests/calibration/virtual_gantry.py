@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 
 Floats = np.ndarray
 
@@ -139,14 +139,14 @@ def measured(
     noise: Floats | None = None,
     pose: Sequence[object] | None = None,
     orientation: bool = True,
-    instrument: Instrument | None = None,
+    instrument: InstrumentSection | None = None,
 ) -> gtpin.Dataset:
     """What a tracker reads: truth and noise (N, 6), m and rad; by default Gaussian of the usual size, and declared."""
     if noise is None:
         noise = rng.standard_normal((len(q), 6)) * np.repeat([POSITION_SIGMA, ORIENTATION_SIGMA], 3)
     T, turn = machine.seen(q)
     if instrument is None:
-        instrument = Instrument(
+        instrument = InstrumentSection(
             position_sigma=POSITION_SIGMA,
             orientation_sigma=ORIENTATION_SIGMA if orientation else None,
             frame="robot" if machine.view is None else "free",

@@ -26,7 +26,7 @@ KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplaine
 
 def made(folder, *effects):
     """A plant's dataset of 120 poses with effects so strong that they can't be missed; the truth beside it."""
-    case = make_case(11, effects=[(name, site) for name, site in effects], energy=4000.0, poses=120)
+    case = make_case(11, effects=[(name, site) for name, site in effects], noncentrality=4000.0, poses=120)
     case.write(folder, "set")
     return folder / "set"
 

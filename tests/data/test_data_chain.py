@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from small_dataset import HEADER, LINES, TOML
 
-from gtpin.data import Dataset, Driver, Instrument
+from gtpin.data import Dataset, Driver, InstrumentSection
 from gtpin.errors import DatasetError
 
 Make = Callable[..., Path]
@@ -94,4 +94,4 @@ def test_a_dataset_made_in_python_is_checked_as_a_file_is(make: Make) -> None:
         replace(dataset, drivers=(Driver("payload", "cart1", "q", -1.0),))
     with pytest.raises(DatasetError, match="3 columns of commands for 2 actuators"):
         replace(dataset, actuators=("track1", "track2"))
-    assert replace(dataset, instrument=Instrument(target="free")).instrument.target == "free"
+    assert replace(dataset, instrument=InstrumentSection(target="free")).instrument.target == "free"

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import Commands, Dataset, Instrument, check_commands, check_measurements
+from gtpin.data import Commands, Dataset, InstrumentSection, check_commands, check_measurements
 from gtpin.data.plausible import misplaced, misplaced_order
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.robot.library import load_robot
@@ -34,7 +34,7 @@ def measured(frame="robot", **kwargs):
         stand = Rotation.from_rotvec([0.3, -1.0, 2.0])
         there, turned = stand.apply(there) + np.array([30.0, 2.0, -1.0]), stand * turned
     pose = [f"p{i}" for i in range(N)]
-    instrument = Instrument(frame=frame)
+    instrument = InstrumentSection(frame=frame)
     return Dataset("r", pose, q, there, turned.as_quat(scalar_first=True), instrument=instrument)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data import Conditions, Dataset, Instrument
+from gtpin.data import Conditions, Dataset, InstrumentSection
 from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, counted_once, with_rounding
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
@@ -29,13 +29,13 @@ def day(seed=11, **columns):
     }
     pose = [f"p{i}" for i in range(N)]
     q, position = rng.uniform(-1, 1, (N, 3)), rng.normal(0, 1, (N, 3))
-    return Dataset("r", pose, q, position, covariates=covariates | columns, instrument=Instrument())
+    return Dataset("r", pose, q, position, covariates=covariates | columns, instrument=InstrumentSection())
 
 
 def test_sections_of_dataset_toml_may_be_dicts():
     data = day()
     found = replace(data, instrument={"frame": "free", "target": "free"}, conditions={"reference_temperature": 22.0})
-    assert found.instrument == Instrument(frame="free", target="free")
+    assert found.instrument == InstrumentSection(frame="free", target="free")
     assert found.conditions == Conditions(reference_temperature=22.0)
     with pytest.raises(DatasetError, match=r"instrument\.frame.*write .robot. or .free."):
         replace(data, instrument={"frame": "base"})
@@ -143,10 +143,10 @@ def test_copies_with_other_times_or_temperatures_are_copies():
 @pytest.mark.parametrize(
     ("key", "changed"),
     [
-        ("instrument.position_sigma", {"instrument": Instrument(position_sigma=1e-300)}),
-        ("instrument.position_sigma", {"instrument": Instrument(position_sigma=1e300)}),
-        ("instrument.orientation_sigma", {"instrument": Instrument(orientation_sigma=1e300)}),
-        ("instrument.station", {"instrument": Instrument(station=(0.0, -1e6, 0.0))}),
+        ("instrument.position_sigma", {"instrument": InstrumentSection(position_sigma=1e-300)}),
+        ("instrument.position_sigma", {"instrument": InstrumentSection(position_sigma=1e300)}),
+        ("instrument.orientation_sigma", {"instrument": InstrumentSection(orientation_sigma=1e300)}),
+        ("instrument.station", {"instrument": InstrumentSection(station=(0.0, -1e6, 0.0))}),
         ("conditions.reference_temperature", {"conditions": Conditions(reference_temperature=1e9)}),
         ("conditions.reference_temperature", {"conditions": Conditions(reference_temperature=293.15)}),
         ("tolerance.length", {"tolerance": {"length": 1e-300}}),
@@ -162,7 +162,7 @@ def test_numbers_that_no_machine_has_are_refused_by_their_key(tmp_path, key, cha
 
 
 def test_ordinary_numbers_pass_and_a_reference_of_68_is_doubted():
-    instrument = Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5, station=(1.5, -7.0, 0.3))
+    instrument = InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5, station=(1.5, -7.0, 0.3))
     check_extremes(replace(day(), instrument=instrument, tolerance={"length": 5e-4}))
     with pytest.warns(GtpinWarning, match="Fahrenheit"):
         check_extremes(replace(day(), conditions=Conditions(reference_temperature=68.0)))

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_dataset import TOML
 
-from gtpin.data import CartMeasurements, Commands, Conditions, Dataset, Instrument
+from gtpin.data import CartMeasurements, Commands, Conditions, Dataset, InstrumentSection
 from gtpin.data.ids import normal_id
 from gtpin.errors import DatasetError
 
@@ -62,7 +62,7 @@ def datasets(draw):
         actuators,
     )
     station = tuple(draw(st.lists(finite, min_size=3, max_size=3)))
-    instrument = Instrument(
+    instrument = InstrumentSection(
         position_sigma=draw(st.none() | positive),
         orientation_sigma=draw(st.none() | positive),
         frame=draw(st.sampled_from(["robot", "free"])),

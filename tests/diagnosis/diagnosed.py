@@ -22,15 +22,19 @@ def quietly(call: Callable[..., Any], *given: Any, **options: Any) -> Any:
 
 
 @cache
-def machine(seed: int, effect: str | None = None, site: str | None = None, energy: float = LARGE) -> Case:
-    return make_case(seed, effects=[(effect, site)] if effect else [], energy=energy, poses=POSES)
+def machine(seed: int, effect: str | None = None, site: str | None = None, noncentrality: float = LARGE) -> Case:
+    return make_case(seed, effects=[(effect, site)] if effect else [], noncentrality=noncentrality, poses=POSES)
 
 
 @cache
 def said(
-    seed: int, effect: str | None = None, site: str | None = None, energy: float = LARGE, exclude: tuple[str, ...] = ()
+    seed: int,
+    effect: str | None = None,
+    site: str | None = None,
+    noncentrality: float = LARGE,
+    exclude: tuple[str, ...] = (),
 ) -> Diagnosis:
-    return quietly(gtpin.diagnose, machine(seed, effect, site, energy).dataset, exclude=exclude)
+    return quietly(gtpin.diagnose, machine(seed, effect, site, noncentrality).dataset, exclude=exclude)
 
 
 def classes(found: Diagnosis) -> set[tuple[str, str]]:

@@ -54,12 +54,12 @@ class Dense:
 def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:
     """A linear problem that belongs to no machine."""
     model: Any = SimpleNamespace(geometry=SimpleNamespace(parameters=range(n_geometry)))
-    situation: Any = None
+    operating_points: Any = None
     rows = len(whitening)
     robot: Any = None
     R = np.broadcast_to(np.eye(3), (rows, 3, 3)) if whitening.shape[1] == 6 else None
     nowhere = Readings.of_poses(np.zeros((rows, 1)), np.zeros((rows, 3)), R, robot)
-    return Design(situation, whitening, model, y, B, n_geometry, 0, nowhere)
+    return Design(operating_points, whitening, model, y, B, n_geometry, 0, nowhere)
 
 
 @cache

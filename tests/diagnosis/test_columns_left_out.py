@@ -21,7 +21,9 @@ CONDITIONS = SimulatedConditions(rest=0.4, sessions=3)
 
 @cache
 def measured(seed: int, *effects: tuple[str, str]) -> gtpin.Dataset:
-    return make_case(seed, effects=list(effects), energy=1500.0, poses=130, held_out=1, conditions=CONDITIONS).dataset
+    return make_case(
+        seed, effects=list(effects), noncentrality=1500.0, poses=130, held_out=1, conditions=CONDITIONS
+    ).dataset
 
 
 def with_columns(dataset: gtpin.Dataset, **columns: Any) -> gtpin.Dataset:

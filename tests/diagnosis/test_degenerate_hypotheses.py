@@ -21,10 +21,10 @@ from gtpin.diagnosis.linear import scan
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.basis import Basis, along_track
+from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import RackPeriodic
-from gtpin.effects.situation import Situation
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.robot.geometry import Geometry
@@ -60,7 +60,7 @@ class Drawn(Effect):
     def sites(self, robot):
         return (*robot.sites, *robot.sites)
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         return along_track(at, site, self.columns, np.ones(self.columns.shape[1]))
 
 
@@ -87,7 +87,7 @@ def problems(draw: st.DrawFn) -> HypothesisSet:
     if draw(st.booleans()):  # few different commands of each joint
         q = np.round(q)
     design = of_arm(q)
-    at = design.situation
+    at = design.operating_points
     columns = [1e-4 * rng.standard_normal((ROWS, 2))]
     for kind in draw(st.lists(st.sampled_from(KINDS), max_size=5)):
         columns.append(_columns(kind, columns[-1], rng))
@@ -129,7 +129,7 @@ def _columns(kind: str, before: np.ndarray, rng: np.random.Generator) -> np.ndar
 
 def of_arm(q: np.ndarray) -> Design:
     """Measured positions without a deviation, in units of 0.1 mm."""
-    at = Situation(arm(), q, arm().forward(q), {})
+    at = OperatingPoints(arm(), q, arm().forward(q), {})
     rows = len(q)
     return Design(
         at,
@@ -148,7 +148,7 @@ def check(hypotheses: HypothesisSet, model: Explanation) -> None:
     assert len(set(places)) == len(places)
     for cause in causes(model):
         assert len(set(cause.values)) == len(cause.values)
-    for part in (model.log_evidence, model.mean, model.covariance, hypotheses.worth(model)):
+    for part in (model.log_evidence, model.mean, model.covariance, hypotheses.log_posterior(model)):
         assert np.isfinite(part).all()
     y, B = hypotheses.design.y, hypotheses.design.B
     nothing = np.eye(len(y)) + B @ B.T
@@ -182,7 +182,7 @@ def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float, l
     q = rng.uniform(-2.0, 2.0, (40, 6))
     design, turn = of_arm(q), 2.0 * np.pi
     lines, site = Lines([turn, 3.0, 2.0], apart=50.0), "shoulder_pan_joint"
-    X = np.hstack([design.columns(lines.basis(design.situation, site, p)) for p in (turn, 3.0)])
+    X = np.hstack([design.columns(lines.basis(design.operating_points, site, p)) for p in (turn, 3.0)])
     y = X @ (size * rng.standard_normal(X.shape[1])) + rng.standard_normal(len(X))
     hypotheses = HypothesisSet(replace(design, y=y), (), (Hypothesis(lines, site),), (), SCOPE)
     cause = Hypothesis(lines, site, turn, 0.01, (3.0,), (0.01,))

@@ -26,7 +26,7 @@ def names(found: Diagnosis) -> set[tuple[str, str]]:
 def tooth(
     poses: int = POSES, noise: SimulatedNoise | None = None, without: tuple[str, ...] = (), seed: int = 1
 ) -> Dataset:
-    case = make_case(seed, effects=[TOOTH], energy=LARGE, poses=poses, noise=noise, without=without)
+    case = make_case(seed, effects=[TOOTH], noncentrality=LARGE, poses=poses, noise=noise, without=without)
     return case.dataset
 
 
@@ -132,7 +132,7 @@ def test_bare_commands_and_poses_are_enough():
 )
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_few_poses_are_diagnosed_or_refused_in_one_line(poses, effect, noise):
-    dataset = make_case(1, effects=effect, energy=LARGE, poses=poses, noise=noise).dataset
+    dataset = make_case(1, effects=effect, noncentrality=LARGE, poses=poses, noise=noise).dataset
     refused = ""
     try:
         found = gtpin.diagnose(dataset)

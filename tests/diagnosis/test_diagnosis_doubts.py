@@ -65,7 +65,7 @@ def test_structure_is_not_taken_for_noise(effect):
 )
 def test_a_coefficient_of_a_sign_that_no_machine_has_is_a_question_and_no_cause(effect, column, mirrored):
     site = "arm" if effect != "thermal_track" else "cart2"
-    dataset = make_case(6, effects=[(effect, site)], energy=LARGE, poses=130).dataset
+    dataset = make_case(6, effects=[(effect, site)], noncentrality=LARGE, poses=130).dataset
     wrong = replace(dataset, covariates={**dataset.covariates, column: mirrored - dataset.covariates[column]})
     found, _ = warned(wrong)
     assert found.verdict == "unknown"
@@ -78,7 +78,7 @@ def test_a_coefficient_of_a_sign_that_no_machine_has_is_a_question_and_no_cause(
 
 
 def test_a_question_reaches_summary_and_file():
-    dataset = make_case(6, effects=[("servo_lag", "cart1")], energy=LARGE, poses=130).dataset
+    dataset = make_case(6, effects=[("servo_lag", "cart1")], noncentrality=LARGE, poses=130).dataset
     speeds = {name: -values for name, values in dataset.covariates.items() if name.startswith("speed")}
     found, _ = warned(replace(dataset, covariates={**dataset.covariates, **speeds}))
     assert [(c.effect, c.site) for c in found.causes] == [("servo_lag", "cart1")]

@@ -46,12 +46,12 @@ def machine(seed: int, spread: float = 1.0) -> tuple[Model, Observed]:
     start = nominal().geometry
     off = spread * start.tolerance * rng.standard_normal(len(start.parameters))
     geometry = start.with_values(start.values + off)
-    at = observed.situation(Model(geometry))
+    at = observed.operating_points(Model(geometry))
     active = []
     for cause, scale in zip(CAUSES, SCALES, strict=True):
         size = cause.basis(at).sigma * scale
         c = size * rng.standard_normal(len(size))
-        active.append(ActiveEffect(cause.effect, cause.site, cause.nonlinear, c, np.diag(size**2), at.references))
+        active.append(ActiveEffect(cause.effect, cause.site, cause.shape_parameter, c, np.diag(size**2), at.references))
     true = Model(geometry, effects=tuple(active))
     seen = true.predict(observed.measured.q, observed.covariates)
     T = seen.T + POSITION * rng.standard_normal(seen.T.shape)
@@ -68,13 +68,13 @@ def test_a_fit_about_its_own_result_is_the_linear_posterior():
     design = observed.design(replace(found, effects=()), references)
     groups = Groups(Marginal(design.B), design.y)
     for cause in CAUSES:
-        groups.add(cause, design.columns(cause.basis(design.situation)))
+        groups.add(cause, design.columns(cause.basis(design.operating_points)))
     linear = fixed(groups, CAUSES, SCALES)
     place = 0
     for cause, active in zip(CAUSES, found.effects, strict=True):
         own = slice(place, place + len(active.coefficients))
         place = own.stop
-        typical = cause.basis(design.situation).sigma
+        typical = cause.basis(design.operating_points).sigma
         sigma = np.sqrt(np.diag(linear.covariance[own, own]))
         assert_allclose(active.coefficients / typical, linear.mean[own], atol=0.02 * sigma.min())
         assert_allclose(
@@ -87,7 +87,7 @@ def test_a_fit_about_its_own_result_is_the_linear_posterior():
 @pytest.mark.slow
 def test_a_fit_without_causes_is_the_calibration():
     observed, baseline = calibrated()
-    found = fit_together(observed, nominal(), (), (), observed.situation(baseline.model).references)
+    found = fit_together(observed, nominal(), (), (), observed.operating_points(baseline.model).references)
     step = (found.geometry.values - baseline.model.geometry.values) / baseline.sigma
     assert np.abs(step).max() < 0.3  # the calibration may count repeatability and tails, which a fit is told
     assert found.effects == ()
@@ -191,7 +191,7 @@ def differences(found: Any, step: float) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_the_derivative_of_an_arms_joint_fit_is_that_of_finite_differences(fits: list[Any]) -> None:
-    gtpin.diagnose(make_case(31, effects=ARM, energy=ENERGY, poses=80, robot="ur5").dataset)
+    gtpin.diagnose(make_case(31, effects=ARM, noncentrality=ENERGY, poses=80, robot="ur5").dataset)
     found = fits[-1]
     assert len(found.point.x) > found.problem.calibration.size
     J, exact = found.problem.jacobian(found.point, slice(None)), differences(found, 1e-3)
@@ -209,7 +209,7 @@ def test_the_derivative_of_an_arms_joint_fit_is_that_of_finite_differences(fits:
 def test_no_step_of_the_exact_derivative_lowers_the_cost_of_a_joint_fit(
     seed: int, effect: str, fits: list[Any]
 ) -> None:
-    gtpin.diagnose(make_case(seed, effects=[(effect, None)], energy=1500.0, poses=120).dataset)
+    gtpin.diagnose(make_case(seed, effects=[(effect, None)], noncentrality=1500.0, poses=120).dataset)
     assert fits
     for found in fits:
         J, weight, prior = differences(found, 1e-4), found.weight, found.problem.prior

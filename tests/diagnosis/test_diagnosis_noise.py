@@ -13,7 +13,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp
 
@@ -55,15 +55,15 @@ def test_what_a_model_leaves_is_what_least_squares_leaves():
     observed = measured(1)
     hypotheses = hypotheses_of(observed)
     design = hypotheses.design
-    waves = np.cos(np.pi * np.outer(design.situation.travel[:, 0], [3.0, 5.0, 7.0]))
-    hypotheses.groups.add("waves", design.columns(Basis(np.full(3, 2e-5), command=(0, waves))))
-    left, taken = left_over(hypotheses, fixed(hypotheses.groups, ("waves",), (2.0,)))
+    waves = np.cos(np.pi * np.outer(design.operating_points.travel[:, 0], [3.0, 5.0, 7.0]))
+    hypotheses.groups.add("waves", design.columns(Displacement(np.full(3, 2e-5), command=(0, waves))))
+    residual, effective_parameters = left_over(hypotheses, fixed(hypotheses.groups, ("waves",), (2.0,)))
     # Ridge regression as ordinary least squares with a row for each prior, and its hat matrix.
     J = np.hstack([design.B, 2.0 * hypotheses.groups.columns("waves")])
     rows = np.vstack([J, np.eye(J.shape[1])])
     x = np.linalg.lstsq(rows, np.concatenate([design.y, np.zeros(J.shape[1])]), rcond=None)[0]
-    assert_allclose(left.ravel(), design.y - J @ x, atol=1e-7)
-    assert_allclose(taken, np.trace(J @ np.linalg.pinv(rows)[:, : len(J)]), rtol=1e-7)
+    assert_allclose(residual.ravel(), design.y - J @ x, atol=1e-7)
+    assert_allclose(effective_parameters, np.trace(J @ np.linalg.pinv(rows)[:, : len(J)]), rtol=1e-7)
 
 
 @pytest.mark.slow

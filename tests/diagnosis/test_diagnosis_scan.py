@@ -13,10 +13,10 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, fixed, gain
 from gtpin.diagnosis.linear.scan import Scan
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import RackPeriodic, RackStep
-from gtpin.effects.situation import Situation
 
 SITE = "cart2"
 
@@ -33,12 +33,12 @@ class FrameWave(Effect):
     def nonlinear_values(self, at, site):
         return [float(s) for s in np.geomspace(0.05, 0.4, 150)]
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
-        phase = 2.0 * np.pi * at.q[:, at.robot.sites.index(site)] / nonlinear
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        phase = 2.0 * np.pi * at.q[:, at.robot.sites.index(site)] / shape_parameter
         twist = np.zeros((len(at), 6, 3))
         twist[:, 1, :2] = np.stack([np.cos(phase), np.sin(phase)], axis=1)
         twist[:, 4, 2] = np.cos(phase)
-        return Basis(np.array([2e-5, 2e-5, 5e-6]), twist=twist)
+        return Displacement(np.array([2e-5, 2e-5, 5e-6]), twist=twist)
 
 
 class FewPeriods(RackPeriodic):
@@ -53,7 +53,7 @@ def problem(effect: Effect, setting: float, seed: int) -> Design:
     observed, baseline = calibrated()
     design = observed.design(baseline.model)
     rng = np.random.default_rng(seed)
-    X = design.columns(effect.basis(design.situation, SITE, setting))
+    X = design.columns(effect.basis(design.operating_points, SITE, setting))
     coefficients = np.zeros(X.shape[1])
     angle = rng.uniform(-np.pi, np.pi)
     coefficients[list(effect.core)] = 2.0 * np.array([np.cos(angle), np.sin(angle)])[: len(effect.core)]
@@ -63,9 +63,9 @@ def problem(effect: Effect, setting: float, seed: int) -> Design:
 
 def beside_linearity(design: Design, groups: Groups[object]) -> Posterior[object]:
     """A model that has smooth waves along the same track already."""
-    at = design.situation
+    at = design.operating_points
     waves = np.stack([np.cos(k * np.pi * at.travel[:, 1]) for k in (1, 2, 3)], axis=1)
-    groups.add("smooth", design.columns(Basis(np.full(3, 3e-5), command=(1, waves))))
+    groups.add("smooth", design.columns(Displacement(np.full(3, 3e-5), command=(1, waves))))
     return fixed(groups, ("smooth",), (1.0,))
 
 
@@ -87,10 +87,10 @@ def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_mo
 
     def by_itself(setting: float) -> tuple[float, float]:
         if setting not in groups:
-            groups.add(setting, design.columns(effect.basis(design.situation, SITE, setting)), effect.core)
+            groups.add(setting, design.columns(effect.basis(design.operating_points, SITE, setting)), effect.core)
         return gain(groups, model, setting)
 
-    settings = np.sort(effect.nonlinear_values(design.situation, SITE))
+    settings = np.sort(effect.nonlinear_values(design.operating_points, SITE))
     gains = np.array([by_itself(s)[0] for s in settings])
     top = int(np.argmax(gains))
     assert settings[max(top - 1, 0)] <= found.value <= settings[min(top + 1, len(settings) - 1)]
@@ -109,7 +109,7 @@ def test_sigmas_of_periods_cover_the_true_ones():
     effect, draws = FewPeriods(), 30
     rng = np.random.default_rng(7)
     observed, baseline = calibrated()
-    periods = effect.nonlinear_values(observed.situation(baseline.model), SITE)
+    periods = effect.nonlinear_values(observed.operating_points(baseline.model), SITE)
     z = []
     for seed in range(draws):
         true = float(rng.uniform(min(periods[20:-20]), max(periods[20:-20])))

@@ -92,7 +92,7 @@ def test_only_the_place_that_is_excluded_is_left_out():
     ],
 )
 def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
-    found = said(seed, kind, energy=2.0 * LARGE)
+    found = said(seed, kind, noncentrality=2.0 * LARGE)
     assert found.verdict == "unknown"
     assert found.unexplained.p_value < 0.05
 
@@ -101,7 +101,7 @@ def test_a_large_fault_that_is_in_no_catalogue_is_unknown(seed, kind):
 @pytest.mark.parametrize("kind", ["encoder_slip", "frame_bending"])
 def test_a_cause_is_named_beside_a_large_fault_that_is_in_no_catalogue(kind, seed):
     effects = [(kind, "cart1" if kind == "encoder_slip" else None), ("backlash", "cart2")]
-    case = make_case(seed, effects=effects, energy=LARGE, poses=120)
+    case = make_case(seed, effects=effects, noncentrality=LARGE, poses=120)
     found = quietly(gtpin.diagnose, case.dataset)
     assert found.verdict == "unknown"
     assert [(cause.effect, cause.site) for cause in found.causes] == [("backlash", "cart2")]
@@ -196,7 +196,7 @@ PAIRS = [
 @pytest.mark.parametrize("pair", PAIRS, ids=["links", "zero", "drift"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_cause_that_imitates_two_others_is_not_sure(pair, seed):
-    case = make_case(seed, effects=list(pair), energy=700.0, poses=160)
+    case = make_case(seed, effects=list(pair), noncentrality=700.0, poses=160)
     found = quietly(gtpin.diagnose, case.dataset)
     sure = {(c.effect, c.site) for c in found.causes if c.probability >= CONFIDENT}
     assert sure <= set(pair)
@@ -208,7 +208,7 @@ def test_a_cause_that_imitates_two_others_is_not_sure(pair, seed):
 @pytest.mark.parametrize("effect", ["tracker_drift", "thermal_links"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_single_cause_that_two_others_could_imitate_is_named_or_in_its_class(effect, seed):
-    case = make_case(seed, effects=[(effect, None)], energy=700.0, poses=160)
+    case = make_case(seed, effects=[(effect, None)], noncentrality=700.0, poses=160)
     found = quietly(gtpin.diagnose, case.dataset)
     (truth,) = case.effects
     assert (truth.effect, truth.site) in {(m.effect, m.site) for c in found.causes for m in c.members}

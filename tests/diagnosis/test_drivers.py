@@ -10,7 +10,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Driver
-from gtpin.effects import Situation
+from gtpin.effects import OperatingPoints
 from gtpin.effects.driver import DriverColumn, DriverEffect
 from gtpin.errors import DatasetError, ModelError
 from gtpin.kinematics.rotations import exp
@@ -100,7 +100,7 @@ def test_motions_of_an_arm_are_those_of_its_frames(site, motion):
     robot = gtpin.load_robot("ur5")
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (5, 6))
-    at = Situation(kinematics, q, kinematics.forward(q), {"tilt_x": np.ones(5)})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {"tilt_x": np.ones(5)})
     effect = DriverEffect(DriverColumn("tilt_x", 0.0, 1.0), [Driver("tilt_x", site, motion, 1e-3)])
     found = effect.basis(at, site).displacement(at)[:, :, 0]
 
@@ -135,7 +135,7 @@ def test_a_cart_turns_about_the_mean_of_its_joints():
     robot = gtpin.load_robot("gantry_tau")
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.tile(robot.home_q, (2, 1))
-    at = Situation(kinematics, q, kinematics.forward(q), {"a": np.ones(2)})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {"a": np.ones(2)})
     both = DriverEffect(DriverColumn("a", 0.0, 1.0), [Driver("a", "cart2", m, 1e-3) for m in ("y", "rz")])
     moved = both.basis(at, "cart2").shifts(range(6))
     rods = [i for i, rod in enumerate(robot.rods) if rod.carrier == robot.sites.index("cart2")]

@@ -75,7 +75,7 @@ def dataset_of(row: Row, simulation: Simulation, folder: Path) -> Dataset:
     left_out = {"both": [], "position": ["orientation_sigma"], "orientation": ["position_sigma"]}.get(
         row["declared"], [*sigmas]
     )
-    instrument = gtpin.data.Instrument(
+    instrument = gtpin.data.InstrumentSection(
         **{name: value for name, value in sigmas.items() if name not in left_out},
         frame=row["frame"],
         station=tuple(station) if row["station"] == "named" else None,

@@ -72,7 +72,7 @@ def test_a_session_never_seen_gets_the_mean_of_the_others(effect, site, freedoms
     baseline = gtpin.calibrate(data)
     design = Observed.of(data, baseline).design(baseline.model)
     cause = Hypothesis(effects_by_id()[effect], site)
-    seen = design.columns(cause.basis(design.situation))
+    seen = design.columns(cause.basis(design.operating_points))
     blocks = cut("session")
     unseen = as_unseen(design, cause, seen, blocks)
     for k, block in enumerate(blocks):
@@ -87,7 +87,7 @@ def test_a_session_never_seen_gets_the_mean_of_the_others(effect, site, freedoms
 
 @cache
 def by_session() -> gtpin.Diagnosis:
-    return gtpin.diagnose(machine(SEED, EFFECT, energy=LARGE).dataset, hold_out="session")
+    return gtpin.diagnose(machine(SEED, EFFECT, noncentrality=LARGE).dataset, hold_out="session")
 
 
 def test_shifts_between_sessions_are_named_and_predict_no_other_session():

@@ -94,8 +94,8 @@ def wander(hypotheses: HypothesisSet) -> None:
         for hypothesis in hypotheses.scanned:
             other = hypotheses.gains(strange, (hypothesis,))[hypothesis].term
             assert isinstance(other, Hypothesis)
-            assert other.nonlinear is not None
-            hypotheses.extended(strange, replace(other, nonlinear=0.93 * other.nonlinear))
+            assert other.shape_parameter is not None
+            hypotheses.extended(strange, replace(other, shape_parameter=0.93 * other.shape_parameter))
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ def in_sessions(starts: tuple[int, ...], cause: Hypothesis, seed: int, timed: bo
     covariates = {"session": names} | ({"time": time} if timed else {})
     design = replace(observed, covariates=covariates).design(baseline.model)
     since = np.searchsorted(starts, number, side="right").astype(str).astype(object)
-    at = design.situation.with_covariate("session", since)
+    at = design.operating_points.with_covariate("session", since)
     X = design.columns(cause.basis(at)).reshape(len(design.y), len(starts) + 1, -1)
     sizes = 5.0 * (-1.0) ** np.arange(len(starts) + 1)
     y = design.B @ rng.standard_normal(design.B.shape[1]) + rng.standard_normal(len(design.y))
@@ -45,8 +45,10 @@ def in_sessions(starts: tuple[int, ...], cause: Hypothesis, seed: int, timed: bo
 def sessions(design: Design) -> tuple[list[list[int]], float]:
     """The numbers of the sessions that count as one, and the log prior odds against their effects."""
     found, odds = merged_sessions(design, Marginal(design.B), HYPOTHESES, PRIORS)
-    before, after = (np.array([str(name) for name in d.situation.covariates["session"]]) for d in (design, found))
-    order = "dbfaec" if "time" in design.situation.covariates else "abcdef"
+    before, after = (
+        np.array([str(name) for name in d.operating_points.covariates["session"]]) for d in (design, found)
+    )
+    order = "dbfaec" if "time" in design.operating_points.covariates else "abcdef"
     groups: dict[str, list[int]] = {}
     for number, name in enumerate(order):
         (new,) = set(after[before == name])
@@ -100,7 +102,7 @@ def test_a_shift_of_the_frame_stays_the_cause_where_each_session_has_four_labels
     case = make_case(
         0,
         effects=[("frame_shift", "frame")],
-        energy=1500.0,
+        noncentrality=1500.0,
         poses=100,
         held_out=1,
         conditions=SimulatedConditions(sessions=3),

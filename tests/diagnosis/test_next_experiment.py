@@ -45,7 +45,7 @@ def candidate(name: str) -> Hypothesis:
 def known_of(name: str, seed: int, without: tuple[str, ...] = ()) -> tuple[Case, Known]:
     """A machine with a weak effect, and what is known once its geometry is calibrated."""
     effect, _, site = name.partition("@")
-    case = make_case(seed, effects=[(effect, site)], energy=80.0, poses=100, without=without)
+    case = make_case(seed, effects=[(effect, site)], noncentrality=80.0, poses=100, without=without)
     return case, known(case.dataset, gtpin.calibrate(case.dataset))
 
 
@@ -58,7 +58,7 @@ def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
         dataset.conditions.reference_temperature,
         dataset.instrument.frame == "free",
     )
-    return Known(observed, baseline.model, observed.situation(baseline.model).references)
+    return Known(observed, baseline.model, observed.operating_points(baseline.model).references)
 
 
 def class_of(*names: str) -> CauseClass:
@@ -109,7 +109,7 @@ def log_evidence(known: Known, dataset: Dataset, name: str, unseen: int = 0) -> 
     )
     design = replace(observed, weight=np.ones(len(dataset))).design(known.model)
     which = candidate(name)
-    X = design.columns(which.effect.basis(design.situation, which.site))
+    X = design.columns(which.effect.basis(design.operating_points, which.site))
     X[: unseen * design.components] = 0.0
     J = np.hstack([design.B, X])
     gram, moment = J.T @ J, J.T @ design.y
@@ -181,7 +181,7 @@ def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_tha
 def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     case, known = known_of("linearity@cart2", 0)
     names = tuple(f"joint_clearance@{site}" for site in known.robot.rod_sites)
-    assert all(candidate(n).effect.untestable(known.situation, candidate(n).site) for n in names)
+    assert all(candidate(n).effect.untestable(known.operating_points, candidate(n).site) for n in names)
     experiments = proposed(known, untestable=names)
     assert {name for e in experiments for name in e.separates} == set(names)
     (pushed,) = [e for e in experiments if len(e.poses)]
@@ -189,7 +189,7 @@ def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     force = {name: 0.0 for name in ("fx", "fy", "fz") if name not in case.dataset.covariates}
     data = together(case, later, force)
     observed = replace(known.observed, measured=Readings.of(data, known.model.robot), covariates=data.covariates)
-    at = observed.situation(known.model)
+    at = observed.operating_points(known.model)
     assert len(pushed.separates) >= 3
     assert not any(candidate(n).effect.untestable(at, candidate(n).site) for n in pushed.separates)
 
@@ -334,7 +334,7 @@ def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
 @pytest.mark.slow
 def test_every_free_motion_can_be_traced() -> None:
     case, known = known_of("linearity@cart2", 0)
-    frees = {free.over: free for free, _ in smooth_terms(known.situation, PRIORS)}
+    frees = {free.over: free for free, _ in smooth_terms(known.operating_points, PRIORS)}
     assert len(frees) > 10
     for free in frees.values():
         experiment = map_unknown(known, free.site, free.words, 20)

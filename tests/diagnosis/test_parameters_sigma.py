@@ -26,16 +26,16 @@ MACHINES = 20
 @cache
 def off(effect: str, site: str, machine: int) -> dict[str, float]:
     """By parameter, value less true value in sigmas, for a machine with this effect alone."""
-    case = make_case(machine, effects=[(effect, site)], energy=500.0, poses=80, held_out=2, background=False)
+    case = make_case(machine, effects=[(effect, site)], noncentrality=500.0, poses=80, held_out=2, background=False)
     baseline = calibrate(case.dataset)
     difficulty = Difficulty.of(case.dataset, SIGMA, baseline.model.geometry)
     displacement, known = case.effects[0].displacement, effects_by_id()[effect]
     past = difficulty.orthogonal(difficulty.true(displacement))
-    (taken,), (scale,), _ = difficulty.by_basis([known.basis(difficulty.situation, site)], past)
-    best = Best(case.effects[0].energy - taken, scale, None, known, site)
+    (taken,), (scale,), _ = difficulty.by_basis([known.basis(difficulty.operating_points, site)], past)
+    best = Best(case.effects[0].noncentrality - taken, scale, None, known, site)
     observed = Observed.of(case.dataset.take(baseline.used(case.dataset)), baseline)
     hypothesis = Hypothesis(known, site)
-    references = observed.situation(baseline.model).references
+    references = observed.operating_points(baseline.model).references
     model = fit_together(observed, baseline.model, [hypothesis], [scale], references)
     found = estimates(model.robot, model.effects[0], hypothesis)
     true = true_parameters(difficulty, best, displacement)

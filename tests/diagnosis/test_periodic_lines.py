@@ -32,7 +32,9 @@ def waves(q: Floats) -> Floats:
     return np.stack([np.cos(phase), np.sin(phase)], axis=2)
 
 
-def searched(shapes: Floats, errors: Floats, variance: Floats, lines: int, taken: float = 0.0) -> FittedLines:
+def searched(
+    shapes: Floats, errors: Floats, variance: Floats, lines: int, effective_parameters: float = 0.0
+) -> FittedLines:
     """Errors with the lines that a search finds in them, each the one that takes most of what the others leave."""
     left, found, orthonormal = errors, [], np.linalg.qr(shapes)[0]
     for _ in range(lines):
@@ -40,7 +42,7 @@ def searched(shapes: Floats, errors: Floats, variance: Floats, lines: int, taken
         best = int(np.argmax((along**2).sum(axis=1)))
         found.append(shapes[best])
         left = left - orthonormal[best] @ along[best]
-    return FittedLines(errors, variance, tuple(found), len(FREQUENCIES), taken)
+    return FittedLines(errors, variance, tuple(found), len(FREQUENCIES), effective_parameters)
 
 
 @pytest.mark.slow
@@ -65,7 +67,7 @@ def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than
         apart = np.eye(POSES) - functions @ functions.T
         shapes = apart @ waves(rng.uniform(0.0, RANGE, POSES))
         errors = apart @ rng.standard_normal(POSES)
-        found = searched(shapes, errors, np.full(POSES, 1e-4), lines=6, taken=others)
+        found = searched(shapes, errors, np.full(POSES, 1e-4), lines=6, effective_parameters=others)
         significant += found.chance() <= 0.05
     assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
 
@@ -87,8 +89,8 @@ def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_
 
 def test_errors_that_other_causes_fit_completely_show_no_line() -> None:
     shapes = waves(np.linspace(0.0, RANGE, 4))
-    for taken in (4.0, 5.0):
-        assert searched(shapes, np.full(4, 1e-9), np.ones(4), 1, taken).chance() == 1.0
+    for effective_parameters in (4.0, 5.0):
+        assert searched(shapes, np.full(4, 1e-9), np.ones(4), 1, effective_parameters).chance() == 1.0
 
 
 def test_a_line_with_a_third_of_the_power_is_significant() -> None:
@@ -220,7 +222,7 @@ def test_only_a_long_model_stays_with_few_poses(most, is_long, monkeypatch):
     data, seen = with_lines(3), []
 
     def spied(hypotheses, before=NOTHING):
-        seen.append(len(hypotheses.design.situation))
+        seen.append(len(hypotheses.design.operating_points))
         return rough_guess(hypotheses, before)
 
     monkeypatch.setattr(settle, "FEW_POSES", 150)

@@ -10,9 +10,9 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.basis import along_track
+from gtpin.effects.displacement import along_track
 from gtpin.effects.effect import Effect
-from gtpin.effects.sites import carts
+from gtpin.effects.sites import actuators
 from gtpin.effects.untestable import Untestable
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,7 @@ CONFIDENT = 0.95
 
 
 def machine(seed: int, effect: str, site: str | None, without: tuple[str, ...] = ()) -> Case:
-    return make_case(seed, effects=[(effect, site)], energy=LARGE, poses=POSES, without=without)
+    return make_case(seed, effects=[(effect, site)], noncentrality=LARGE, poses=POSES, without=without)
 
 
 def said(case: Case, **covariates: np.ndarray) -> gtpin.Diagnosis:
@@ -128,7 +128,7 @@ def test_sessions_in_numbers_tell_the_time_in_their_order(seed):
     case = make_case(
         seed,
         effects=[("tracker_drift", "frame")],
-        energy=LARGE,
+        noncentrality=LARGE,
         poses=POSES,
         conditions=SimulatedConditions(sessions=12),
         without=("time", "temp"),
@@ -146,12 +146,12 @@ class OfOthers(Effect):
     coefficient = ("size", "m")
 
     def sites(self, robot):
-        return carts(robot)
+        return actuators(robot)
 
     def covariates(self, robot, site):
         return ("session",)
 
-    def basis(self, at, site, nonlinear=None):
+    def basis(self, at, site, shape_parameter=None):
         shift = {"morning": 0.0, "evening": 1.0}
         return along_track(at, site, np.array([[shift[s]] for s in at.covariates["session"]]), np.array([3e-5]))
 
@@ -170,9 +170,9 @@ class WithPeriod(OfOthers):
     def nonlinear_values(self, at, site):
         return (0.05, 0.1, 0.2)
 
-    def basis(self, at, site, nonlinear=None):
+    def basis(self, at, site, shape_parameter=None):
         q = at.q[:, at.robot.sites.index(site), None]
-        return along_track(at, site, np.sin(2.0 * np.pi * q / nonlinear), np.array([3e-5]))
+        return along_track(at, site, np.sin(2.0 * np.pi * q / shape_parameter), np.array([3e-5]))
 
 
 def test_effects_of_others_without_a_guess_are_warned_of_or_not_guessed_and_stand_in_no_class():

@@ -57,8 +57,8 @@ def test_a_block_of_readings_is_what_a_fit_without_it_predicts(kind: str) -> Non
     for block in masks:
         rows = np.repeat(~block, c)
         z = np.linalg.solve(J[rows].T @ J[rows] + np.eye(J.shape[1]), J[rows].T @ problem.y[rows])
-        left = (problem.y - J @ z).reshape(-1, c)[block] * problem.counted[block]
-        assert_allclose(found.errors[block], left, rtol=1e-6, atol=1e-6 * np.abs(problem.y).max())
+        residual = (problem.y - J @ z).reshape(-1, c)[block] * problem.counted[block]
+        assert_allclose(found.errors[block], residual, rtol=1e-6, atol=1e-6 * np.abs(problem.y).max())
 
 
 def test_what_others_can_not_predict_is_left_out_of_the_errors() -> None:
@@ -70,8 +70,8 @@ def test_what_others_can_not_predict_is_left_out_of_the_errors() -> None:
     both = np.hstack([J, own])
     root = np.linalg.inv(np.linalg.cholesky(both.T @ both + np.eye(4))).T
     half = both @ root
-    left = y - half @ (half.T @ y)
-    found = LeftOutBlock.of(half[:4], left[:4])
+    residual = y - half @ (half.T @ y)
+    found = LeftOutBlock.of(half[:4], residual[:4])
     assert found.kept.sum() == pytest.approx(3.0)
     z = np.linalg.solve(J[4:].T @ J[4:] + np.eye(3), J[4:].T @ y[4:])
     unit = own[:4, 0] / np.linalg.norm(own[:4])
@@ -122,7 +122,7 @@ def test_power_without_a_cause_is_chi_square_with_its_degrees_of_freedom(kind: s
     free = ~np.isfinite(readings.sigma)
     p = len(problem.model.geometry.parameters)
     vague = np.concatenate([np.zeros(p, dtype=bool), free])
-    assert problem.taken == free.sum()
+    assert problem.free_unknowns == free.sum()
     marginal, rng, values = Marginal(problem.B), np.random.default_rng(3), []
     for _ in range(300):
         drawn = np.where(vague, 0.0, rng.standard_normal(len(vague)))

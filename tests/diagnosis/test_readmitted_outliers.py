@@ -105,7 +105,7 @@ def settled(prepared: Prepared) -> SearchState:
 
 
 def geometry(of: SearchState, prepared: Prepared, **changed: object) -> np.ndarray:
-    references = of.hypotheses.design.situation.references
+    references = of.hypotheses.design.operating_points.references
     everything = replace(of.everything, **changed)
     model = fit_together(everything, prepared.baseline.model, [], [], references)
     return model.geometry.values / model.geometry.tolerance

@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import GtpinError
 from gtpin.robot.description import RobotDescription
 
@@ -109,7 +109,7 @@ def test_a_robot_without_masses_is_told_and_its_effects_of_load_are_not_tested()
         q=q,
         position=np.array([M.translation for M in seen]),
         orientation=np.array([np.roll(pin.Quaternion(M.rotation).coeffs(), 1) for M in seen]),
-        instrument=Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5),
+        instrument=InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5),
     )
     with pytest.warns(gtpin.GtpinWarning, match="links of turner have no masses: effects of load"):
         found = gtpin.diagnose(dataset, robot)
@@ -128,7 +128,9 @@ def computed(seed: int, digits: int) -> gtpin.Dataset:
     q = rng.uniform(-1.0, 1.0, (300, 6)) + np.array([0.0, -1.0, 1.5, 0.0, 1.0, 0.0])
     T = replace(model, geometry=other).predict(q).T
     pose = np.arange(len(q)).astype(str).astype(object)
-    return gtpin.Dataset(robot="ur5", pose=pose, q=q, position=np.round(T, digits), instrument=Instrument(frame="free"))
+    return gtpin.Dataset(
+        robot="ur5", pose=pose, q=q, position=np.round(T, digits), instrument=InstrumentSection(frame="free")
+    )
 
 
 @pytest.mark.slow

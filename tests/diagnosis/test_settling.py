@@ -91,10 +91,10 @@ def of(name: str) -> Hypothesis:
 @pytest.mark.slow
 def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() -> None:
     observed, baseline = calibrated()
-    known = Known(observed, baseline.model, observed.situation(baseline.model).references)
+    known = Known(observed, baseline.model, observed.operating_points(baseline.model).references)
     design = observed.design(baseline.model)
     cause, *others = (of(f"{name}@cart2") for name in ("linearity", "straightness", "backlash"))
-    smooth = list(smooth_terms(design.situation, PRIORS))
+    smooth = list(smooth_terms(design.operating_points, PRIORS))
     hypotheses = HypothesisSet(design, (cause, *others), (), smooth, every_effect())
     model = hypotheses.extended(NOTHING, cause)
     alone = hypotheses.gains(NOTHING, hypotheses.every)

@@ -41,7 +41,7 @@ def measured(seed, *, scatter=0.0, visits=1, sigmas=(SIGMA, TURN), poses=90):
         q=q[again],
         position=T[again] + SIGMA * rng.standard_normal((len(again), 3)),
         orientation=turns.as_quat(scalar_first=True),
-        instrument=gtpin.data.Instrument(position_sigma=sigmas[0], orientation_sigma=sigmas[1]),
+        instrument=gtpin.data.InstrumentSection(position_sigma=sigmas[0], orientation_sigma=sigmas[1]),
     )
 
 

@@ -15,13 +15,13 @@ CAUSES = [("gantry_tau", "backlash", "cart2"), ("ur5", "joint_compliance", "shou
 
 @pytest.mark.parametrize(("robot", "effect", "site"), CAUSES)
 def test_a_large_cause_is_named(robot: str, effect: str, site: str) -> None:
-    case = make_case(71, effects=[(effect, site)], energy=3000.0, poses=60, background=False, robot=robot)
+    case = make_case(71, effects=[(effect, site)], noncentrality=3000.0, poses=60, background=False, robot=robot)
     found = gtpin.diagnose(case.dataset)
     assert any((m.effect, m.site) == (effect, site) for cause in found.causes for m in cause.members)
 
 
 def test_a_large_cause_is_named_from_distances(tmp_path: Path) -> None:
-    recipe = drawn_recipe(71, effects=[("backlash", "cart2")], energy=3000.0, poses=60, background=False)
+    recipe = drawn_recipe(71, effects=[("backlash", "cart2")], noncentrality=3000.0, poses=60, background=False)
     build_measured(recipe, ["range"]).write_dataset(tmp_path / "set")
     found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "set"))
     assert any((m.effect, m.site) == ("backlash", "cart2") for cause in found.causes for m in cause.members)

@@ -26,8 +26,8 @@ from gtpin.report.verdict import verdict
 def groups_of(dataset: gtpin.Dataset):
     baseline = quietly(gtpin.calibrate, dataset)
     design = Observed.of(dataset, baseline).design(baseline.model)
-    left, _ = left_over(propose(design, every_effect()), NOTHING)
-    return two_groups(design, left, (1.5e-5, 5e-5))
+    residual, _ = left_over(propose(design, every_effect()), NOTHING)
+    return two_groups(design, residual, (1.5e-5, 5e-5))
 
 
 @pytest.mark.slow
@@ -41,7 +41,9 @@ def test_noise_and_scatter_of_drives_are_one_group(seed: int, repeatability: tup
 @pytest.mark.slow
 @pytest.mark.parametrize(("effect", "site"), [("linearity", "cart3"), ("thermal_links", "arm"), ("backlash", "cart1")])
 def test_effects_are_one_group(effect: str, site: str) -> None:
-    assert groups_of(make_case(4, effects=[(effect, site)], energy=1500.0, poses=120, held_out=1).dataset) is None
+    assert (
+        groups_of(make_case(4, effects=[(effect, site)], noncentrality=1500.0, poses=120, held_out=1).dataset) is None
+    )
 
 
 @pytest.mark.slow
@@ -75,7 +77,7 @@ STILL = SimulatedConditions(rest=1.0)
 
 @pytest.mark.slow
 def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_not_called_nothing():
-    case = make_case(1, effects=[("backlash", "cart1")], energy=4000.0, poses=130, held_out=1, conditions=STILL)
+    case = make_case(1, effects=[("backlash", "cart1")], noncentrality=4000.0, poses=130, held_out=1, conditions=STILL)
     order = np.random.default_rng(1).permutation(len(case.dataset))
     mixed = {n: v[order] if n.startswith("approach") else v for n, v in case.dataset.covariates.items()}
     found = quietly(gtpin.diagnose, replace(case.dataset, covariates=mixed))
@@ -133,7 +135,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
 
 @pytest.mark.slow
 def test_hysteresis_is_asked_for_its_direction_where_the_fit_knew_it() -> None:
-    case = make_case(3, effects=[("link_compliance", "link3a")], energy=2000.0, poses=120)
+    case = make_case(3, effects=[("link_compliance", "link3a")], noncentrality=2000.0, poses=120)
     found = quietly(gtpin.diagnose, case.dataset)
     assert "link_compliance" in {cause.effect for cause in found.causes}
     without = {name: v for name, v in case.commands.covariates.items() if not name.startswith("approach")}

@@ -18,7 +18,7 @@ NAMES = [name for name in gtpin.__all__ if name != "__version__"]
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the dataset ``measured`` of a virtual machine whose drive 1 has backlash."""
     path = tmp_path_factory.mktemp("examples")
-    make_case(3, effects=[("backlash", "cart1")], energy=1500.0, poses=60).dataset.save(path / "measured")
+    make_case(3, effects=[("backlash", "cart1")], noncentrality=1500.0, poses=60).dataset.save(path / "measured")
     return path
 
 

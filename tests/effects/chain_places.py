@@ -6,7 +6,7 @@ import numpy as np
 from effect_places import covariates
 
 import gtpin
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.robot.description import RobotDescription
 
@@ -27,23 +27,23 @@ def drawn(robot: gtpin.Robot = ARM, seed: int = 0) -> ChainKinematics:
 KINEMATICS = drawn()
 
 
-def situation(
+def operating_points(
     count: int = 8,
     seed: int = 0,
     fixed: References | None = None,
     kinematics: ChainKinematics = KINEMATICS,
     without: tuple[str, ...] = (),
     **changed: Column,
-) -> Situation:
+) -> OperatingPoints:
     """Commands all over a large part of the range, with everything that an effect may ask for."""
     rng = np.random.default_rng(seed + 1)
     n = kinematics.geometry.robot.n_actuators
     q = MIDDLE[:n] + HALF[:n] * rng.uniform(-1.0, 1.0, (count, n))
     told = {name: v for name, v in ({**covariates(count, n, seed), **changed}).items() if name not in without}
-    return Situation(kinematics, q, kinematics.forward(q), told, fixed)
+    return OperatingPoints(kinematics, q, kinematics.forward(q), told, fixed)
 
 
-FIT = situation(120, seed=7)
+FIT = operating_points(120, seed=7)
 """What the effects were fitted to, as it were."""
 
 

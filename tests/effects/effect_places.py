@@ -6,9 +6,9 @@ import numpy as np
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
@@ -49,13 +49,13 @@ def covariates(count: int, actuators: int = 3, seed: int = 0) -> dict[str, Colum
     return columns | {f"f{axis}": 80.0 * rng.standard_normal(count) for axis in "xyz"}
 
 
-def situation(
+def operating_points(
     count: int = 30,
     seed: int = 0,
     kinematics: RodKinematics = KINEMATICS,
     fixed: References | None = None,
     **changed: Column,
-) -> Situation:
+) -> OperatingPoints:
     """Commands all over the range that the robot reaches, with everything that an effect may ask for."""
     robot = kinematics.geometry.robot
     rng = np.random.default_rng(seed + 1)
@@ -63,10 +63,10 @@ def situation(
     # Together over most of the range, and apart by less, as the carts of a Gantry-Tau must stay.
     q = middle + half * (0.5 * rng.uniform(-1.0, 1.0, (count, 1)) + 0.3 * rng.uniform(-1.0, 1.0, (count, len(middle))))
     columns = {**covariates(count, robot.n_actuators, seed), **changed}
-    return Situation(kinematics, q, kinematics.forward(q), columns, fixed)
+    return OperatingPoints(kinematics, q, kinematics.forward(q), columns, fixed)
 
 
-FIT = situation(120, seed=7)
+FIT = operating_points(120, seed=7)
 """What the effects were fitted to, as it were."""
 
 
@@ -75,7 +75,7 @@ def setting(name: str, references: References) -> float | None:
     return (TURNING if len(references.commands[0]) else SETTINGS).get(name)
 
 
-def basis(name: str, site: str, at: Situation) -> Basis:
+def basis(name: str, site: str, at: OperatingPoints) -> Displacement:
     return EFFECTS[name].basis(at, site, setting(name, at.references))
 
 
@@ -84,11 +84,11 @@ def active(name: str, site: str, coefficients: Floats, references: References = 
     return ActiveEffect(EFFECTS[name], site, setting(name, references), coefficients, np.zeros((m, m)), references)
 
 
-def applied(at: Situation, *effects: ActiveEffect) -> Poses:
+def applied(at: OperatingPoints, *effects: ActiveEffect) -> Poses:
     return with_effects(at.kinematics, at.q, at.covariates, effects)
 
 
-def moved(at: Situation, *effects: ActiveEffect) -> Floats:
+def moved(at: OperatingPoints, *effects: ActiveEffect) -> Floats:
     """(N, 6) what effects do to the exact poses, m and rad, base frame."""
     return applied(at, *effects).minus(at.poses)
 
@@ -103,7 +103,7 @@ class Displaced:
     twist: Floats
 
 
-def displaced(at: Situation, name: str, site: str, coefficients: Floats) -> Displaced:
+def displaced(at: OperatingPoints, name: str, site: str, coefficients: Floats) -> Displaced:
     found, n, k = basis(name, site, at), len(at), len(at.robot.rods)
     command = np.zeros((n, at.robot.n_actuators))
     if found.command is not None:
@@ -116,7 +116,7 @@ def displaced(at: Situation, name: str, site: str, coefficients: Floats) -> Disp
     )
 
 
-def some(name: str, site: str, at: Situation, seed: int = 3) -> Floats:
+def some(name: str, site: str, at: OperatingPoints, seed: int = 3) -> Floats:
     """Coefficients of the typical size."""
     sigma = basis(name, site, at).sigma
     return sigma * np.random.default_rng(seed).standard_normal(len(sigma))

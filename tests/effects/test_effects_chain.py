@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from chain_places import ARM, ARM_FILE, FIT, beam, drawn, robot_of, situation
+from chain_places import ARM, ARM_FILE, FIT, beam, drawn, operating_points, robot_of
 from effect_places import EFFECTS, active, basis, moved, setting, some
 
 import gtpin
 from gtpin.effects.chain_motions import joint_frame
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 
 G = 9.81
 
 
-def of_beam(length: float, axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0) -> Situation:
+def of_beam(length: float, axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0) -> OperatingPoints:
     kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(length, axis, mass)))
     q = np.zeros((2, 1))
-    return Situation(kinematics, q, kinematics.forward(q), {"payload": np.array([payload, 2.0 * payload])})
+    return OperatingPoints(kinematics, q, kinematics.forward(q), {"payload": np.array([payload, 2.0 * payload])})
 
 
 def test_a_payload_pulls_a_horizontal_arm_down_by_compliance_moment_and_lever() -> None:
@@ -74,7 +74,7 @@ def test_a_beams_own_weight_bends_it_as_an_evenly_spread_load_does() -> None:
 def test_a_warm_link_is_longer_by_its_expansion() -> None:
     kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(0.8)))
     q = np.zeros((2, 1))
-    at = Situation(kinematics, q, kinematics.forward(q), {"temp_link": np.array([20.0, 30.0])})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {"temp_link": np.array([20.0, 30.0])})
     c = np.zeros(len(EFFECTS["thermal_links"].basis(at, "rod")))
     c[0] = 1.2e-5
     found = moved(at, active("thermal_links", "rod", c, at.references))
@@ -83,10 +83,10 @@ def test_a_warm_link_is_longer_by_its_expansion() -> None:
 
 @pytest.mark.parametrize("site", ARM.sites)
 def test_the_motion_of_an_axis_is_the_same_after_a_turn(site: str) -> None:
-    at = situation(5, seed=2, fixed=FIT.references)
+    at = operating_points(5, seed=2, fixed=FIT.references)
     turned = at.q.copy()
     turned[:, ARM.sites.index(site)] += 2.0 * np.pi
-    again = Situation(at.kinematics, turned, at.poses, at.covariates, FIT.references)
+    again = OperatingPoints(at.kinematics, turned, at.poses, at.covariates, FIT.references)
     c = some("axis_motion", site, at)
     one, other = (basis("axis_motion", site, where).displacement(where) @ c for where in (at, again))
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-12)
@@ -94,7 +94,7 @@ def test_the_motion_of_an_axis_is_the_same_after_a_turn(site: str) -> None:
 
 
 def test_the_axis_of_a_joint_does_not_turn_the_joint_itself() -> None:
-    at = situation(5, seed=2, fixed=FIT.references)
+    at = operating_points(5, seed=2, fixed=FIT.references)
     for site in ARM.sites:
         frame = joint_frame(at, site)
         ((index, twist),) = basis("axis_motion", site, at).placements
@@ -114,7 +114,7 @@ def test_sliding_joints_have_units_of_length_and_motions_of_a_slide() -> None:
     slide = robot_of(
         ARM_FILE.read_text(encoding="utf-8").replace('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
     )
-    at = situation(30, kinematics=drawn(slide))
+    at = operating_points(30, kinematics=drawn(slide))
     units = {
         name: EFFECTS[name].parameters_at(slide, "elbow", some(name, "elbow", at), None)
         for name in ("linearity", "joint_compliance", "axis_motion")
@@ -127,15 +127,15 @@ def test_sliding_joints_have_units_of_length_and_motions_of_a_slide() -> None:
 @pytest.mark.parametrize("name", ["joint_compliance", "joint_clearance"])
 def test_a_vertical_first_joint_carries_nothing_under_gravity_alone(name: str) -> None:
     kinematics = ChainKinematics(gtpin.Geometry.nominal(ARM))
-    alone = situation(20, kinematics=kinematics, without=("fx", "fy", "fz"))
+    alone = operating_points(20, kinematics=kinematics, without=("fx", "fy", "fz"))
     assert EFFECTS[name].untestable(alone, "waist") == Untestable("no_load")
     assert EFFECTS[name].untestable(alone, "shoulder") in (None, Untestable("one_sign"))
-    assert EFFECTS[name].untestable(situation(20, kinematics=kinematics), "waist") is None  # pushed at
+    assert EFFECTS[name].untestable(operating_points(20, kinematics=kinematics), "waist") is None  # pushed at
 
 
 def test_without_masses_and_loads_no_effect_of_loads_can_be_tested() -> None:
     light = robot_of(re.sub(r"<inertial>.*?</inertial>", "", ARM_FILE.read_text(encoding="utf-8")))
-    at = situation(20, kinematics=drawn(light), without=("fx", "fy", "fz", "payload"))
+    at = operating_points(20, kinematics=drawn(light), without=("fx", "fy", "fz", "payload"))
     for name in ("joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"):
         for site in EFFECTS[name].sites(light):
             assert EFFECTS[name].untestable(at, site) == Untestable("no_masses"), (name, site)
@@ -148,8 +148,8 @@ def test_a_load_that_keeps_its_sign_shows_no_play() -> None:
 
 def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -> None:
     kinematics = drawn()
-    references = situation(120, seed=7, kinematics=kinematics).references
-    at = situation(9, seed=3, kinematics=kinematics, fixed=references)
+    references = operating_points(120, seed=7, kinematics=kinematics).references
+    at = operating_points(9, seed=3, kinematics=kinematics, fixed=references)
     effects = tuple(
         active(name, site, some(name, site, at), references)
         for name, site in (
@@ -173,7 +173,7 @@ def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
     kinematics = ChainKinematics(gtpin.Geometry.nominal(robot))
     q = np.random.default_rng(3).uniform(robot.lower, robot.upper, (5, robot.n_actuators))
     poses = kinematics.forward(q)
-    at = Situation(kinematics, q, poses, {})
+    at = OperatingPoints(kinematics, q, poses, {})
     flexibility = 1.2e-5
     found = moved(at, active("link_compliance", "panda_link5", np.array([flexibility, 0.0, 0.0]), at.references))
     model = robot.model

@@ -22,7 +22,7 @@ from effect_places import (
     basis,
     drawn,
     moved,
-    situation,
+    operating_points,
     some,
 )
 
@@ -32,7 +32,7 @@ from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.driver import DriverColumn, DriverEffect
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -89,16 +89,16 @@ def test_an_effect_needs_the_covariate_that_it_goes_with_and_is_untestable_witho
     assert effect.untestable(FIT, site) is None
     if name in NEEDED:
         rest = {n: values for n, values in FIT.covariates.items() if n != NEEDED[name]}
-        missing = Situation(FIT.kinematics, FIT.q, FIT.poses, rest)
+        missing = OperatingPoints(FIT.kinematics, FIT.q, FIT.poses, rest)
         assert effect.untestable(missing, site) == Untestable("missing", NEEDED[name])
         constant = {**FIT.covariates, NEEDED[name]: FIT.covariates[NEEDED[name]][[0] * len(FIT)]}
-        still = Situation(FIT.kinematics, FIT.q, FIT.poses, constant)
+        still = OperatingPoints(FIT.kinematics, FIT.q, FIT.poses, constant)
         assert effect.untestable(still, site) == Untestable("constant", NEEDED[name])
 
 
 @pytest.mark.parametrize(("name", "site"), SEEN)
 def test_an_effect_of_typical_size_moves_the_tcp_by_micrometres_to_millimetres(name: str, site: str) -> None:
-    at = situation(40, seed=5, fixed=FIT.references)
+    at = operating_points(40, seed=5, fixed=FIT.references)
     sigma, rng = basis(name, site, at).sigma, np.random.default_rng(0)
     either = [active(name, site, sigma * rng.choice([-1.0, 1.0], len(sigma))) for _ in range(3)]
     rms = [np.sqrt((moved(at, effect)[:, :3] ** 2).sum(axis=1).mean()) for effect in either]
@@ -123,8 +123,8 @@ def test_what_the_coefficients_say_has_a_name_a_unit_and_a_line_in_the_documenta
 
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_parameters_of_twice_the_coefficients_are_twice_as_large(name: str, site: str) -> None:
-    c, nonlinear = some(name, site, FIT), SETTINGS.get(name)
-    once, twice = EFFECTS[name].parameters(c, nonlinear), EFFECTS[name].parameters(2.0 * c, nonlinear)
+    c, shape_parameter = some(name, site, FIT), SETTINGS.get(name)
+    once, twice = EFFECTS[name].parameters(c, shape_parameter), EFFECTS[name].parameters(2.0 * c, shape_parameter)
     for parameter, (value, _) in once.items():
         # Places, periods and phases are where, not how much.
         factor = 1.0 if parameter in ("period", "phase", "place", "fixed_point") else 2.0
@@ -134,17 +134,21 @@ def test_parameters_of_twice_the_coefficients_are_twice_as_large(name: str, site
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_rows_may_come_in_any_order_and_company(name: str, site: str) -> None:
     c = some(name, site, FIT)
-    at = situation(7, seed=6, fixed=FIT.references)
+    at = operating_points(7, seed=6, fixed=FIT.references)
     whole = moved(at, active(name, site, c))
     rows = np.array([5, 2, 6])
-    few = Situation(at.kinematics, at.q[rows], at.poses[rows], {n: v[rows] for n, v in at.covariates.items()}, at.fixed)
+    few = OperatingPoints(
+        at.kinematics, at.q[rows], at.poses[rows], {n: v[rows] for n, v in at.covariates.items()}, at.fixed
+    )
     np.testing.assert_allclose(moved(few, active(name, site, c)), whole[rows], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, site: str) -> None:
     rows = np.random.default_rng(0).permutation(len(FIT))
-    mixed = Situation(FIT.kinematics, FIT.q[rows], FIT.poses[rows], {n: v[rows] for n, v in FIT.covariates.items()})
+    mixed = OperatingPoints(
+        FIT.kinematics, FIT.q[rows], FIT.poses[rows], {n: v[rows] for n, v in FIT.covariates.items()}
+    )
     one, other = basis(name, site, FIT).displacement(FIT)[rows], basis(name, site, mixed).displacement(mixed)
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
 
@@ -227,8 +231,8 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
     assert found.failed == 0
 
 
-MACHINES = [situation(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
-MACHINES.append(situation(10, kinematics=ChainKinematics(drawn("ur5"))))
+MACHINES = [operating_points(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
+MACHINES.append(operating_points(10, kinematics=ChainKinematics(drawn("ur5"))))
 DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
 WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.effects import Situation
+from gtpin.effects import OperatingPoints
 from gtpin.effects.cross_coupling import FINE, NEAREST, PAIR, SINGLE, CrossCoupling, _products, _with_count
 
 ROBOT = gtpin.load_robot("ur5")
@@ -56,7 +56,7 @@ def test_a_far_joint_couples_less_than_a_near_one(site: int) -> None:
     robot = gtpin.load_robot("panda")
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(1).uniform(-0.3, 0.3, (20, robot.n_actuators)) + gtpin.home(robot).q
-    at = Situation(kinematics, q, kinematics.forward(q), {})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
     sigma = CrossCoupling().basis(at, robot.sites[site]).sigma
     single = sigma[: SINGLE * (robot.n_actuators - 1)].reshape(-1, SINGLE)[:, 0]
     distance = np.abs(np.delete(np.arange(robot.n_actuators), site) - site)
@@ -66,7 +66,7 @@ def test_a_far_joint_couples_less_than_a_near_one(site: int) -> None:
 def test_an_arm_s_coupling_is_fitted_where_it_depends_finely_on_two_neighbours() -> None:
     kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (250, ROBOT.n_actuators))
-    at = Situation(kinematics, q, kinematics.forward(q), {})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
     basis = CrossCoupling().basis(at, ROBOT.sites[2])
     columns = basis.command[1] * basis.sigma
     wanted = 1e-4 * np.sin(3.0 * q[:, 1]) * np.cos(1.5 * q[:, 3])

@@ -3,7 +3,7 @@
 import numpy as np
 
 import gtpin
-from gtpin.effects import Situation
+from gtpin.effects import OperatingPoints
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.rack import APART, LEAST_TURNS, RackPeriodic
@@ -13,14 +13,14 @@ ROBOT = gtpin.load_robot("ur5")
 SITE = ROBOT.sites[0]
 
 
-def situation() -> Situation:
+def operating_points() -> OperatingPoints:
     kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, ROBOT.n_actuators))
-    return Situation(kinematics, q, kinematics.forward(q), {})
+    return OperatingPoints(kinematics, q, kinematics.forward(q), {})
 
 
 def test_two_lines_move_the_joint_by_the_sum_of_both() -> None:
-    at, periods = situation(), (2.0 * np.pi / 12.0, 2.0 * np.pi / 23.0)
+    at, periods = operating_points(), (2.0 * np.pi / 12.0, 2.0 * np.pi / 23.0)
     both = RackPeriodic().basis_of(at, SITE, periods)
     each = [RackPeriodic().basis(at, SITE, period) for period in periods]
     summed = np.concatenate([basis.displacement(at) for basis in each], axis=2)
@@ -35,12 +35,12 @@ def test_parameters_of_the_second_line_have_its_number_and_are_angles() -> None:
 
 
 def test_a_drift_of_a_line_is_as_small_as_gears_let_it_be() -> None:
-    sigma = RackPeriodic().basis(situation(), SITE, 0.5).sigma
+    sigma = RackPeriodic().basis(operating_points(), SITE, 0.5).sigma
     np.testing.assert_allclose(sigma[2:] / sigma[0], MODULATION.line, rtol=1e-12)
 
 
 def test_lines_displace_the_pose_as_the_joint_turned_by_hand() -> None:
-    at, periods = situation(), (2.0 * np.pi / 12.0, 2.0 * np.pi / 23.0)
+    at, periods = operating_points(), (2.0 * np.pi / 12.0, 2.0 * np.pi / 23.0)
     c = np.array([1e-3, 0, 0, 0, 0, 5e-4, 0, 0])
     lines = ActiveEffect(RackPeriodic(), SITE, periods[0], c, np.zeros((8, 8)), at.references, periods[1:])
     moved = with_effects(at.kinematics, at.q, {}, [lines])
@@ -50,7 +50,7 @@ def test_lines_displace_the_pose_as_the_joint_turned_by_hand() -> None:
 
 
 def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart_from_it() -> None:
-    at = situation()
+    at = operating_points()
     effect, span = RackPeriodic(), float(np.ptp(at.q[:, 0]))
     values = np.array(effect.nonlinear_values(at, SITE))
     assert values.max() > span / LEAST_TURNS  # slow ones are tried, beside another line
@@ -65,7 +65,7 @@ def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart
 
 
 def test_the_fastest_line_has_a_value_on_either_side_between_which_a_scan_refines_it() -> None:
-    at = situation()
+    at = operating_points()
     a_turn = 2.0 * np.pi / np.array(RackPeriodic().nonlinear_values(at, SITE))
     step = np.pi / 3.0 / float(np.ptp(at.q[:, 0]))  # a sixth of a period over the range
     near = np.abs(a_turn - 202.0) < 1.001 * step  # two for each turn of a strain wave gear of ratio 101
@@ -74,7 +74,7 @@ def test_the_fastest_line_has_a_value_on_either_side_between_which_a_scan_refine
 
 
 def test_smooth_deviations_have_ever_smaller_parts_beyond_three_periods_a_turn() -> None:
-    at = situation()
+    at = operating_points()
     _, size = smooth_cosines(at, 0, 14, 1.2)
     _, plain = cosines(at.travel[:, 0], 1, 14, 1.2)
     rate = np.arange(1, 15) * np.pi / np.ptp(at.q[:, 0])

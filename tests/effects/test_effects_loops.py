@@ -8,8 +8,8 @@ from effect_places import active, basis, moved
 
 import gtpin
 from gtpin.effects.chain_motions import OWN_WEIGHT, tip_loads
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
-from gtpin.effects.situation import Situation
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.posture import home
 
@@ -53,7 +53,7 @@ def parallelogram(size: float = 1.0) -> gtpin.Robot:
     )
 
 
-def situation(kinematics: ChainKinematics, count: int = 6) -> Situation:
+def operating_points(kinematics: ChainKinematics, count: int = 6) -> OperatingPoints:
     rng = np.random.default_rng(0)
     q = rng.uniform(-0.6, 0.6, (count, 2))
     told = {
@@ -64,11 +64,11 @@ def situation(kinematics: ChainKinematics, count: int = 6) -> Situation:
         "fy": rng.normal(0.0, 20.0, count),
         "fz": rng.normal(0.0, 20.0, count),
     }
-    return Situation(kinematics, q, kinematics.forward(q), told)
+    return OperatingPoints(kinematics, q, kinematics.forward(q), told)
 
 
 def test_a_column_that_grows_lifts_both_joints_that_stand_on_it() -> None:
-    at = situation(ChainKinematics(gtpin.Geometry.nominal(parallelogram())))
+    at = operating_points(ChainKinematics(gtpin.Geometry.nominal(parallelogram())))
     c = np.array([EXPANSION, 0.0, 0.0])
     found = moved(at, active("thermal_links", "column", c, at.references))
     growth = EXPANSION * (at.covariate("temp_link") - 20.0)
@@ -79,7 +79,7 @@ def test_a_column_that_grows_lifts_both_joints_that_stand_on_it() -> None:
 
 def test_a_column_bears_all_that_stands_on_it() -> None:
     robot = parallelogram()
-    at = situation(ChainKinematics(gtpin.Geometry.nominal(robot)))
+    at = operating_points(ChainKinematics(gtpin.Geometry.nominal(robot)))
     (column,) = links_at(robot, "column")
     loads = tip_loads(at, column)
     model, data, start = robot.model, robot.model.createData(), home(robot)
@@ -107,12 +107,12 @@ def test_links_of_a_robot_of_one_shape_are_more_flexible_by_the_fourth_power_of_
 
     def typical(robot: gtpin.Robot) -> float:
         return float(
-            basis("link_compliance", "arm", situation(ChainKinematics(gtpin.Geometry.nominal(robot)))).sigma[0]
+            basis("link_compliance", "arm", operating_points(ChainKinematics(gtpin.Geometry.nominal(robot)))).sigma[0]
         )
 
     assert typical(parallelogram(size)) == pytest.approx(typical(parallelogram()) / size**4, rel=1e-9)
 
 
 def test_links_of_a_large_robot_have_the_size_that_is_documented() -> None:
-    at = situation(ChainKinematics(gtpin.Geometry.nominal(parallelogram(3.0))))
+    at = operating_points(ChainKinematics(gtpin.Geometry.nominal(parallelogram(3.0))))
     assert basis("link_compliance", "arm", at).sigma[0] == pytest.approx(1e-5)

@@ -4,18 +4,18 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, situation, some
+from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, operating_points, some
 
 from gtpin.effects.cart_compliance import TIPS
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import FLANKS
-from gtpin.effects.situation import Situation
 from gtpin.robot.parameters import rotation_axes
 
 RODS = {site: i for i, site in enumerate(ROBOT.rod_sites)}
 STEP = 1.0  # N, by which the tool's force is changed; the energy is quadratic in it
 
 
-def only(name: str, site: str, at: Situation, column: int, value: float = 1.0) -> np.ndarray:
+def only(name: str, site: str, at: OperatingPoints, column: int, value: float = 1.0) -> np.ndarray:
     coefficients = np.zeros(len(basis(name, site, at)))
     coefficients[column] = value
     return coefficients
@@ -25,8 +25,8 @@ def parameters(name: str, coefficients: np.ndarray) -> dict[str, float]:
     return {n: value for n, (value, _) in EFFECTS[name].parameters(coefficients, SETTINGS.get(name)).items()}
 
 
-def pushed(at: Situation, axis: str, by: float) -> Situation:
-    return Situation(
+def pushed(at: OperatingPoints, axis: str, by: float) -> OperatingPoints:
+    return OperatingPoints(
         at.kinematics, at.q, at.poses, {**at.covariates, f"f{axis}": at.covariates[f"f{axis}"] + by}, at.fixed
     )
 
@@ -35,20 +35,22 @@ def travel(name: str, q: np.ndarray, coefficients: np.ndarray, **columns: np.nda
     """(N,) what an effect does to cart 2 along its track where all carts are told to go to q (N,)."""
     commands = np.tile(q[:, None], (1, 3))
     told = {key: np.resize(values, len(q)) for key, values in FIT.covariates.items()} | columns
-    at = Situation(KINEMATICS, commands, KINEMATICS.forward(commands), told, FIT.references)
+    at = OperatingPoints(KINEMATICS, commands, KINEMATICS.forward(commands), told, FIT.references)
     return displaced(at, name, "cart2", coefficients).command[:, 1]
 
 
-def rising_energy(at: Situation, energy) -> np.ndarray:
+def rising_energy(at: OperatingPoints, energy) -> np.ndarray:
     """(N, 3) derivative of an energy by the tool's force: by Castigliano's theorem, how far the tool gives way."""
     return np.stack(
         [(energy(pushed(at, axis, STEP)) - energy(pushed(at, axis, -STEP))) / (2.0 * STEP) for axis in "xyz"], axis=1
     )
 
 
-def gives_way(name: str, site: str, column: int, give: float, stretched: Callable[[Situation], np.ndarray]) -> None:
+def gives_way(
+    name: str, site: str, column: int, give: float, stretched: Callable[[OperatingPoints], np.ndarray]
+) -> None:
     """A coefficient moves the tool as the derivative of give / 2 times the sum of squares (N, k) by the tool's force."""
-    at = situation(10, seed=1)
+    at = operating_points(10, seed=1)
     moved = (basis(name, site, at).displacement(at) @ only(name, site, at, column, give))[:, :3]
     expected = rising_energy(at, lambda now: give / 2.0 * (stretched(now) ** 2).sum(axis=1))
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -74,7 +76,7 @@ def test_links_give_way_as_castigliano_says(site: str) -> None:
 def test_carts_give_way_as_castigliano_says(site: str, direction: int) -> None:
     mine, axis = of_cart(site, direction)
 
-    def pull(now: Situation) -> np.ndarray:
+    def pull(now: OperatingPoints) -> np.ndarray:
         return np.einsum("nk,nki->ni", now.force[:, mine], now.along[:, mine]) @ axis[:, None]
 
     gives_way("cart_compliance", site, direction, 5e-8, pull)
@@ -87,7 +89,7 @@ def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> N
     columns = range(len(basis("cart_compliance", site, FIT)))
     named = [k for k in columns if parameters("cart_compliance", only("cart_compliance", site, FIT, k))[tip]]
 
-    def moment(now: Situation) -> np.ndarray:
+    def moment(now: OperatingPoints) -> np.ndarray:
         arms = now.carrier_joints[:, mine] - now.carrier_joints[:, mine].mean(axis=1, keepdims=True)
         return np.cross(arms, now.force[:, mine, None] * now.along[:, mine]).sum(axis=1) @ axis[:, None]
 
@@ -96,9 +98,9 @@ def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> N
 
 @pytest.mark.parametrize("site", RODS)
 def test_a_tool_that_pulls_along_a_rod_puts_it_in_tension_and_lengthens_it(site: str) -> None:
-    at, i = situation(6, seed=4), RODS[site]
+    at, i = operating_points(6, seed=4), RODS[site]
     along = {f"f{axis}": 1e5 * at.along[:, i, c] for c, axis in enumerate("xyz")}
-    at = Situation(at.kinematics, at.q, at.poses, {**at.covariates, **along})
+    at = OperatingPoints(at.kinematics, at.q, at.poses, {**at.covariates, **along})
     assert (at.force[:, i] > 0.0).all()
     for name in ("link_compliance", "joint_clearance"):
         longer = displaced(at, name, site, only(name, site, at, 0, 1e-5)).length
@@ -107,7 +109,7 @@ def test_a_tool_that_pulls_along_a_rod_puts_it_in_tension_and_lengthens_it(site:
 
 
 def test_play_is_the_difference_between_tension_and_compression() -> None:
-    at = situation(60, seed=5)
+    at = operating_points(60, seed=5)
     c = only("joint_clearance", "link2a", at, 0, 2e-5)
     longer, force = displaced(at, "joint_clearance", "link2a", c).length[:, 1], at.force[:, 1]
     assert (force > 0.0).any()
@@ -119,21 +121,21 @@ def test_play_is_the_difference_between_tension_and_compression() -> None:
 @pytest.mark.parametrize("pulled", [0, 1, 2, 58, 59, 60])
 def test_play_is_testable_where_two_poses_have_the_rarer_sign_of_force(pulled: int) -> None:
     # A dead weight on the tool, and a lift that turns the sign of the force in link 1.
-    q = situation(60, seed=6).q
+    q = operating_points(60, seed=6).q
     poses = KINEMATICS.forward(q)
-    still = Situation(KINEMATICS, q, poses, {f"f{axis}": np.zeros(60) for axis in "xyz"})
+    still = OperatingPoints(KINEMATICS, q, poses, {f"f{axis}": np.zeros(60) for axis in "xyz"})
     sign = np.where(np.arange(60) < pulled, 1.0, -1.0)
     wanted = 100.0 * sign - still.force[:, 0]
     per_newton = (
-        Situation(KINEMATICS, q, poses, {**still.covariates, "fz": np.ones(60)}).force[:, 0] - still.force[:, 0]
+        OperatingPoints(KINEMATICS, q, poses, {**still.covariates, "fz": np.ones(60)}).force[:, 0] - still.force[:, 0]
     )
-    at = Situation(KINEMATICS, q, poses, {**still.covariates, "fz": wanted / per_newton})
+    at = OperatingPoints(KINEMATICS, q, poses, {**still.covariates, "fz": wanted / per_newton})
     np.testing.assert_allclose(at.force[:, 0], 100.0 * sign, rtol=1e-9)
     assert (EFFECTS["joint_clearance"].untestable(at, "link1") is None) == (2 <= pulled <= 58)
 
 
 def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> None:
-    at = situation(10, seed=7, temp_link=np.full(10, 23.0))
+    at = operating_points(10, seed=7, temp_link=np.full(10, 23.0))
     longer = displaced(at, "thermal_links", "link3a", only("thermal_links", "link3a", at, 0, 12e-6)).length
     np.testing.assert_allclose(longer[:, RODS["link3a"]], 3.0 * 12e-6 * KINEMATICS.L0[RODS["link3a"]], rtol=1e-9)
     arm = displaced(at, "thermal_links", "arm", only("thermal_links", "arm", at, 0, 12e-6)).length
@@ -141,8 +143,8 @@ def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> N
 
 
 def test_temperatures_are_counted_from_the_reference() -> None:
-    q = situation(4).q
-    at = Situation(KINEMATICS, q, KINEMATICS.forward(q), {"temp_link": np.full(4, 26.0)}, temperature=25.0)
+    q = operating_points(4).q
+    at = OperatingPoints(KINEMATICS, q, KINEMATICS.forward(q), {"temp_link": np.full(4, 26.0)}, temperature=25.0)
     longer = displaced(at, "thermal_links", "link1", only("thermal_links", "link1", at, 0, 1e-5)).length[:, 0]
     np.testing.assert_allclose(longer, 1e-5 * KINEMATICS.L0[0], rtol=1e-9)
 
@@ -174,7 +176,7 @@ def test_a_track_that_is_not_straight_is_as_large_as_said() -> None:
 
 
 def test_straightness_and_rotation_lie_across_and_about_the_track() -> None:
-    at = situation(12, seed=8)
+    at = operating_points(12, seed=8)
     v = ROBOT.actuators[1].axis
     a, b = rotation_axes(v)[:2]
     n = len(basis("straightness", "cart2", at)) // 2
@@ -251,7 +253,7 @@ def test_a_harmonic_has_its_amplitude_in_the_middle_of_the_range_however_it_chan
 
 @pytest.mark.parametrize("direction", [0, 1, 2])
 def test_a_cart_with_a_dead_zone_hardly_moves_under_small_forces_and_as_a_linear_one_beyond(direction: int) -> None:
-    at, give = situation(200, seed=4), 5e-8
+    at, give = operating_points(200, seed=4), 5e-8
     mine, axis = of_cart("cart3", direction)
     force = np.einsum("nk,nki->ni", at.force[:, mine], at.along[:, mine]) @ axis
     c = np.zeros(len(basis("cart_compliance", "cart3", at)))
@@ -311,7 +313,7 @@ def test_a_coupling_takes_a_cart_from_end_to_end_by_what_it_says_in_the_mean_ove
         # Carts so far apart can't be reached all; what the effect does to the command does not ask.
         poses = KINEMATICS.forward(np.zeros_like(q))
         moved = [
-            displaced(Situation(KINEMATICS, commands, poses, {}), "cross_coupling", "cart2", c).command[:, 1]
+            displaced(OperatingPoints(KINEMATICS, commands, poses, {}), "cross_coupling", "cart2", c).command[:, 1]
             for commands in (q, far)
         ]
         assert (moved[1] - moved[0]).mean() == pytest.approx(told[f"end_to_end[{k + 1}]"])
@@ -329,7 +331,7 @@ def test_shifts_between_sessions_are_about_their_mean() -> None:
 def test_frames_shift_what_is_seen_by_the_session() -> None:
     c = np.random.default_rng(1).standard_normal(18) * np.tile([1e-5] * 3 + [1e-6] * 3, 3)
     home = KINEMATICS.home
-    at = Situation(
+    at = OperatingPoints(
         KINEMATICS, np.zeros((3, 3)), home[[0, 0, 0]], {"session": np.array(["day0", "day1", "day2"], dtype=object)}
     )
     twist = displaced(at, "frame_shift", "frame", c).twist
@@ -344,7 +346,7 @@ def test_a_drift_is_from_the_first_pose_to_the_last() -> None:
     told = parameters("tracker_drift", c)
     home, (start, span) = KINEMATICS.home, FIT.references.time
     times = np.linspace(start, start + span, 301)
-    at = Situation(KINEMATICS, np.zeros((301, 3)), home[[0] * 301], {"time": times}, FIT.references)
+    at = OperatingPoints(KINEMATICS, np.zeros((301, 3)), home[[0] * 301], {"time": times}, FIT.references)
     twist = displaced(at, "tracker_drift", "frame", c).twist
     values = [told[f"{kind}_{axis}"] for kind in ("shift", "turn") for axis in "xyz"]
     np.testing.assert_allclose(values, twist[-1] - twist[0], rtol=0, atol=1e-15)
@@ -353,7 +355,7 @@ def test_a_drift_is_from_the_first_pose_to_the_last() -> None:
 
 
 def test_an_instrument_that_reads_too_long_puts_points_farther_apart() -> None:
-    at = situation(5, seed=9, fixed=FIT.references)
+    at = operating_points(5, seed=9, fixed=FIT.references)
     seen = (
         at.poses.T + displaced(at, "tracker_scale", "frame", only("tracker_scale", "frame", at, 0, 1e-4)).twist[:, :3]
     )
@@ -362,7 +364,7 @@ def test_an_instrument_that_reads_too_long_puts_points_farther_apart() -> None:
 
 
 def test_a_target_sits_beyond_the_tcp_in_its_own_frame() -> None:
-    at = situation(5, seed=10)
+    at = operating_points(5, seed=10)
     offset = np.array([1e-4, -2e-4, 3e-4])
     seen = displaced(at, "target_offset", "platform", offset).twist[:, :3]
     np.testing.assert_allclose(seen, at.poses.R @ offset, rtol=0, atol=1e-18)
@@ -370,7 +372,7 @@ def test_a_target_sits_beyond_the_tcp_in_its_own_frame() -> None:
 
 
 def test_a_ball_out_of_round_lengthens_its_own_link_by_its_direction_alone() -> None:
-    at = situation(20, seed=11, fixed=FIT.references)
+    at = operating_points(20, seed=11, fixed=FIT.references)
     c = some("joint_runout", "link2b", at)
     longer = displaced(at, "joint_runout", "link2b", c).length
     assert not np.delete(longer, RODS["link2b"], axis=1).any()

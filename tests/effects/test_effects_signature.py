@@ -17,13 +17,13 @@ from effect_places import (
     displaced,
     drawn,
     moved,
-    situation,
+    operating_points,
     some,
 )
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import RobotDescription
@@ -33,15 +33,15 @@ slow = pytest.mark.slow
 
 
 @cache
-def machine(name: str) -> Situation:
+def machine(name: str) -> OperatingPoints:
     """Commands of a machine at which effects show."""
     if name == "arm":
-        return chain_places.situation(6, seed=1, fixed=chain_places.FIT.references)
+        return chain_places.operating_points(6, seed=1, fixed=chain_places.FIT.references)
     if name == "parallelogram":
-        return test_effects_loops.situation(chain_places.drawn(test_effects_loops.parallelogram()))
+        return test_effects_loops.operating_points(chain_places.drawn(test_effects_loops.parallelogram()))
     if name == "gantry_tau":
-        return situation(8, seed=1, fixed=FIT.references)
-    return situation(6, seed=1, kinematics=RodKinematics(drawn(name)))
+        return operating_points(8, seed=1, fixed=FIT.references)
+    return operating_points(6, seed=1, kinematics=RodKinematics(drawn(name)))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -75,7 +75,7 @@ def by_pinocchio(changes: dict[str, float], q: np.ndarray) -> tuple[np.ndarray, 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.sites(ROBOT)])
 def test_an_effect_moves_the_platform_as_pinocchio_does_when_joints_and_lengths_are_moved_by_hand(name: str) -> None:
     site = EFFECTS[name].sites(ROBOT)[min(1, len(EFFECTS[name].sites(ROBOT)) - 1)]
-    at = situation(3, seed=2, fixed=FIT.references)
+    at = operating_points(3, seed=2, fixed=FIT.references)
     c = 5.0 * some(name, site, at)
     reached, parts = applied(at, active(name, site, c)), displaced(at, name, site, c)
     changes = {}
@@ -89,7 +89,7 @@ def test_an_effect_moves_the_platform_as_pinocchio_does_when_joints_and_lengths_
 
 
 def test_several_effects_are_applied_to_one_closed_chain() -> None:
-    at = situation(6, seed=4, fixed=FIT.references)
+    at = operating_points(6, seed=4, fixed=FIT.references)
     effects = [
         active(n, s, some(n, s, at))
         for n, s in (("linearity", "cart2"), ("backlash", "cart2"), ("thermal_links", "arm"))

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.effects import Situation
+from gtpin.effects import OperatingPoints
 from gtpin.effects.active import ActiveEffect
 from gtpin.model.model import FittedInstrument
 
@@ -42,7 +42,7 @@ def background() -> Background:
 
 def acting(background: Background, site: str, size: float) -> gtpin.Model:
     q, model = background.dataset.q, background.model
-    at = Situation(model.kinematics, q, model.kinematics.forward(q), {})
+    at = OperatingPoints(model.kinematics, q, model.kinematics.forward(q), {})
     form = Form("product_of_joints", 3)
     return replace(model, effects=(ActiveEffect(form, site, None, np.array([size]), np.eye(1), at.references),))
 

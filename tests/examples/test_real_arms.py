@@ -14,7 +14,7 @@ from scripts import load
 import gtpin
 from gtpin.data import by_region
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 
 REAL = Path(__file__).parents[2] / "examples" / "real"
 DATA = os.environ.get("GTPIN_REAL_DATA", "")
@@ -125,7 +125,7 @@ def erring(robot: gtpin.Robot, phase: float, data: gtpin.Dataset) -> gtpin.Model
     """A nominal arm whose elbow has a line of 11 periods a turn."""
     geometry = gtpin.Geometry.nominal(robot)
     model = gtpin.Model(geometry)
-    at = Situation(model.kinematics, data.q, model.predict(data.q), {})
+    at = OperatingPoints(model.kinematics, data.q, model.predict(data.q), {})
     effect = next(e for e in gtpin.catalogue() if e.id == "rack_periodic")
     c = 3e-4 * np.array([np.cos(phase), np.sin(phase), 0.0, 0.0])
     line = ActiveEffect(effect, "elbow_joint", 2.0 * np.pi / 11.0, c, np.zeros((4, 4)), at.references)

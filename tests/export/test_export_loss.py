@@ -24,8 +24,8 @@ APPROACH = {f"approach{i + 1}": RNG.choice([-1.0, 1.0], len(Q)) for i in range(6
 
 def with_effect(name: str, site: str, first: float) -> gtpin.Model:
     """An arm with an effect whose first coefficient is given; all others are none."""
-    nonlinear = 0.2 if name == "rack_periodic" else None
-    return replace(UR5, effects=(active(UR5, Q, name, site, nonlinear, APPROACH, first),))
+    shape_parameter = 0.2 if name == "rack_periodic" else None
+    return replace(UR5, effects=(active(UR5, Q, name, site, shape_parameter, APPROACH, first),))
 
 
 @pytest.mark.slow

@@ -80,7 +80,7 @@ def test_draws_of_an_unchanged_machine_exceed_the_threshold_as_often_as_asked():
     rng = np.random.default_rng(5)
     level = threshold(sampler, 0.05, 4000, rng)
     errors = rng.multivariate_normal(np.zeros(len(model.covariance)), model.covariance, 3000, method="eigh")
-    J = earlier.jacobian(design.situation.q, design.situation.covariates, design.situation.poses)
+    J = earlier.jacobian(design.operating_points.q, design.operating_points.covariates, design.operating_points.poses)
     moved = (design.whitening @ J).reshape(len(design.y), -1)
     y = rng.standard_normal((len(design.y), 3000)) + moved @ errors.T
     share = float((sampler.largest(y) > level).mean())
@@ -228,7 +228,9 @@ def alarm(model, dataset, size, rng):
 @pytest.mark.slow
 def test_a_model_with_effects_is_checked_with_them_in():
     """A backlash that the model has is no change; that it has grown is one."""
-    case = make_case(41, effects=[("backlash", "cart1")], energy=3000.0, poses=140, held_out=10, background=False)
+    case = make_case(
+        41, effects=[("backlash", "cart1")], noncentrality=3000.0, poses=140, held_out=10, background=False
+    )
     model = gtpin.diagnose(case.dataset).model
     assert [active.name for active in model.effects] == ["backlash@cart1"]
     same = gtpin.diagnose(later(case, 1), against=model)

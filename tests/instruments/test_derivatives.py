@@ -124,7 +124,7 @@ def test_poses_near_those_that_were_read_leave_no_orientation() -> None:
     for name in ("tracker, all free", "tracker, orientations"):
         one, poses, u = instrument(name)
         assert isinstance(one, Tracker)
-        assert np.abs(one.minus(_near(one, poses, u), u)[:, 3:]).max() < 1e-12
+        assert np.abs(one.residual_at(_near(one, poses, u), u)[:, 3:]).max() < 1e-12
 
 
 def moved(by: str, poses: Poses, u: Floats, i: int, size: float) -> tuple[Poses, Floats]:

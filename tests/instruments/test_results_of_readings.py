@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A Gantry-Tau with a backlash, measured by draw wires and a tilt sensor."""
     where = tmp_path_factory.mktemp("readings") / "measured"
-    recipe = drawn_recipe(4, effects=[("backlash", "cart2")], energy=1500.0, poses=120, background=False)
+    recipe = drawn_recipe(4, effects=[("backlash", "cart2")], noncentrality=1500.0, poses=120, background=False)
     build_measured(recipe, ["range", "tilt"]).write_dataset(where)
     return where
 

@@ -68,9 +68,9 @@ def test_in_a_diagnosis_an_instrument_with_heavy_tails_weighs_its_rows_and_anoth
     readings = observed.measured
     wire, level = (readings.rows.of == [one.kind for one in readings.instruments].index(k) for k in ("range", "tilt"))
     assert (weight[level] == 1.0).all()
-    left = np.abs(left_over(hypotheses, NOTHING)[0][wire, 0])
+    residual = np.abs(left_over(hypotheses, NOTHING)[0][wire, 0])
     assert weight[wire].min() < 0.3
-    assert np.median(weight[wire][left > np.quantile(left, 0.95)]) < 0.5 * np.median(weight[wire])
+    assert np.median(weight[wire][residual > np.quantile(residual, 0.95)]) < 0.5 * np.median(weight[wire])
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

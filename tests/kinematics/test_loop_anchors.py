@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.posture import home
 from gtpin.robot.export import placements_to_urdf
@@ -72,7 +72,7 @@ def test_a_far_link_of_another_length_is_calibrated_and_the_model_is_read_again(
     q = rng.uniform(-0.5, 0.5, (50, 2))
     T = true.forward(q).T + 1e-6 * rng.standard_normal((50, 3))
     pose = np.arange(50).astype(str).astype(object)
-    instrument = Instrument(position_sigma=1e-6)
+    instrument = InstrumentSection(position_sigma=1e-6)
     dataset = gtpin.Dataset(robot=str(FIVE_BAR), pose=pose, q=q, position=T, instrument=instrument)
     found = gtpin.calibrate(dataset)
     assert 0.7 < found.chi2_per_dof < 1.3

@@ -13,9 +13,9 @@ from urdfs import joint, loop, own, robot_of
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.posture import ClosedPosture
@@ -161,7 +161,7 @@ class Displaced(Effect):
     def sites(self, robot: gtpin.Robot) -> tuple[str, ...]:
         return robot.sites
 
-    def basis(self, at: Situation, site: str, nonlinear: float | None = None) -> Basis:
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         rng, k = np.random.default_rng(4), len(at.robot.rods)
 
         def some(*shape: int) -> Floats:
@@ -171,12 +171,12 @@ class Displaced(Effect):
             parts = {"carrier_joints": some(k, 3), "length": some(k)}
         else:
             parts = {"placements": tuple((i, some(6)) for i in range(at.robot.model.njoints))}
-        return Basis(np.ones(1), command=(0, some()), twist=some(6), **parts)
+        return Displacement(np.ones(1), command=(0, some()), twist=some(6), **parts)
 
 
 def test_displacements_by_effects_are_those_of_the_exact_solution(robot: gtpin.Robot) -> None:
     here, q = kinematics(drawn(robot, 2)), commands(robot)
-    at = Situation(here, q, here.forward(q), {})
+    at = OperatingPoints(here, q, here.forward(q), {})
     first = Displaced().basis(at, robot.sites[0]).displacement(at)[:, :, 0]
 
     def displaced(size: float) -> gtpin.Poses:

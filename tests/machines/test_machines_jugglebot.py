@@ -70,8 +70,8 @@ def test_what_the_noise_is_made_of_is_told_without_repeats() -> None:
     noise = calibrated(dataset()).noise
     assert noise.source == "residuals"
     assert noise.repeatability == 0.0
-    assert 0.2e-3 < noise.lack < 0.6e-3
-    assert noise.position_sigma < 0.3 * noise.lack
+    assert 0.2e-3 < noise.model_discrepancy < 0.6e-3
+    assert noise.position_sigma < 0.3 * noise.model_discrepancy
 
 
 def test_the_causes_that_are_named_make_poses_that_were_not_fitted_come_nearer() -> None:

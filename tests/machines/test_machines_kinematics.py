@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import log
 
@@ -174,7 +174,7 @@ def test_a_drive_s_error_is_a_leg_s_error_in_length(name: str) -> None:
     kinematics = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot(name)))
     q = closures.in_range(rng, 40)
     session = np.array([f"day{i % 2}" for i in range(len(q))], dtype=object)
-    at = Situation(kinematics, q, kinematics.forward(q), {"session": session})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {"session": session})
     sizes = {"encoder_scale": 1e-3, "zero_shift": 5e-4}
     for effect, size in sizes.items():
         known = effects_by_id()[effect]
@@ -192,7 +192,7 @@ def test_an_arm_s_error_is_an_angle() -> None:
     closures = nominal("tau")
     kinematics = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot("tau")))
     q = closures.in_range(np.random.default_rng(1), 40)
-    at = Situation(kinematics, q, kinematics.forward(q), {})
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
     known = effects_by_id()["encoder_scale"]
     coefficients = np.zeros(len(known.basis(at, "arm2")))
     coefficients[0] = 1e-3

@@ -9,7 +9,7 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind, possible
-from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
@@ -109,9 +109,9 @@ def test_commands_lie_in_the_ranges_and_move_the_tcp_all_over(name: str) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_case_can_be_made_and_its_energy_is_what_was_asked(name: str) -> None:
-    case = make_case(4, effects=[("linearity", None)], energy=500.0, poses=60, held_out=10, robot=name)
+    case = make_case(4, effects=[("linearity", None)], noncentrality=500.0, poses=60, held_out=10, robot=name)
     (truth,) = case.effects
-    assert truth.energy == pytest.approx(500.0, rel=2e-3)
+    assert truth.noncentrality == pytest.approx(500.0, rel=2e-3)
     assert case.dataset.robot == name
     assert truth.site in known_robot(name).sites
 

@@ -5,7 +5,7 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 
 ROBOT = gtpin.load_robot("gantry_tau")
 GEOMETRY = gtpin.Geometry.nominal(ROBOT)
@@ -35,13 +35,13 @@ def active(name: str, site: str, amounts=None, without=()) -> ActiveEffect:
     q, columns = circumstances(40)
     kinematics = gtpin.Model(GEOMETRY).kinematics
     columns = {key: values for key, values in columns.items() if key not in without}
-    at = Situation(kinematics, q, kinematics.forward(q), columns)
-    effect, nonlinear = effects_by_id()[name], SETTINGS.get(name)
-    size = effect.basis(at, site, nonlinear).sigma
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), columns)
+    effect, shape_parameter = effects_by_id()[name], SETTINGS.get(name)
+    size = effect.basis(at, site, shape_parameter).sigma
     if amounts is None:
         amounts = np.random.default_rng(len(name)).standard_normal(len(size))
     amounts = np.resize(np.asarray(amounts, dtype=float), len(size))
-    return ActiveEffect(effect, site, nonlinear, amounts * size, np.diag((0.1 * size) ** 2), at.references)
+    return ActiveEffect(effect, site, shape_parameter, amounts * size, np.diag((0.1 * size) ** 2), at.references)
 
 
 def with_effect(name: str, site: str, **options) -> gtpin.Model:

@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors
 
 @pytest.fixture(scope="module")
 def diagnosed():
-    case = make_case(11, effects=[("backlash", "cart1"), ("encoder_scale", "cart3")], energy=3000.0, poses=120)
+    case = make_case(11, effects=[("backlash", "cart1"), ("encoder_scale", "cart3")], noncentrality=3000.0, poses=120)
     return case, gtpin.diagnose(case.dataset)
 
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 import gtpin
 from gtpin.effects import catalogue as catalogue_module
-from gtpin.effects.basis import along_track
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.displacement import along_track
 from gtpin.effects.effect import Effect, unit
-from gtpin.effects.sites import carts
+from gtpin.effects.sites import actuators
 from gtpin.effects.smooth import frame_twist
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
 
@@ -45,7 +45,7 @@ def test_a_model_with_any_effect_predicts_the_same_bits_when_it_is_read_again(tm
     assert expected.reached.all()
     assert same(again.predict(Q, COLUMNS), expected)
     (one,), (other,) = model.effects, again.effects
-    assert (one.name, one.nonlinear) == (other.name, other.nonlinear)
+    assert (one.name, one.shape_parameter) == (other.name, other.shape_parameter)
     assert np.array_equal(one.covariance, other.covariance)
 
 
@@ -182,12 +182,12 @@ class Creep(Effect):
     coefficient = ("rate", "m")
 
     def sites(self, robot):
-        return carts(robot)
+        return actuators(robot)
 
     def covariates(self, robot, site):
         return ("time",)
 
-    def basis(self, at, site, nonlinear=None):
+    def basis(self, at, site, shape_parameter=None):
         return along_track(at, site, at.time[:, None], unit([1.0], 1e-5))
 
 
@@ -256,8 +256,8 @@ class Rude(Creep):
 
     id = "rude"
 
-    def basis(self, at, site, nonlinear=None):
-        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, nonlinear)
+    def basis(self, at, site, shape_parameter=None):
+        return frame_twist(at)[0] @ None if len(at) == 1 else super().basis(at, site, shape_parameter)
 
 
 def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stranger, tmp_path, monkeypatch):

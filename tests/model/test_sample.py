@@ -10,7 +10,7 @@ import pytest
 import gtpin
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.model.fit_conditions import FitConditions
 
@@ -23,7 +23,7 @@ def known_model(rho: float | None) -> gtpin.Model:
     """A drive's scale that correlates with a link's length, and nothing else that is uncertain by more than a nanometre."""
     q = np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.2]])
     effect = effects_by_id()["encoder_scale"]
-    at = Situation(NOMINAL.kinematics, q, NOMINAL.kinematics.forward(q), {})
+    at = OperatingPoints(NOMINAL.kinematics, q, NOMINAL.kinematics.forward(q), {})
     count, p = len(effect.basis(at, "cart1")), len(NOMINAL.geometry.parameters)
     whole = np.diag(np.full(p + count, 1e-18))
     whole[0, 0] = whole[p, p] = SIGMA**2

@@ -8,8 +8,8 @@ from spring_machine import SpringMachine, Springs
 
 import gtpin
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.machine import Deviation
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.situation import RodSituation

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import CartMeasurements, Instrument
+from gtpin.data import CartMeasurements, InstrumentSection
 
 Floats = np.ndarray
 Path = Callable[[Floats], Floats]
@@ -114,7 +114,7 @@ class Machine:
             q=q,
             position=T + position_sigma * rng.standard_normal(T.shape),
             orientation=turned.as_quat(scalar_first=True),
-            instrument=Instrument(position_sigma=position_sigma, orientation_sigma=orientation_sigma),
+            instrument=InstrumentSection(position_sigma=position_sigma, orientation_sigma=orientation_sigma),
             carts=carts,
         )
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="session")
 def single() -> Diagnosis:
     """One cause: a periodic rack. Pose ids and a session want to be more than text."""
-    dataset = make_case(7, effects=[("rack_periodic", "cart2")], energy=900.0, poses=150, held_out=1).dataset
+    dataset = make_case(7, effects=[("rack_periodic", "cart2")], noncentrality=900.0, poses=150, held_out=1).dataset
     pose = dataset.pose.copy()
     for wanted, hostile in (("3", "<script>alert(1)</script>"), ("5", "<b>#@${component}</b>&amp;")):
         pose[dataset.pose.astype(str) == wanted] = hostile

@@ -47,8 +47,10 @@ def write_table(file: Path, head: str, rows: Iterable[Iterable[object]]) -> None
 def left_by_nominal(dataset: Dataset, sigma: float) -> Residuals:
     """What the nominal model leaves of readings."""
     readings = Readings.of(dataset, NOMINAL.robot)
-    left = readings.minus(NOMINAL.kinematics.forward(dataset.q))
-    return Residuals(dataset, len(dataset), NOMINAL, NOMINAL, left, left, np.full_like(left, sigma), readings)
+    residual = readings.residual_at(NOMINAL.kinematics.forward(dataset.q))
+    return Residuals(
+        dataset, len(dataset), NOMINAL, NOMINAL, residual, residual, np.full_like(residual, sigma), readings
+    )
 
 
 def way(plane: str, angle: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from gtpin.compensation.compensate import compensate
 from gtpin.compensation.corrections import correctable, corrections
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
 from gtpin.kinematics.chain_kinematics import ChainKinematics
@@ -230,7 +230,7 @@ def test_the_motions_of_a_link_s_tip_sum_to_the_effect(site: str) -> None:
     kinematics = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot(str(FIVE_BAR))))
     q = np.random.default_rng(0).uniform(-0.4, 0.4, (5, 2))
     told = {"payload": np.linspace(0.0, 1.0, 5), "fy": np.linspace(-4.0, 5.0, 5)}
-    at = Situation(kinematics, q, kinematics.forward(q), told)
+    at = OperatingPoints(kinematics, q, kinematics.forward(q), told)
     basis = effects_by_id()["link_compliance"].basis(at, site)
     summed = sum(motion.tcp[:, :, None] * motion.columns[:, None, :] for motion in placements(at, site, basis))
     np.testing.assert_allclose(summed, basis.displacement(at), atol=1e-12 * np.abs(basis.displacement(at)).max())

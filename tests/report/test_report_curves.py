@@ -33,15 +33,15 @@ def residuals(single) -> Residuals:
 
 
 def active(
-    residuals: Residuals, effect: str, site: str, nonlinear: float | None = None, first: float = 1.0
+    residuals: Residuals, effect: str, site: str, shape_parameter: float | None = None, first: float = 1.0
 ) -> ActiveEffect:
     """An effect whose first coefficient alone is known, and not zero."""
     known = effects_by_id()[effect]
     at = residuals.at(residuals.dataset.q, residuals.dataset.covariates)
-    size = len(known.basis(at, site, nonlinear))
+    size = len(known.basis(at, site, shape_parameter))
     coefficients, covariance = np.zeros(size), np.zeros((size, size))
     coefficients[0], covariance[0, 0] = first, SIGMA**2
-    return ActiveEffect(known, site, nonlinear, coefficients, covariance, at.references)
+    return ActiveEffect(known, site, shape_parameter, coefficients, covariance, at.references)
 
 
 def test_the_curve_of_a_periodic_rack_is_the_cosine_that_its_coefficient_says(residuals):
@@ -59,9 +59,9 @@ def test_the_curve_of_a_periodic_rack_is_the_cosine_that_its_coefficient_says(re
 def test_points_of_a_curve_are_the_curve_and_what_is_left_along_it(residuals):
     (curve,) = curves(active(residuals, "rack_periodic", "cart2", PERIOD, AMPLITUDE), residuals)
     (line,) = curve.lines
-    left = residuals.component("cart2", residuals.after)
+    residual = residuals.component("cart2", residuals.after)
     np.testing.assert_array_equal(line.points_x, residuals.dataset.q[:, 1])
-    np.testing.assert_allclose(line.points_y - np.interp(line.points_x, line.x, line.y), left, atol=1e-15)
+    np.testing.assert_allclose(line.points_y - np.interp(line.points_x, line.x, line.y), residual, atol=1e-15)
 
 
 def test_backlash_has_a_curve_for_each_direction_of_approach(residuals):
@@ -127,7 +127,7 @@ def test_residuals_before_are_those_of_the_calibration(single, residuals):
 
 
 def test_the_causes_line_along_its_column_shows_every_turn_of_its_wave_and_goes_through_what_the_causes_make(residuals):
-    (period,) = [e.nonlinear for e in residuals.model.effects]
+    (period,) = [e.shape_parameter for e in residuals.model.effects]
     line = fit_along(residuals, "q2")
     x, y = line.x[:-1], line.fit["cart2"][:-1]
     crossings = np.count_nonzero(np.diff(np.sign(y - y.mean())))

@@ -152,8 +152,8 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     found = findings["unknown"]
     lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
     others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
-    left = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
-    advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=left)).advice)
+    unexplained = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
+    advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=unexplained)).advice)
     assert "could be zero shift at cart1, which these data can't test: the covariate session is missing." in advice
     assert "could be" not in " ".join(verdict(found).advice)
 

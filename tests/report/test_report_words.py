@@ -11,10 +11,10 @@ from typing import get_args
 
 import pinocchio
 import pytest
-from gtpin.calibration.observability import Remedy
 
 import gtpin
 from gtpin import load_robot
+from gtpin.calibration.observability import Remedy
 from gtpin.diagnosis.linear.cross_validation import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.drive_errors import Linearity

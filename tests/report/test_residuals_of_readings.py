@@ -46,8 +46,8 @@ def test_a_component_has_what_its_instrument_read_and_nothing_in_other_rows(resi
     for k, axis in enumerate("xyz"):
         rows = residuals.rows_of(f"cup.{axis}")
         assert len(rows) == 16
-        left = residuals.component(f"cup.{axis}", residuals.before)[rows[:8]]
-        np.testing.assert_allclose(left, (S1 - rests)[:, k], atol=1e-12)
+        residual = residuals.component(f"cup.{axis}", residuals.before)[rows[:8]]
+        np.testing.assert_allclose(residual, (S1 - rests)[:, k], atol=1e-12)
     apart = residuals.component("cup.distance", residuals.before)[residuals.rows_of("cup.distance")]
     np.testing.assert_allclose(apart, 1e-4, atol=1e-12)
 

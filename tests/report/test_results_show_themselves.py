@@ -27,7 +27,7 @@ LINES, LETTERS = 8, 700
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("data") / "measured"
-    case = make_case(3, effects=[("backlash", "cart1")], energy=1500.0, poses=60)
+    case = make_case(3, effects=[("backlash", "cart1")], noncentrality=1500.0, poses=60)
     case.dataset.save(path)
     return path
 

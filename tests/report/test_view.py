@@ -17,7 +17,7 @@ from browsers import SLOW, launched
 import gtpin
 import gtpin.cli
 from gtpin import Frame, Geometry, Model, load_robot
-from gtpin.data import Dataset, Instrument
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.description import RobotDescription
@@ -49,7 +49,7 @@ def dataset_of(
         q=q,
         position=poses.T + (0.0 if shift is None else shift),
         orientation=poses.quaternions if orientation else None,
-        instrument=Instrument(frame=frame),
+        instrument=InstrumentSection(frame=frame),
     )
 
 
@@ -108,7 +108,7 @@ def test_a_rod_that_is_too_long_has_the_whole_gap(link):
 
 def test_without_a_gap_no_rod_has_a_share():
     exact = gap_of(
-        NOMINAL, replace(dataset_of(NOMINAL), instrument=Instrument(position_sigma=1e-5, orientation_sigma=1e-5))
+        NOMINAL, replace(dataset_of(NOMINAL), instrument=InstrumentSection(position_sigma=1e-5, orientation_sigma=1e-5))
     )
     assert set(exact.share.values()) == {0.0}
 

@@ -35,8 +35,8 @@ def select(y: Floats, groups: Sequence[Floats]) -> tuple[list[int], float]:
         if len(active) > MOST:
             break
         X = np.hstack([groups[i] for i in active]) if active else np.zeros((len(y), 0))
-        left = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-        cost = float(left @ left) + X.shape[1] * np.log(len(y)) + 2.0 * len(active) * np.log(len(groups))
+        residual = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+        cost = float(residual @ residual) + X.shape[1] * np.log(len(y)) + 2.0 * len(active) * np.log(len(groups))
         if cost < best[0]:
             best = cost, active, float(share)
     return best[1], best[2]

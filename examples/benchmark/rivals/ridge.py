@@ -23,7 +23,7 @@ def answer(folder: Path) -> Answer:
     """The answer to one case."""
     problem = Problem.of(folder)
     design, terms = problem.hypotheses.design, list(problem.gains)
-    bases = [design.columns(term.basis(design.situation)) for term in terms]
+    bases = [design.columns(term.basis(design.operating_points)) for term in terms]
     y, X = without_geometry(design.B, design.y, np.hstack(bases))
     U, s, Vt = np.linalg.svd(X, full_matrices=False)
     along = U.T @ y

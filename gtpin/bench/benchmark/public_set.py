@@ -186,8 +186,8 @@ def _published(truth: Truth) -> Truth:
     """A truth as it is written: without displacements and orientations, with rounded numbers."""
     poses, effects, readings = truth.poses, [], []
     for effect in truth.effects:
-        energy = rounded_energy(effect.energy or 0.0)
-        effects.append(effect.model_copy(update={"displacement": None, "amplitude": None, "energy": energy}))
+        noncentrality = rounded_energy(effect.energy or 0.0)
+        effects.append(effect.model_copy(update={"displacement": None, "amplitude": None, "energy": noncentrality}))
     for one in truth.readings:
         sigma = tuple(tuple(map(to_digits, row)) for row in one.sigma)
         readings.append(TrueReadings(name=one.name, values=rounded_rows(one.values), sigma=sigma))

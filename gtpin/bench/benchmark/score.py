@@ -110,7 +110,7 @@ def figures(cases: Iterable[Scored]) -> dict[str, Rate]:
     scored = list(cases)
     every = [case.judged for case in scored]
     one = [c for c in every if c.kind in SINGLE]
-    seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
+    seen, clear = [c for c in one if c.noncentrality > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     several = [c for c in every if c.kind in ("two", "three") and c.names - c.not_visible]
     none, unlisted = [c for c in every if c.kind == "none"], [c for c in every if c.kind == "unlisted"]
     errors = [case.error for case in scored if case.error]

@@ -18,7 +18,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.joint_fit import fit_together
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
@@ -34,7 +34,7 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     model = baseline.model
     kinematics, geometry = model.kinematics, model.geometry
     poses = kinematics.forward(kept.q)
-    at = Situation(kinematics, kept.q, poses, kept.covariates, None, kept.conditions.reference_temperature)
+    at = OperatingPoints(kinematics, kept.q, poses, kept.covariates, None, kept.conditions.reference_temperature)
     measured = measured_poses(kept)
     noise = noise_at(baseline.noise, Readings.of(kept, model.robot))
     whitening = noise.whitening(at.command_jacobian, measured.components)
@@ -46,17 +46,17 @@ def fit_known_causes(dataset: Dataset, baseline: Calibration, causes: Sequence[B
     sizes = [basis.sigma * cause.scale for basis, cause in zip(bases, causes, strict=True)]
     B = whitened(kinematics.geometry_jacobian(kept.q, poses) * geometry.tolerance)
     J = np.hstack([B, *(whitened(basis.displacement(at) * size) for basis, size in zip(bases, sizes, strict=True))])
-    left = whitened(measured.minus(poses)[:, :, None])[:, 0]
+    residual = whitened(measured.residual_at(poses)[:, :, None])[:, 0]
     now = np.zeros(J.shape[1])
     now[: B.shape[1]] = geometry.deviation / geometry.tolerance
     covariance = np.linalg.inv(J.T @ J + np.eye(J.shape[1]))
-    step = covariance @ (J.T @ left - now)
+    step = covariance @ (J.T @ residual - now)
     moved = geometry.with_values(geometry.values + geometry.tolerance * step[: B.shape[1]])
     active, place = [], B.shape[1]
     for cause, size in zip(causes, sizes, strict=True):
         own = slice(place, place := place + len(size))
         uncertain = covariance[own, own] * np.outer(size, size)
-        found = (cause.nonlinear, step[own] * size, uncertain, at.references, cause.further)
+        found = (cause.shape_parameter, step[own] * size, uncertain, at.references, cause.further)
         active.append(ActiveEffect(cause.effect, cause.site, *found))
     return Model(moved, model.frame, tuple(active))
 
@@ -83,8 +83,8 @@ def fit_known_causes_to_readings(
         if len(true):
             row[:] = true
     observed = replace(observed, noise=replace(taken, row_sigma=sigma)).take(baseline.used(split))
-    given = [Hypothesis(cause.effect, cause.site, cause.nonlinear, further=cause.further) for cause in causes]
-    references = observed.situation(baseline.model).references
+    given = [Hypothesis(cause.effect, cause.site, cause.shape_parameter, further=cause.further) for cause in causes]
+    references = observed.operating_points(baseline.model).references
     return fit_together(observed, baseline.model, given, [cause.scale for cause in causes], references)
 
 
@@ -104,9 +104,9 @@ def gaussian_process_positions(dataset: Dataset, baseline: Model, commands: Comm
     is the covariate's spread); the other hyperparameters by maximum a posteriori (Rasmussen and Williams 2006, ch. 5).
     """
     rows = np.linspace(0, len(dataset) - 1, min(len(dataset), ROWS)).astype(int)
-    left = dataset.position[rows] - baseline.predict(dataset.q[rows]).T
-    size = max(float(left.std()), 1e-12)
-    y = (left - left.mean(axis=0)) / size
+    residual = dataset.position[rows] - baseline.predict(dataset.q[rows]).T
+    size = max(float(residual.std()), 1e-12)
+    y = (residual - residual.mean(axis=0)) / size
     own, wanted = _covariates(dataset.commands, commands)[rows], _covariates(commands, dataset.commands)
     near = _near(dataset.q[rows], own, dataset.q[rows], own)
 
@@ -123,7 +123,7 @@ def gaussian_process_positions(dataset: Dataset, baseline: Model, commands: Comm
 
     best = minimize(cost, START, method="Nelder-Mead", options={"maxfev": TRIALS}).x
     across = _kernel(_near(dataset.q[rows], own, commands.q, wanted), best)
-    correction = across.T @ cho_solve(factor(best), y) * size + left.mean(axis=0)
+    correction = across.T @ cho_solve(factor(best), y) * size + residual.mean(axis=0)
     return np.asarray(baseline.predict(commands.q).T + correction)
 
 

@@ -19,10 +19,10 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
@@ -106,7 +106,7 @@ class Best:
 
     left: float
     scale: float
-    nonlinear: float | None
+    shape_parameter: float | None
     effect: Effect
     site: str
     further: tuple[float, ...] = ()
@@ -114,14 +114,14 @@ class Best:
     @property
     def values(self) -> tuple[float, ...]:
         """All values of the nonlinear parameter."""
-        return () if self.nonlinear is None else (self.nonlinear, *self.further)
+        return () if self.shape_parameter is None else (self.shape_parameter, *self.further)
 
 
 @dataclass(frozen=True)
 class Difficulty:
     """Computes E and D of displacements at a dataset's rows."""
 
-    situation: Situation  # The poses at which something was measured
+    operating_points: OperatingPoints  # The poses at which something was measured
     seen: Seen  # How displacements of these poses change what was measured
     # (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset
     row: Indices | None = None
@@ -133,7 +133,7 @@ class Difficulty:
         ``sigma``: (6,) or (N, 6) the instrument's noise, m and rad.
         """
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
-        return Difficulty(_situation(dataset, Model(geometry)), Seen.of_poses(measured))
+        return Difficulty(_operating_points(dataset, Model(geometry)), Seen.of_poses(measured))
 
     @staticmethod
     def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: Calibration) -> Difficulty:
@@ -142,12 +142,12 @@ class Difficulty:
         ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
         """
         rows, row, seen = Seen.of_readings(dataset, baseline, noise)
-        return Difficulty(_situation(rows, baseline.model), seen, row)
+        return Difficulty(_operating_points(rows, baseline.model), seen, row)
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats]:
         """(c N, p) whitened derivative by the geometry and the unknowns of instruments, and the Cholesky factor of I + B'B."""
-        at = self.situation
+        at = self.operating_points
         geometry = at.kinematics.geometry
         B = self.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
         if (unknowns := self.seen.unknowns) is not None:
@@ -163,7 +163,7 @@ class Difficulty:
         here = displacement if self.row is None else displacement[self.row]
         return self.whitened(here[:, :, None])[:, 0]
 
-    def energy(self, displacement: Floats) -> float:
+    def noncentrality(self, displacement: Floats) -> float:
         """E of a displacement (rows, 6) at the dataset's rows."""
         d = self.true(displacement)
         return float(d @ self.orthogonal(d))
@@ -175,7 +175,7 @@ class Difficulty:
 
     def left(self, displacement: Floats) -> dict[str, Best]:
         """Energy of a displacement (rows, 6) that every effect at every site leaves, by ``effect@site``."""
-        at = self.situation
+        at = self.operating_points
         d = self.true(displacement)
         past = self.orthogonal(d)
         found = {}
@@ -190,7 +190,7 @@ class Difficulty:
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, list[float]]:
         """The energy that an effect explains, its scale, and the values of its nonlinear parameter."""
-        at = self.situation
+        at = self.operating_points
         tried = list(effect.nonlinear_values(at, site))
         first = self._value(effect, site, tried, [], past) if tried else None
         if first is None:
@@ -212,7 +212,7 @@ class Difficulty:
     def _value(self, effect: Effect, site: str, values: list[float], others: list[float], past: Floats) -> float | None:
         """The value that explains most, of those that the poses can distinguish from ``others``; None where there is no such
         value."""
-        at = self.situation
+        at = self.operating_points
         allowed = effect.resolved(at, site, np.array(values), others)
         kept = [value for value, can in zip(values, allowed, strict=True) if can]
         if not kept:
@@ -229,18 +229,18 @@ class Difficulty:
 
     def _together(self, effect: Effect, site: str, values: list[float], past: Floats) -> tuple[float, float]:
         """The energy that an effect with some values explains, and its scale."""
-        (taken,), (scale,), _ = self.by_basis([effect.basis_of(self.situation, site, values)], past)
+        (taken,), (scale,), _ = self.by_basis([effect.basis_of(self.operating_points, site, values)], past)
         return float(taken), float(scale)
 
     def _less(self, effect: Effect, site: str, values: list[float], scale: float, past: Floats) -> Floats:
         """(I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements of an effect with some values."""
-        basis = effect.basis_of(self.situation, site, values)
-        X = scale * self.whitened(basis.displacement(self.situation) * basis.sigma)
+        basis = effect.basis_of(self.operating_points, site, values)
+        X = scale * self.whitened(basis.displacement(self.operating_points) * basis.sigma)
         B, lower = self._geometry
         own = X - B @ cho_solve((lower, True), B.T @ X)
         return np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
 
-    def by_basis(self, bases: Sequence[Basis], past: Floats) -> tuple[Floats, Floats, Floats]:
+    def by_basis(self, bases: Sequence[Displacement], past: Floats) -> tuple[Floats, Floats, Floats]:
         """(S,) energy that each basis explains at its scale of largest evidence, the scale, and the log evidence, nats.
 
         ``past`` is :meth:`orthogonal` of the displacement.
@@ -248,13 +248,13 @@ class Difficulty:
         B, lower = self._geometry
         width = len(bases[0])
         if bases[0].command is None:
-            X = np.hstack([self.whitened(b.displacement(self.situation) * b.sigma) for b in bases])
+            X = np.hstack([self.whitened(b.displacement(self.operating_points) * b.sigma) for b in bases])
             BtX, moments = B.T @ X, X.T @ past
             whole = X.reshape(len(X), len(bases), width).transpose(1, 2, 0)
         else:
             # Each displacement is the motion by one actuator times one number a pose: sums over N numbers instead of c N.
             actuator = bases[0].command[0]
-            a = self.seen.whitened(self.situation.command_jacobian[:, :, actuator, None])[:, :, 0]
+            a = self.seen.whitened(self.operating_points.command_jacobian[:, :, actuator, None])[:, :, 0]
             f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)
             flat = f.reshape(len(f), -1)
             BtX = np.einsum("nci,nc->ni", B.reshape(*a.shape, -1), a, optimize=True).T @ flat
@@ -271,9 +271,9 @@ class Difficulty:
         return np.take_along_axis(taken, best[None], axis=0)[0], SCALES[best], evidence.max(axis=0)
 
 
-def _situation(dataset: Dataset, model: Model) -> Situation:
+def _operating_points(dataset: Dataset, model: Model) -> OperatingPoints:
     kinematics, temperature = model.kinematics, dataset.conditions.reference_temperature
-    return Situation(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
+    return OperatingPoints(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
 
 
 Values = Sequence[float]
@@ -297,11 +297,11 @@ def true_parameters(difficulty: Difficulty, best: Best, displacement: Floats) ->
     """
     d = difficulty.true(displacement)
     values, scale = _values(difficulty, best, difficulty.orthogonal(d))
-    basis = best.effect.basis_of(difficulty.situation, best.site, values)
-    X = difficulty.whitened(basis.displacement(difficulty.situation) * basis.sigma)
+    basis = best.effect.basis_of(difficulty.operating_points, best.site, values)
+    X = difficulty.whitened(basis.displacement(difficulty.operating_points) * basis.sigma)
     MX = difficulty.orthogonal(X)
     c = np.linalg.solve(MX.T @ X + np.eye(X.shape[1]) / scale**2, MX.T @ d) * basis.sigma
-    found = best.effect.parameters_of(difficulty.situation.robot, best.site, c, values)
+    found = best.effect.parameters_of(difficulty.operating_points.robot, best.site, c, values)
     return {name: value for name, (value, _) in found.items()}
 
 
@@ -309,7 +309,7 @@ def _values(difficulty: Difficulty, best: Best, past: Floats) -> tuple[Values, f
     """The values of the nonlinear parameter and the scale of largest evidence."""
     if not best.values:
         return (), best.scale
-    tried = np.sort(best.effect.nonlinear_values(difficulty.situation, best.site))
+    tried = np.sort(best.effect.nonlinear_values(difficulty.operating_points, best.site))
     values, scale = list(best.values), best.scale
     if len(values) == 1:
         values = list(_best_trial(difficulty, best, [(value,) for value in tried], past)[0])
@@ -332,7 +332,7 @@ def _best_trial(difficulty: Difficulty, best: Best, trials: Sequence[Values], pa
     found: list[tuple[float, float]] = []
     for start in range(0, len(trials), BATCH):
         some = trials[start : start + BATCH]
-        bases = [best.effect.basis_of(difficulty.situation, best.site, values) for values in some]
+        bases = [best.effect.basis_of(difficulty.operating_points, best.site, values) for values in some]
         _, scales, evidence = difficulty.by_basis(bases, past)
         found += zip(evidence.tolist(), scales.tolist(), strict=True)
     top = max(range(len(trials)), key=lambda i: found[i][0])

@@ -13,8 +13,8 @@ from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
-from gtpin.bench.simulator.energy import Past
 from gtpin.bench.simulator.instruments.build import TOUCHED, build_measured
+from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth
 from gtpin.data.files import write_table
@@ -88,8 +88,8 @@ def _measured_again(case: InstrumentCase) -> tuple[EffectTruth, ...]:
     for effect in case.effects:
         at_stops = np.zeros((len(case.dataset.q), 6))
         at_stops[rows] = effect.displacement
-        found.append(replace(effect, energy=past.energy(at_stops[used])))
-    return tuple(sorted(found, key=lambda effect: -effect.energy))
+        found.append(replace(effect, noncentrality=past.noncentrality(at_stops[used])))
+    return tuple(sorted(found, key=lambda effect: -effect.noncentrality))
 
 
 def jitter(case: InstrumentCase) -> Floats:
@@ -122,7 +122,7 @@ SHARES: dict[Kind, float] = {
 }
 """Share of each kind of case."""
 POWER_POSES = (60, 120, 240)
-POWER_ENERGY = (2.0, 250.0)
+POWER_NONCENTRALITY = (2.0, 250.0)
 """Numbers of poses, and range of energies (uniform in the logarithm), of the cases of kind `power`."""
 GOLDEN = (5**0.5 - 1) / 2
 """Golden ratio: multiples of it, modulo 1, are spread evenly over 0 to 1 for any number of multiples."""
@@ -190,11 +190,16 @@ def recipe(draft: Draft) -> Recipe:
     """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.draw.without_some_touches` leaves out.
     """
-    energy, effects = POWER_ENERGY if draft.kind == "power" else None, [(name, None) for name in draft.effects]
+    noncentrality, effects = (
+        POWER_NONCENTRALITY if draft.kind == "power" else None,
+        [(name, None) for name in draft.effects],
+    )
     if draft.kind == "rough":
         found = bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     else:
-        found = drawn_recipe(draft.seed, effects=effects, poses=draft.poses, energy=energy, robot=draft.robot)
+        found = drawn_recipe(
+            draft.seed, effects=effects, poses=draft.poses, noncentrality=noncentrality, robot=draft.robot
+        )
     if draft.instruments and set(draft.instruments) <= set(TOUCHED):
         return replace(found, poses=found.poses + found.poses // (ONE_IN - 1))
     return found
@@ -221,7 +226,10 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
     also has the noise of every number in the instruments' tables, their own and that of the machine's repeatability, with which
     E is computed.
     """
-    effects = [vars(effect) | {"displacement": effect.displacement.tolist()} for effect in case.effects]
+    effects = [
+        vars(effect) | {"energy": effect.noncentrality, "displacement": effect.displacement.tolist()}
+        for effect in case.effects
+    ]
     truth: dict[str, object] = {"kind": kind, "effects": effects}
     if isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]:
         poses = {"position": case.truth.T.tolist(), "orientation": case.truth.quaternions.tolist()}

@@ -180,9 +180,13 @@ class Figure:
 def figures(cases: Sequence[Judged]) -> list[Figure]:
     """All figures; a failed case counts as incorrect."""
     one, none, two = of_kind(cases, "one"), of_kind(cases, "none"), of_kind(cases, "two")
-    seen, clear = [c for c in one if c.energy > VISIBLE], [c for c in one if c.leaves > VISIBLE]
+    seen, clear = [c for c in one if c.noncentrality > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     weak = [c for c in one if c.leaves <= VISIBLE]
-    rough = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.energy > VISIBLE and c.testable and c.listed]
+    rough = [
+        c
+        for c in of_kind(cases, "rough")
+        if len(c.truth) == 1 and c.noncentrality > VISIBLE and c.testable and c.listed
+    ]
     plain = [c for c in two if all((effect.energy or 0.0) > VISIBLE for effect in c.truth)]
     both, three = of_kind(cases, "known_and_unlisted"), of_kind(cases, "three")
     right = "cause and site right, nothing else named, D > 63"

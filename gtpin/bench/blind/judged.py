@@ -152,7 +152,7 @@ class Judged(BaseModel):
         return effect
 
     @property
-    def energy(self) -> float:
+    def noncentrality(self) -> float:
         """E of a single effect, its whitened energy; NaN if not known."""
         return float("nan") if self.single.energy is None else self.single.energy
 

@@ -138,7 +138,7 @@ def _explained_fraction(cases: Sequence[Judged]) -> Plot | None:
 
 
 def _difficulty(cases: Sequence[Judged]) -> Plot | None:
-    one = [c for c in of_kind(cases, "one") if c.energy == c.energy and c.leaves == c.leaves]
+    one = [c for c in of_kind(cases, "one") if c.noncentrality == c.noncentrality and c.leaves == c.leaves]
     if not one:
         return None
     rest = [c for c in one if not c.strict]
@@ -152,7 +152,9 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     for name, (color, some) in groups.items():
         look = {"mode": "markers", "name": name, "marker": {"color": color, "size": 6}}
         texts = [f"{c.name} {c.single.name}" for c in some]
-        traces.append({"x": [c.energy for c in some], "y": [max(c.leaves, 1.0) for c in some], "text": texts, **look})
+        traces.append(
+            {"x": [c.noncentrality for c in some], "y": [max(c.leaves, 1.0) for c in some], "text": texts, **look}
+        )
     line = {"type": "line", "y0": VISIBLE, "y1": VISIBLE, "xref": "paper", "x0": 0, "x1": 1, "line": DOTTED}
     axes: Trace = {"xaxis": _axis("E", type="log"), "yaxis": _axis("D", type="log"), "shapes": [line]}
     title, caption = "Energy, and what the best wrong effect leaves", "Single effects; dotted: D = 63."

@@ -111,7 +111,7 @@ def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
     found = {}
     for name, some in sorted(by_name.items()):
         one = of_kind(some, "one")
-        seen = [case for case in one if case.energy > VISIBLE]
+        seen = [case for case in one if case.noncentrality > VISIBLE]
         rates = {
             "detected": rate(case.detected for case in seen),
             "in_class": rate(case.in_class for case in seen),
@@ -159,17 +159,17 @@ def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
     rows = []
     for number in numbers:
         for start, end in pairwise(EDGES):
-            some = [c for c in of_kind(cases, "power") if c.planned == number and start <= c.energy < end]
+            some = [c for c in of_kind(cases, "power") if c.planned == number and start <= c.noncentrality < end]
             if some:
-                limit = float(np.mean([matched_filter(c.energy) for c in some]))
-                middle = float(np.exp(np.mean([np.log(c.energy) for c in some])))
+                limit = float(np.mean([matched_filter(c.noncentrality) for c in some]))
+                middle = float(np.exp(np.mean([np.log(c.noncentrality) for c in some])))
                 rows.append(Found(number, start, end, middle, rate(c.detected for c in some), limit))
     return rows
 
 
-def matched_filter(energy: float) -> float:
+def matched_filter(noncentrality: float) -> float:
     """Detection probability of a filter that knows the effect's shape and sign, at 1 % false alarms; 95 % at E = 15.8."""
-    return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(energy)))
+    return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(noncentrality)))
 
 
 def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:

@@ -12,8 +12,8 @@ import numpy as np
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.energy import Past, Response, effects_of
 from gtpin.bench.simulator.machine import Deviation
+from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
@@ -94,14 +94,14 @@ def assemble(recipe: Recipe) -> Built:
     response = Response(machine, visits, np.array(noise.station))
     rows = streams[4].permutation(np.flatnonzero(~visits.held))
     past = Past.of_poses(machine, visits.q[rows], response.ideal.poses[rows], noise.sigma)
-    strong, truths, weak, energy = effects_of(recipe, response, rows, past, streams[2])
+    strong, truths, weak, noncentrality = effects_of(recipe, response, rows, past, streams[2])
     repeatability = noise.repeatability_of(machine, streams[3])
     return Built(
         response=response,
         active=[*strong, *weak],
         truths=truths,
         rows=rows,
-        background=energy,
+        background=noncentrality,
         repeatability=repeatability,
         jitter=machine.jitter(repeatability, len(visits), streams[3]),
         away=noise.elsewhere(streams[3]) if noise.free else None,
@@ -123,7 +123,7 @@ def build(recipe: Recipe) -> Case:
         dataset=as_dataset(recipe, ids(mine.pose), mine.q, mine.columns(conditions), measured),
         commands=Commands(ids(np.arange(len(held))), held_visits.q, held_visits.columns(conditions)),
         truth=truth,
-        effects=tuple(sorted(made.truths, key=lambda truth: -truth.energy)),
+        effects=tuple(sorted(made.truths, key=lambda truth: -truth.noncentrality)),
         machine=response.machine,
         visits=mine,
         true=true,

@@ -19,7 +19,8 @@ from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise, Wanted
 from gtpin.bench.simulator.truth import Case, EffectTruth
 from gtpin.data.files import read_text, refuse_control
-from gtpin.errors import GtpinError
+from gtpin.data.names import site_called
+from gtpin.errors import GtpinError, renamed_argument
 from gtpin.references import is_path
 from gtpin.robot.robot import Robot
 
@@ -33,18 +34,19 @@ POSES = (140, 280)
 """Range from which the number of poses is drawn."""
 
 
-def energies(robot: Robot | Arm) -> tuple[float, float]:
+def noncentralities(robot: Robot | Arm) -> tuple[float, float]:
     """Range from which the energy of an effect on a robot is drawn."""
     return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
 
 
+@renamed_argument("energy", "noncentrality")
 def drawn_recipe(
     seed: int,
     *,
     effects: Sequence[tuple[str, str | None]] | None = None,
     n_effects: int = 1,
     unknown: bool = False,
-    energy: float | tuple[float, float] | None = None,
+    noncentrality: float | tuple[float, float] | None = None,
     poses: int | None = None,
     held_out: int = 120,
     noise: SimulatedNoise | None = None,
@@ -65,7 +67,7 @@ def drawn_recipe(
         Number of effects to draw where ``effects`` is None.
     unknown
         Whether effects are drawn that are not in the catalogue.
-    energy
+    noncentrality
         Whitened energy of each effect (docs/glossary.md), or two numbers between which it is drawn, uniformly in its logarithm.
         None: between 30 and 4,000, for arms 20,000.
     poses
@@ -93,14 +95,18 @@ def drawn_recipe(
     if effects is None:
         chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
         effects = [(k.name, None) for k in chosen]
-    span = (energy, energy) if isinstance(energy, int | float) else energy or energies(found)
+    span = (
+        (noncentrality, noncentrality)
+        if isinstance(noncentrality, int | float)
+        else noncentrality or noncentralities(found)
+    )
     wanted = []
     for name, site in effects:
         sites = kind(name, found).sites(found)
         if not sites:
             raise GtpinError(f"{name} can't be on {found.name}", hint="choose what the robot's parts can have")
         place = site or str(rng.choice(sites))
-        wanted.append(Wanted(name, place, energy=float(np.exp(rng.uniform(*np.log(span))))))
+        wanted.append(Wanted(name, place, noncentrality=float(np.exp(rng.uniform(*np.log(span))))))
     needs = {need for name, _ in effects for need in kind(name, found).needs}
     drawn = SimulatedConditions.draw(rng, needs, capacity(found))
     measured = conditions or drawn
@@ -226,14 +232,15 @@ def scenario_recipe(
                 raise GtpinError(f"{effect.id} can't be on {reference}", hint="choose what the robot's parts can have")
             if effect.periods and not kind(effect.id, known).periodic:
                 raise GtpinError(f"{effect.id} on {reference} has no periods that can be given", hint="leave them out")
-            if effect.site is not None and effect.site not in sites:
+            site = effect.site and site_called(effect.site, sites)
+            if site is not None and site not in sites:
                 raise GtpinError(f"{effect.id} can't be at {effect.site!r}", hint=f"use {', '.join(sites)}")
         except GtpinError as error:
             raise GtpinError(error.what, file=file, column=f"effect.{number}", hint=error.hint) from None
-        site = effect.site or str(rng.choice(sites))
-        drawn = float(np.exp(rng.uniform(*np.log(energies(known)))))
-        energy = effect.energy or (drawn if effect.amplitude is None else None)
-        wanted.append(Wanted(effect.id, site, energy, effect.amplitude, effect.periods))
+        site = site or str(rng.choice(sites))
+        drawn = float(np.exp(rng.uniform(*np.log(noncentralities(known)))))
+        noncentrality = effect.energy or (drawn if effect.amplitude is None else None)
+        wanted.append(Wanted(effect.id, site, noncentrality, effect.amplitude, effect.periods))
     needs = {need for effect in scenario.effect for need in kind(effect.id, known).needs}
     given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
     return Recipe(

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.poses import VirtualPoses, exp
 from gtpin.bench.simulator.tree import TreeFrame
-from gtpin.data import Instrument
+from gtpin.data import InstrumentSection
 from gtpin.typing import Floats
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -130,14 +130,16 @@ class SimulatedNoise(BaseModel):
         return np.array([self.position_sigma] * 3 + [turns] * 3)
 
     @property
-    def instrument(self) -> Instrument:
+    def instrument(self) -> InstrumentSection:
         """The instrument as the dataset declares it."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
         target: Literal["tcp", "free"] = "free" if self.free_target else "tcp"
         if not self.declared:
-            return Instrument(frame=frame, target=target)
+            return InstrumentSection(frame=frame, target=target)
         turns = self.orientation_sigma if self.orientations else None
-        return Instrument(position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame, target=target)
+        return InstrumentSection(
+            position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame, target=target
+        )
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """A random pose of the base frame in the instrument's frame: T (3,), m, and R (3, 3), with z vertical to about 0.6
@@ -189,7 +191,7 @@ class Wanted:
 
     effect: str
     site: str
-    energy: float | None = None
+    noncentrality: float | None = None
     amplitude: float | None = None
     periods: tuple[float, ...] = ()
 

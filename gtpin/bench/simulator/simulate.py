@@ -15,7 +15,7 @@ from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.rods import Rods
 from gtpin.bench.simulator.universal import Universal
 from gtpin.bench.simulator.visits import REPEATED, ids
-from gtpin.data import Commands, Dataset, Instrument
+from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import GtpinError, ModelError, UnreachableError
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.robot import Robot
@@ -124,7 +124,9 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     return found
 
 
-def measure(machine: TrueRobot, q: Floats, instrument: Instrument, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def measure(
+    machine: TrueRobot, q: Floats, instrument: InstrumentSection, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """Measured positions (N, 3), m, and quaternions (N, 4), scalar first, base frame, with the instrument's noise.
 
     Raises GtpinError if the instrument states no sigmas.
@@ -144,7 +146,7 @@ def simulate(
     *,
     poses: int = 200,
     seed: int = 0,
-    instrument: Instrument | None = None,
+    instrument: InstrumentSection | None = None,
     held_out: int = 120,
 ) -> Simulation:
     """Draw a machine from the robot's tolerances, move it to random commands, and measure it.
@@ -171,7 +173,7 @@ def simulate(
     """
     if poses < 1 or held_out < 1:
         raise GtpinError(f"{min(poses, held_out)} poses", hint="ask for at least one")
-    instrument = instrument or Instrument(position_sigma=1.5e-5, orientation_sigma=5e-5)
+    instrument = instrument or InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5)
     rng = np.random.default_rng(seed)
     machine = draw_machine(robot, rng)
     q = draw_commands(machine, poses, rng)

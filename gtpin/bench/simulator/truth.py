@@ -23,6 +23,7 @@ from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
+from gtpin.errors import renamed
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
 from gtpin.typing import Floats, Ints
@@ -41,11 +42,12 @@ class EffectTruth:
     # `effect`, `site`: Its id and its site
     effect: str
     site: str
-    energy: float  # Its E
+    noncentrality: float  # Its E
     amplitude: float  # Its size in typical sizes
     # (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad,
     # base frame
     displacement: Floats
+    energy = renamed("energy", "noncentrality")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ class AnyCase:
         """Write ``NAME.truth.json``, and ``NAME.truth.csv`` with the poses at the commands, into a folder that is being
         written."""
         json_name, csv_name = truth_names(name)
-        listed = [{"effect": t.effect, "site": t.site, "energy": t.energy} for t in self.effects]
+        listed = [{"effect": t.effect, "site": t.site, "energy": t.noncentrality} for t in self.effects]
         text = json.dumps({"effects": listed, **self.more}, indent=1, allow_nan=False) + "\n"
         (folder / json_name).write_text(text, encoding="utf-8")
         columns = dict(zip("xyz", self.truth.T.T, strict=True))

@@ -45,7 +45,7 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     some = measured.take(rows)
     assert some.R is not None
     point = fit.point
-    predicted = point.model.seen(point.poses[rows])
+    predicted = point.model.in_instrument_frame(point.poses[rows])
     problem = fit.problem.take(rows, fit.problem.whitening[rows])
     J = problem.jacobian(Point(point.x, point.model, point.poses[rows]), slice(None))
     weight = np.repeat(np.sqrt(fit.weight[rows]), 6)

@@ -150,7 +150,7 @@ def _shown(settled: FitState, one: Declared) -> float:
     some = some[:: 1 + len(some) // ENOUGH]
     J = point.model.kinematics.command_jacobian(problem.measured.q[some], point.poses[some])
     measured, noise = problem.readings(point.x).take(some), settled.noise.take(settled.used).take(some)
-    covariance = noise.covariance(measured.seen(J, point.model, point.poses[some]), measured.components)
+    covariance = noise.covariance(measured.change_by(J, point.model, point.poses[some]), measured.components)
     return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[measured.group == one.group].mean()))
 
 
@@ -160,21 +160,21 @@ def _own(settled: FitState, one: Declared) -> Floats:
     readings = problem.measured
     own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
     sigma = readings.row_sigma[own] if one.by_row else one.value
-    return np.asarray(problem.left(point, point.poses)[own] / sigma)
+    return np.asarray(problem.raw_residual(point, point.poses)[own] / sigma)
 
 
 def _overstated(settled: FitState, one: Declared) -> bool:
     """Whether residuals are smaller than a declared sigma, and by chi-square no accident if it were true."""
-    fit, left = settled.fit, _own(settled, one)
-    if not left.size or (left**2).mean() >= SUSPECT**2:
+    fit, residual = settled.fit, _own(settled, one)
+    if not residual.size or (residual**2).mean() >= SUSPECT**2:
         return False
-    taken = 0.0
+    effective_parameters = 0.0
     for rows in fit.problem.chunks():
         J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
         own = fit.problem.measured.group[rows] == one.group
-        taken += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
-    free = left.size - taken
-    return free >= 1.0 and bool(chi2.cdf(float((left**2).sum()), free) < CHANCE)  # too few say nothing of noise
+        effective_parameters += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
+    free = residual.size - effective_parameters
+    return free >= 1.0 and bool(chi2.cdf(float((residual**2).sum()), free) < CHANCE)  # too few say nothing of noise
 
 
 def _text(readings: Readings, one: Declared, seen: float) -> str:

@@ -166,7 +166,7 @@ class FrameScan:
         F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
         y = problem.residual(point) + J @ point.x
         colour = np.linalg.inv(problem.whitening)
-        plain = replace(noise, repeatability=0.0, lack=0.0)
+        plain = replace(noise, repeatability=0.0, model_discrepancy=0.0)
         again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
         lengths = colour[:, :3, :] @ F
         rows = np.arange(len(y))
@@ -266,7 +266,9 @@ class FrameScan:
 def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
     """A problem with the declared noise, or the instruments' usual one where none is declared; and this noise."""
     measured, c = problem.measured, problem.measured.components
-    noise = ReadingNoise(measured.usual, measured.group, measured.row_sigma, np.zeros(len(measured.usual), dtype=bool))
+    noise = ReadingNoise(
+        measured.initial_sigma, measured.group, measured.row_sigma, np.zeros(len(measured.initial_sigma), dtype=bool)
+    )
     return replace(problem, whitening=noise.whitening(np.zeros((len(measured.q), c, 1)), c)), noise
 
 

@@ -101,7 +101,7 @@ class PoseChecks:
         does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
         """
         _, kept, near = self.rows
-        measured, seen = fit.whole.poses, fit.whole.start.seen(near)
+        measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(near)
         far = far_from_nominal(measured, seen, reach_of(self.nominal.geometry))
         check_stretch(kept, measured, seen, far, bumps=False)
         with _explained(kept, fit, measured, far):
@@ -110,8 +110,8 @@ class PoseChecks:
             else:
                 settled = fit.run()
                 _check_convention(kept, settled)
-            left = settled.fit.problem.left(settled.fit.point, settled.fit.point.poses)[:, :3]
-            if np.sqrt((left**2).sum(axis=1).mean()) > POOR:
+            residual = settled.fit.problem.raw_residual(settled.fit.point, settled.fit.point.poses)[:, :3]
+            if np.sqrt((residual**2).sum(axis=1).mean()) > POOR:
                 check_sessions_linear(kept, fit.whole, near)
                 if coarse := _coarse_commands(fit.whole.start, measured, near):
                     warn(f"{coarse}; give commands with more digits")
@@ -130,7 +130,7 @@ def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) 
     except (ConvergenceError, DatasetError) as error:
         if error.row is not None:  # it names what is wrong already
             raise
-        check_stretch(dataset, measured, fit.whole.start.seen(fit.near), far)
+        check_stretch(dataset, measured, fit.whole.start.in_instrument_frame(fit.near), far)
         check_sessions_linear(dataset, fit.whole, fit.near)
         coarse = _coarse_commands(fit.whole.start, measured, fit.near)
         if coarse is None:
@@ -230,7 +230,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
     model = point.model
     errors, errors_before = (
         np.linalg.norm(measured.T - predicted.T, axis=1)
-        for predicted in (model.seen(point.poses), nominal[settled.used])
+        for predicted in (model.in_instrument_frame(point.poses), nominal[settled.used])
     )
     left, before = float(np.median(errors)), float(np.median(errors_before))
     worst = float(np.quantile(errors, 1.0 - MOST))

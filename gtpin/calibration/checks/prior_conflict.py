@@ -93,7 +93,7 @@ class _Linear:
             whole += flat.T @ flat
             moment += flat.T @ y
         # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.
-        return _Linear(settled, whole / settled.excess**2, moment / settled.excess**2)
+        return _Linear(settled, whole / settled.sigma_scale**2, moment / settled.sigma_scale**2)
 
     def suspects(self) -> Iterator[PriorConflict]:
         """All assumptions that might be wrong, each with the gain in log marginal likelihood without it."""
@@ -164,7 +164,7 @@ class _Linear:
 def motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
     model, poses = point.model, point.poses[rows]
-    T = model.seen(poses).T
+    T = model.in_instrument_frame(poses).T
     frame = frame_motions(T - problem.pivot)
     zeros = in_frame(model.kinematics.command_jacobian(problem.measured.q[rows], poses), model.frame)
     motion = FRAME_UNIT * np.concatenate([frame, zeros], axis=2)

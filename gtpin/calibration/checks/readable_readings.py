@@ -60,11 +60,11 @@ class Misfit:
         """The misfit of an instrument, by its index."""
         one, rows = readings.instruments[index], readings.rows
         mine = rows.rows_of(index)
-        left = np.abs(readings.minus(poses)[mine])
+        residual = np.abs(readings.residual_at(poses)[mine])
         off = {component.unit: 0.0 for component in one.components}
         for k, component in enumerate(one.components):
             single = readings.components == 1 and len(one.components) > 1
-            own = left[rows.component[mine] == k, 0] if single else left[:, k]
+            own = residual[rows.component[mine] == k, 0] if single else residual[:, k]
             if len(own):
                 size = float(np.median(own))
                 off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
@@ -252,6 +252,6 @@ def _missed(readings: Readings, poses: Poses, index: int, one: Socket, names: tu
     """Median error of the rows of two sockets: where it is large, something else is wrong than their distance."""
     rows = readings.rows
     mine = rows.rows_of(index)[np.isin(one.socket, [one.names.index(name) for name in names])]
-    left = np.abs(readings.minus(poses)[mine])
-    own = left[rows.component[mine] < 3, 0] if readings.components == 1 else left[:, :3]
+    residual = np.abs(readings.residual_at(poses)[mine])
+    own = residual[rows.component[mine] < 3, 0] if readings.components == 1 else residual[:, :3]
     return float(np.median(own)) if own.size else 0.0

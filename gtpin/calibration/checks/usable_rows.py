@@ -13,7 +13,7 @@ from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
-from gtpin.data import Dataset, Instrument, check_commands, check_measurements
+from gtpin.data import Dataset, InstrumentSection, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -140,7 +140,7 @@ def check_freedom(dataset: Dataset, numbers: float, dof: float) -> None:
         )
 
 
-def left_after_fit(nominal: Model, measured: Measured, instrument: Instrument) -> Size:
+def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSection) -> Size:
     """Robust standard deviations of what a fit leaves; `NO_FIT` where it fails.
 
     ``nominal``: the nominal model; a free target is placed anew. ``measured``: the measured poses. ``instrument``: says
@@ -171,6 +171,6 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: Instrument) -
     farthest = np.array([FAR.get(p.unit, np.inf) for p in nominal.geometry.parameters])
     if ((off > FAR_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
         return NO_FIT  # another robot
-    left = measured.minus(found.point.model.seen(poses))
-    position, rotation = (float(np.median(np.linalg.norm(part, axis=1))) for part in (left[:, :3], left[:, 3:]))
+    residual = measured.residual_at(found.point.model.in_instrument_frame(poses))
+    position, rotation = (float(np.median(np.linalg.norm(part, axis=1))) for part in (residual[:, :3], residual[:, 3:]))
     return position / MEDIAN, rotation / MEDIAN

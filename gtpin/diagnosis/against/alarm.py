@@ -130,7 +130,7 @@ def smallest_changes(
 
     The probability of an alarm is at least this: another hypothesis, or chi-square, may raise the alarm too.
     """
-    at, found = sampler.hypotheses.design.situation, list[Smallest]()
+    at, found = sampler.hypotheses.design.operating_points, list[Smallest]()
     y = sampler.unchanged(POWER_DRAWS, rng)
     for axes in sampler.axes:
         hypothesis, shape = axes.hypothesis, _shapes(axes, POWER_DRAWS, rng)

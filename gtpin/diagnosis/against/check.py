@@ -132,7 +132,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
         causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
-    assumed = {c.place for c in named if set(c.covariates(design.situation.robot)) & set(tried.assumed)}
+    assumed = {c.place for c in named if set(c.covariates(design.operating_points.robot)) & set(tried.assumed)}
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
     kept = {tuple(place) for place in data.places}
     aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)

@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Design
 from gtpin.effects.active import ActiveEffect, lasts, with_effects
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.errors import ModelError, unheard
 from gtpin.instruments.readings import VAGUE
 from gtpin.kinematics.poses import Poses
@@ -92,7 +92,7 @@ class Earlier:
         then = self._then(covariates, len(q))
         with unheard():
             for active in self.effects:
-                at = Situation(kinematics, q, poses, then, fixed=active.references)
+                at = OperatingPoints(kinematics, q, poses, then, fixed=active.references)
                 columns.append(active.basis(at).displacement(at))
         return np.concatenate(columns, axis=2)
 
@@ -202,12 +202,12 @@ def updated(
     """
     found, k = Linear.of(design, columns), earlier.root.shape[1]
     after = design.B.shape[1]
-    sizes = [cause.basis(design.situation).sigma * s for cause, s in zip(causes, scale, strict=True)]
+    sizes = [cause.basis(design.operating_points).sigma * s for cause, s in zip(causes, scale, strict=True)]
     whole = np.zeros((len(earlier.root) + sum(map(len, sizes)), len(found.mean)))
     whole[: len(earlier.root), :k] = earlier.root
     whole[len(earlier.root) :, after:] = np.diag(np.concatenate([np.zeros(0), *sizes]))
     moved, covariance = whole @ found.mean, whole @ found.covariance @ whole.T
-    active, place, known = [], len(earlier.root), design.situation.references
+    active, place, known = [], len(earlier.root), design.operating_points.references
     for cause, size in zip(causes, sizes, strict=True):
         own = slice(place, place + len(size))
         place = own.stop
@@ -228,6 +228,6 @@ def _frame(design: Design, change: Floats) -> Frame:
     frame = design.model.frame
     if not change.size:
         return frame
-    pivot = design.model.seen(design.situation.poses).T.mean(axis=0)
+    pivot = design.model.in_instrument_frame(design.operating_points.poses).T.mean(axis=0)
     turn = exp(change[3:])
     return Frame(pivot + change[:3] + turn @ (frame.T - pivot), turn @ frame.R)

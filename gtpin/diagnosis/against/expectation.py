@@ -19,8 +19,8 @@ from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.operating_points import Column
 from gtpin.effects.sites import turning_joint
-from gtpin.effects.situation import Column
 from gtpin.effects.smooth import RIM
 from gtpin.errors import ConvergenceError, DatasetError, ModelError, warn
 from gtpin.instruments.readings import VAGUE, Readings, single
@@ -76,7 +76,7 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     measured in another frame.
     """
     check_actuators(model.robot, dataset)
-    left, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
+    unexplained, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
     free, known = dataset.instrument.frame == "free", True
     if fit is not None:
         drives = max(fit.drives, drives)
@@ -93,13 +93,13 @@ def usable(dataset: Dataset, model: Model) -> Usable:
         lacking = [
             name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
         ]
-        known = left.noise_known or not lacking
+        known = unexplained.noise_known or not lacking
         if not known:
             none: dict[str, Any] = dict.fromkeys(lacking, SMALLEST)
             own = replace(own, **none)
         noise = own.rows(len(kept), measured.components)
     weight, temperature = np.ones(len(kept)), dataset.conditions.reference_temperature
-    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), left, known)
+    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), unexplained, known)
 
 
 def _usable_poses(dataset: Dataset, model: Model, free: bool) -> tuple[Dataset, Readings]:
@@ -200,7 +200,7 @@ def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, si
     Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
     measured, q = observed.measured, observed.measured.q
-    at = replace(observed, covariates=since).situation(earlier.model)
+    at = replace(observed, covariates=since).operating_points(earlier.model)
     model, plain = earlier.model, at.poses
     poses = earlier.predicted(q, observed.covariates, plain)
     c, noise = measured.components, with_unexplained(observed.noise, measured, left)
@@ -208,14 +208,14 @@ def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, si
         model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
     else:
         measured = with_unknowns(measured, noise, at.command_jacobian, poses)
-    W = noise.whitening(measured.seen(at.command_jacobian, model, poses), c)
-    by_model = measured.seen(earlier.jacobian(q, observed.covariates, plain) @ earlier.root, model, poses)
+    W = noise.whitening(measured.change_by(at.command_jacobian, model, poses), c)
+    by_model = measured.change_by(earlier.jacobian(q, observed.covariates, plain) @ earlier.root, model, poses)
     unknowns, free = measured.unknown_columns(model, poses, observed.free_frame, None)
     B = np.asarray((W @ np.concatenate([by_model, unknowns], axis=2)).reshape(len(q) * c, -1))
     known = len(measured.deviation)
-    y = np.einsum("nij,nj->ni", W, measured.left(model, poses)).ravel()
+    y = np.einsum("nij,nj->ni", W, measured.residual(model, poses)).ravel()
     y = y + B[:, B.shape[1] - free - known : B.shape[1] - free] @ measured.deviation
-    return Design(at, W, model, y, B, B.shape[1] - free, measured.taken(observed.free_frame), measured)
+    return Design(at, W, model, y, B, B.shape[1] - free, measured.free_unknowns(observed.free_frame), measured)
 
 
 def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Poses) -> Readings:
@@ -236,8 +236,8 @@ def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Pos
     for _ in range(STEPS):
         W = noise.whitening(np.asarray(found.by_motion(poses) @ J), found.components)
         columns = (W @ found.by_unknown(poses)).reshape(-1, len(sigma)) * sigma
-        left = np.einsum("nij,nj->ni", W, found.minus(poses)).ravel()
-        right = columns.T @ left - prior * found.deviation
+        residual = np.einsum("nij,nj->ni", W, found.residual_at(poses)).ravel()
+        right = columns.T @ residual - prior * found.deviation
         step = np.linalg.lstsq(columns.T @ columns + np.diag(prior), right, rcond=None)[0]
         found = found.at(found.u + sigma * step)
         if np.abs(step).max() < SETTLED:
@@ -252,7 +252,7 @@ def share_unexplained(design: Design, own: ReadingNoise, left: ModelDiscrepancy)
     """Share of unexplained errors in the mean variance of the whitened residuals; the rest is noise."""
     if left.none:
         return 0.0
-    measured, at = design.measured, design.situation
-    noise = own.covariance(measured.seen(at.command_jacobian, design.model, at.poses), design.components)
+    measured, at = design.measured, design.operating_points
+    noise = own.covariance(measured.change_by(at.command_jacobian, design.model, at.poses), design.components)
     W = design.whitening
     return float(np.clip(1.0 - np.einsum("nij,njk,nik->ni", W, noise, W).mean(), 0.0, 1.0))

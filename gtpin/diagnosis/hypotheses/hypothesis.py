@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+from gtpin.data.names import site_called
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.robot.robot import Robot
 
@@ -22,15 +23,16 @@ LOAD = ("load", "payload", "fx", "fy", "fz")
 class Hypothesis:
     """An effect at a site, with the value of its nonlinear parameter.
 
-    ``effect``, ``site``: the effect, and the site at which it acts. ``nonlinear``: value of the nonlinear parameter (a period,
-    a place); None where the effect has none, or where it is not yet estimated. ``sigma``: standard deviation of ``nonlinear``;
-    hypotheses that differ only in it are equal. ``further``, ``further_sigma``: more values of the nonlinear parameter, each
-    with separate coefficients, and their standard deviations: all periods (lines) of one gear are one hypothesis.
+    ``effect``, ``site``: the effect, and the site at which it acts. ``shape_parameter``: value of the nonlinear parameter (a
+    period, a place); None where the effect has none, or where it is not yet estimated. ``sigma``: standard deviation of
+    ``shape_parameter``; hypotheses that differ only in it are equal. ``further``, ``further_sigma``: more values of the
+    nonlinear parameter, each with separate coefficients, and their standard deviations: all periods (lines) of one gear are
+    one hypothesis.
     """
 
     effect: Effect
     site: str
-    nonlinear: float | None = None
+    shape_parameter: float | None = None
     sigma: float = field(default=0.0, compare=False)
     further: tuple[float, ...] = ()
     further_sigma: tuple[float, ...] = field(default=(), compare=False)
@@ -51,7 +53,7 @@ class Hypothesis:
     @property
     def values(self) -> tuple[float, ...]:
         """All values of its nonlinear parameter."""
-        return () if self.nonlinear is None else (self.nonlinear, *self.further)
+        return () if self.shape_parameter is None else (self.shape_parameter, *self.further)
 
     @property
     def place(self) -> tuple[str, str]:
@@ -67,7 +69,7 @@ class Hypothesis:
         """``effect@site``, as messages have it."""
         return f"{self.effect.id}@{self.site}"
 
-    def basis(self, at: Situation) -> Basis:
+    def basis(self, at: OperatingPoints) -> Displacement:
         """Displacements for unit coefficients."""
         return self.effect.basis_of(at, self.site, self.values)
 
@@ -132,7 +134,7 @@ def _kind(word: str) -> str:
     return "moves" if word.startswith(("approach", "speed")) else "place"
 
 
-def modulates(at: Situation, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool:
+def modulates(at: OperatingPoints, smooth: SmoothTerm, hypothesis: Hypothesis) -> bool:
     """Whether a smooth term is only a modulation of an effect: same site, same kind of motion, no further coordinates.
 
     An effect over one command alone has no modulation: a smooth function of this command is another function in its place.
@@ -185,14 +187,17 @@ class Scope:
         for effect in known:
             if by_id[effect.id] is not effect:
                 raise ModelError(f"two effects have the id {effect.id!r}", hint="give each an id of its own")
+        excluded = set()
         for word in exclude:
             named, at, place = word.partition("@")
             if named not in by_id or (at and not place):
                 raise ModelError(f"no effect is called {word!r}", hint=f"effects are {', '.join(by_id)}")
+            place = site_called(place, by_id[named].sites(robot))
+            excluded.add(named + at + place)
             if place and place not in by_id[named].sites(robot):
                 sites = ", ".join(by_id[named].sites(robot))
                 raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
-        return Scope(known, frozenset(exclude), false_alarm, priors)
+        return Scope(known, frozenset(excluded), false_alarm, priors)
 
     def hypotheses(self, robot: Robot) -> Iterator[Hypothesis]:
         """Every effect at each of its sites, each once, without those that are excluded."""

@@ -15,7 +15,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, exchanged, fixed, tuned
 from gtpin.diagnosis.linear.scan import Scan
-from gtpin.effects.basis import Basis
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
 
@@ -71,7 +71,7 @@ class HypothesisSet:
         design: Design,
         linear: Sequence[Hypothesis],
         scanned: Sequence[Hypothesis],
-        smooth: Iterable[tuple[SmoothTerm, Basis]],
+        smooth: Iterable[tuple[SmoothTerm, Displacement]],
         scope: Scope,
         untested: Sequence[Untested] = (),
         *,
@@ -101,7 +101,7 @@ class HypothesisSet:
     @property
     def long(self) -> bool:
         """Whether models can be long, as for robots without rods: joints have many lines, and all links many coefficients."""
-        return not self.design.situation.robot.rods
+        return not self.design.operating_points.robot.rods
 
     @property
     def named(self) -> tuple[Hypothesis, ...]:
@@ -140,7 +140,7 @@ class HypothesisSet:
 
     def _add(self, hypothesis: Hypothesis) -> None:
         if not hypothesis.further:
-            basis = hypothesis.basis(self.design.situation)
+            basis = hypothesis.basis(self.design.operating_points)
             self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
             return
         lines = [Hypothesis(hypothesis.effect, hypothesis.site, value) for value in hypothesis.values]
@@ -152,12 +152,12 @@ class HypothesisSet:
     def cost(self, term: Term) -> float:
         """Log prior odds against an explanation as the only one, nats: its gain in log evidence must exceed them."""
         unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
-        divided = "session" in explained_by(term).drivers(self.design.situation.robot)
+        divided = "session" in explained_by(term).drivers(self.design.operating_points.robot)
         return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
         """Share of a stronger explanation's evidence that is added to the prior odds against ``term``."""
-        robot, a, b = self.design.situation.robot, explained_by(term), explained_by(stronger)
+        robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same
         return self.priors.related if related(robot, a, b) else self.priors.other
@@ -183,7 +183,7 @@ class HypothesisSet:
         open_ = self.without_value(term)
         return self.gains(NOTHING, (open_,))[open_].value
 
-    def worth(self, model: Explanation) -> float:
+    def log_posterior(self, model: Explanation) -> float:
         """Worth of a model: its log evidence less the log prior odds against its explanations, nats."""
         return model.log_evidence - sum(self.costs(model.terms).values())
 
@@ -252,7 +252,7 @@ class HypothesisSet:
     def modulates(self, smooth: SmoothTerm, model: Explanation | Collection[Hypothesis]) -> bool:
         """Whether a smooth term is only a modulation of one of some hypotheses."""
         terms = model.terms if isinstance(model, Posterior) else model
-        at = self.design.situation
+        at = self.design.operating_points
         return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
 
     def columns(self, model: Explanation) -> Floats:

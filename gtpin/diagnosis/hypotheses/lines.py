@@ -78,7 +78,7 @@ def settled(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
             if term is None or not term.further:
                 break
             found = _with_lines(hypotheses, model, term)
-            gained = hypotheses.worth(found) - hypotheses.worth(model)
+            gained = hypotheses.log_posterior(found) - hypotheses.log_posterior(model)
             model = found
             if gained < SETTLED:
                 break
@@ -93,7 +93,7 @@ def with_its_lines(hypotheses: HypothesisSet, rest: Explanation, term: Hypothesi
         own = next(t for t in causes(model) if t.place == term.place)
         while (line := further_lines(hypotheses, model, (own,))) is not None:
             wider = widened(hypotheses, model, *line[1:])
-            if hypotheses.worth(wider) <= hypotheses.worth(model) + 1e-9:
+            if hypotheses.log_posterior(wider) <= hypotheses.log_posterior(model) + 1e-9:
                 break
             model, own = wider, next(t for t in causes(wider) if t.place == term.place)
         hypotheses.lined[key] = model
@@ -111,7 +111,7 @@ def _with_lines(hypotheses: HypothesisSet, model: Explanation, term: Hypothesis)
             again = less.with_lines((*less.lines, found))
             candidates.insert(0, (again, hypotheses.replaced(without_it, less, again)))
         for candidate, trial in candidates:
-            if hypotheses.worth(trial) > hypotheses.worth(model) + 1e-6:
+            if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model) + 1e-6:
                 model, term = trial, candidate
     return model
 
@@ -133,7 +133,7 @@ def strongest_first(hypotheses: HypothesisSet, model: Explanation, cause: Hypoth
     widths = [hypotheses.groups.width(term) for term in model.terms]
     place = model.terms.index(cause)
     start = sum(widths[:place])
-    one = cause.basis(hypotheses.design.situation).sigma
+    one = cause.basis(hypotheses.design.operating_points).sigma
     lines = (model.mean[start : start + widths[place]] * one).reshape(len(cause.values), -1)
     size = np.linalg.norm(lines[:, list(cause.effect.core)], axis=1)
     return cause.with_lines([cause.lines[i] for i in np.argsort(-size, kind="stable")])

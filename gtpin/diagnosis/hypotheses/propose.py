@@ -18,7 +18,7 @@ from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, fixed, gain
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.model.fit_conditions import TEMPERATURES
 from gtpin.typing import Floats
@@ -32,7 +32,7 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
 
     ``changes``: of effects since an earlier model, whose uncertainty B has; without smooth terms, proxies and scans.
     """
-    at, marginal = design.situation, Marginal(design.B)
+    at, marginal = design.operating_points, Marginal(design.B)
     linear: list[Hypothesis] = []
     scanned: list[Hypothesis] = []
     untested: list[Untested] = []
@@ -52,13 +52,13 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
     if changes:
         return HypothesisSet(design, linear, (), (), scope, untested, proxied=False)
     design, odds = merged_sessions(design, marginal, linear, scope.priors)
-    at = design.situation
+    at = design.operating_points
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
     smooth = tuple(smooth_terms(at, scope.priors, scaled))
     return HypothesisSet(design, linear, scanned, smooth, scope, untested, of_sessions=odds)
 
 
-def _no_change(at: Situation, hypothesis: Hypothesis) -> Untestable | None:
+def _no_change(at: OperatingPoints, hypothesis: Hypothesis) -> Untestable | None:
     """Why a check can't test an effect as a change; temperatures that do not vary are no reason."""
     effect = hypothesis.effect
     if effect.since_a_model:
@@ -84,7 +84,7 @@ def merged_sessions(
     Returns the problem, and the natural logarithm of the number of ways to divide the sessions into as many: log prior odds,
     nats, against each effect of sessions.
     """
-    at = design.situation
+    at = design.operating_points
     labels = at.references.sessions
     if len(labels) <= FEWEST or not at.varies("session"):
         return design, 0.0
@@ -105,13 +105,13 @@ def merged_sessions(
         return design, 0.0
     new = {labels[i]: labels[group[0]] for group in together for i in group}
     column = np.array([new[name] for name in names], dtype=object)
-    changed = replace(design, situation=at.with_covariate("session", column))
+    changed = replace(design, operating_points=at.with_covariate("session", column))
     return changed, log(comb(len(labels) - 1, len(together) - 1))
 
 
 def _by_session(design: Design, hypothesis: Hypothesis, members: npt.NDArray[np.bool_]) -> Floats | None:
     """(K, N c, m) whitened displacements by the m coefficients of each of K sessions; None if they are not of one session."""
-    X = design.columns(hypothesis.basis(design.situation))
+    X = design.columns(hypothesis.basis(design.operating_points))
     each, left = divmod(X.shape[1], len(members))
     if left or not each:
         return None

@@ -16,7 +16,7 @@ from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, all_gains
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
-from gtpin.effects.situation import Column, Situation
+from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
 from gtpin.typing import Floats
@@ -54,7 +54,7 @@ def proxies(
     design: Design, untestable: Iterable[Hypothesis], testable: Iterable[Hypothesis], priors: Priors = PRIORS
 ) -> Iterator[Proxy]:
     """Proxies of effects with a missing covariate, and of effects of forces where the payload was not recorded."""
-    at, failed = design.situation, dict[str, str]()
+    at, failed = design.operating_points, dict[str, str]()
     for hypothesis in untestable:
         columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis, priors), failed)
         if columns is not None:
@@ -83,16 +83,16 @@ def _tried(hypothesis: Hypothesis, columns: Callable[[], Floats | None], failed:
     return found if found is not None and np.isfinite(found).all() else None
 
 
-def _under(design: Design, hypothesis: Hypothesis, spells: list[Situation]) -> Floats:
+def _under(design: Design, hypothesis: Hypothesis, spells: list[OperatingPoints]) -> Floats:
     """An effect's displacements, and those that a payload in each interval of time adds to its core."""
     effect, site = hypothesis.effect, hypothesis.site
-    plain = design.columns(effect.basis(design.situation, site))
+    plain = design.columns(effect.basis(design.operating_points, site))
     core = list(effect.core) or list(range(plain.shape[1]))
     more = [design.columns(effect.basis(at, site))[:, core] - plain[:, core] for at in spells]
     return np.hstack([plain, *more])
 
 
-def odds(at: Situation, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
+def odds(at: OperatingPoints, hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
     """Prior odds of an effect with a missing covariate relative to a testable effect.
 
     They are 1 where the covariate was recorded but can't be used, and smaller for a session that began without a pause.
@@ -109,7 +109,7 @@ def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIOR
 
     None where there is no proxy, or where the effect is untestable for another reason than one missing covariate.
     """
-    at, (effect, site) = design.situation, (hypothesis.effect, hypothesis.site)
+    at, (effect, site) = design.operating_points, (hypothesis.effect, hypothesis.site)
     missing = _missing(at, hypothesis)
     if len(missing) != 1 or effect.has_nonlinear:
         return None
@@ -127,11 +127,11 @@ def proxy_columns(design: Design, hypothesis: Hypothesis, priors: Priors = PRIOR
     return found[best]
 
 
-def _missing(at: Situation, hypothesis: Hypothesis) -> list[str]:
+def _missing(at: OperatingPoints, hypothesis: Hypothesis) -> list[str]:
     return [name for name in hypothesis.effect.covariates(at.robot, hypothesis.site) if not at.has(name)]
 
 
-def guesses(at: Situation, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
+def guesses(at: OperatingPoints, name: str, priors: Priors = PRIORS) -> Iterable[tuple[Column, ...]]:
     """Proxies of the missing covariate ``name``: each item is one or more columns (N,) that are used together."""
     numbered = re.fullmatch(r"(approach|speed)(\d+)", name)
     if numbered:
@@ -162,7 +162,7 @@ def _order(names: Column) -> Floats:
     return np.array([known.index(str(name)) for name in names], dtype=float)
 
 
-def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
+def _sessions(at: OperatingPoints, priors: Priors) -> Iterator[tuple[Column, ...]]:
     """New sessions after pauses; where there is no pause, one or two new sessions at tried instants."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if clock is None:
@@ -176,7 +176,7 @@ def _sessions(at: Situation, priors: Priors) -> Iterator[tuple[Column, ...]]:
         yield (np.searchsorted(since, values, side="right").astype(str).astype(object),)
 
 
-def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
+def pauses(at: OperatingPoints, priors: Priors = PRIORS) -> Floats:
     """Ends of the longest pauses between visits, s, in the order of time."""
     if not at.varies("time"):
         return np.zeros(0)
@@ -188,7 +188,7 @@ def pauses(at: Situation, priors: Priors = PRIORS) -> Floats:
     return np.asarray(time[1:][longest[waits[longest] > priors.pause * max(float(usual), 1e-9)]])
 
 
-def loaded(at: Situation, priors: Priors = PRIORS) -> list[Situation]:
+def loaded(at: OperatingPoints, priors: Priors = PRIORS) -> list[OperatingPoints]:
     """Situations with a payload in one interval of time each, as proxies; none where the payload was recorded."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
     if "payload" in at.covariates or clock is None:

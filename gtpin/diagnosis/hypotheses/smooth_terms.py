@@ -9,12 +9,12 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.basis import Basis, along_track, of_lengths, rods_of
 from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
+from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.joints import loaded
 from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links_at, turning_joint
-from gtpin.effects.situation import Situation
 from gtpin.effects.smooth import (
     cosines,
     drive_load,
@@ -27,7 +27,7 @@ from gtpin.effects.smooth import (
 )
 from gtpin.typing import Floats
 
-Terms = Iterator[tuple[SmoothTerm, Basis]]
+Terms = Iterator[tuple[SmoothTerm, Displacement]]
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
 
@@ -44,7 +44,7 @@ COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
 
-def smooth_terms(at: Situation, priors: Priors, scaled: bool = True) -> Terms:
+def smooth_terms(at: OperatingPoints, priors: Priors, scaled: bool = True) -> Terms:
     """Every smooth term that these data can show, and its displacements.
 
     ``scaled``: whether a testable effect scales all measured positions; the common motion ``scale`` is then left out.
@@ -55,7 +55,7 @@ def smooth_terms(at: Situation, priors: Priors, scaled: bool = True) -> Terms:
     yield from _of_all_carts(at, priors, scaled)
 
 
-def _of_carts(at: Situation, priors: Priors) -> Terms:
+def _of_carts(at: OperatingPoints, priors: Priors) -> Terms:
     """Motions of what each actuator moves: along its track or about its axis, and all others."""
     for j, site in enumerate(at.robot.sites):
         own = at.travel[:, j]
@@ -76,7 +76,7 @@ def _of_carts(at: Situation, priors: Priors) -> Terms:
             yield SmoothTerm(site, over, "aside"), _aside(at, site, waves, size, priors)
 
 
-def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors) -> Basis:
+def _aside(at: OperatingPoints, site: str, waves: Floats, size: Floats, priors: Priors) -> Displacement:
     """All motions of what an actuator carries but its own: two shifts and two rotations across its axis, then a shift along an
     axis that turns, or a rotation about a track. Shifts across alone where rotations move nothing, at a cart's only joint."""
     frame, turning = joint_frame(at, site), at.robot.actuators[at.robot.sites.index(site)].revolute
@@ -93,7 +93,7 @@ def _aside(at: Situation, site: str, waves: Floats, size: Floats, priors: Priors
     return of_joint(at, site, ways[:, :w], columns, np.outer(sizes[:w], size).ravel())
 
 
-def _of_links(at: Situation, priors: Priors) -> Terms:
+def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
     """Changes of each link over its own coordinates, and of all links with the same functions and coefficients of their own.
 
     A rod changes its length. The tip of another link shifts and turns relative to its root.
@@ -109,7 +109,7 @@ def _of_links(at: Situation, priors: Priors) -> Terms:
         yield SmoothTerm("arm", over, motion), _changed(at, "arm", own_columns, np.repeat(size, len(names)), priors)
 
 
-def _of_rod(at: Situation, i: int) -> Functions:
+def _of_rod(at: OperatingPoints, i: int) -> Functions:
     """Functions of a rod's force and direction, and of directions of approach, also multiplied by them."""
     load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
     a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
@@ -121,7 +121,7 @@ def _of_rod(at: Situation, i: int) -> Functions:
         yield ("approach",), both, np.full(both.shape[1], 0.5)
 
 
-def _changed(at: Situation, site: str, waves: Sequence[Floats], size: Floats, priors: Priors) -> Basis:
+def _changed(at: OperatingPoints, site: str, waves: Sequence[Floats], size: Floats, priors: Priors) -> Displacement:
     """Changes of a site's links; ``waves`` has the functions (N, m) of each: of a rod's length, or six motions of a tip."""
     if rods := rods_of(at, site):
         return of_lengths(at, rods, np.stack(waves, axis=1), priors.smooth_shift * size)
@@ -130,25 +130,25 @@ def _changed(at: Situation, site: str, waves: Sequence[Floats], size: Floats, pr
     return of_tips(at, site, twists, np.outer(scale, size).ravel())
 
 
-def _of_platform_and_frame(at: Situation, priors: Priors) -> Terms:
+def _of_platform_and_frame(at: OperatingPoints, priors: Priors) -> Terms:
     """Motions of the target and tool on the platform, TCP frame, and of the measurement frame."""
     for over, waves, size in (*_conditions(at), *_force(at), *_position(at, 2, priors), *_approach(at)):
         twist = np.zeros((len(at), 6, 6, waves.shape[1]))
         twist[:, :3, :3] = twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
         sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
-        yield SmoothTerm("platform", over, "twist"), Basis(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
+        yield SmoothTerm("platform", over, "twist"), Displacement(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
     freedoms, size6 = frame_twist(at)
     for over, waves, size in (*_conditions(at), *_force(at)):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
-        yield SmoothTerm("frame", over, "twist"), Basis(np.concatenate([size6 * s for s in size]), twist=columns)
+        yield SmoothTerm("frame", over, "twist"), Displacement(np.concatenate([size6 * s for s in size]), twist=columns)
     for over, waves, size in _position(at, 3, priors):
         twist = np.zeros((len(at), 6, 3, waves.shape[1]))
         twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]
         sigma = np.tile(priors.smooth_shift * size, 3)
-        yield SmoothTerm("frame", over, "shift"), Basis(sigma, twist=twist.reshape(len(at), 6, -1))
+        yield SmoothTerm("frame", over, "shift"), Displacement(sigma, twist=twist.reshape(len(at), 6, -1))
 
 
-def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
+def _of_all_carts(at: OperatingPoints, priors: Priors, scaled: bool) -> Terms:
     """Motions of all carts along their tracks, as by a deformation of the machine: of all commands, and of each cart's own."""
     n = at.robot.n_actuators
     if n < 2:
@@ -170,11 +170,11 @@ def _of_all_carts(at: Situation, priors: Priors, scaled: bool) -> Terms:
             along = along_track(at, site, np.hstack([columns, own, own**2]), np.ones(columns.shape[1] + 2))
             total.append(along.displacement(at))
             sizes.append(drive_sizes(at, site, np.concatenate([size, [1.0, 0.2]]), priors.smooth_shift))
-        basis = Basis(np.concatenate(sizes), twist=np.concatenate(total, axis=2))
+        basis = Displacement(np.concatenate(sizes), twist=np.concatenate(total, axis=2))
         yield SmoothTerm("frame", ("position",), motion), basis
 
 
-def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
+def _aside_coordinates(at: OperatingPoints, j: int, priors: Priors) -> Functions:
     """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
     yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, ROUGH_ASIDE), 1.0)
     for over, waves, size in _conditions(at):
@@ -187,14 +187,14 @@ def _aside_coordinates(at: Situation, j: int, priors: Priors) -> Functions:
     yield from _moves(at, j, 2)
 
 
-def _load(at: Situation, j: int, orders: int) -> Functions:
+def _load(at: OperatingPoints, j: int, orders: int) -> Functions:
     """Functions of the load along an actuator's track or about its axis."""
     site = at.robot.sites[j]
     if loaded(at, site):
         yield ("load",), *cosines(np.clip(drive_load(at, site) / 2.0, -1.5, 1.5), 1, orders, 1.0)
 
 
-def _loads(at: Situation, index: int) -> Functions:
+def _loads(at: OperatingPoints, index: int) -> Functions:
     """Functions of the six components of the load at a link's tip, for those that vary."""
     mean, spread = (values[index] for values in at.references.joints)
     loads = at.joint_loads[:, index]
@@ -204,7 +204,7 @@ def _loads(at: Situation, index: int) -> Functions:
         yield ("load",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def _moves(at: Situation, j: int, orders: int) -> Functions:
+def _moves(at: OperatingPoints, j: int, orders: int) -> Functions:
     """Functions of an actuator's direction of approach and of its speed, also multiplied by cosines along its track."""
     bends = [np.ones(len(at)), *(wave(at.travel[:, j], o) for o in range(1, orders + 1))]
     for word in ("approach", "speed"):
@@ -215,14 +215,14 @@ def _moves(at: Situation, j: int, orders: int) -> Functions:
             yield (f"{word}{j + 1}",), np.stack(columns, axis=1), np.full(len(columns), 0.5)
 
 
-def all_moves(at: Situation) -> Floats | None:
+def all_moves(at: OperatingPoints) -> Floats | None:
     """(N, m) direction of approach and speed of every actuator, each over its largest absolute value, for those that vary."""
     names = [f"{word}{k + 1}" for word in ("approach", "speed") for k in range(at.robot.n_actuators)]
     columns = [_scaled(at.covariate(name)) for name in names if at.varies(name)]
     return np.stack(columns, axis=1) if columns else None
 
 
-def _approach(at: Situation) -> Functions:
+def _approach(at: OperatingPoints) -> Functions:
     moves = all_moves(at)
     if moves is not None:
         yield ("approach",), moves, np.full(moves.shape[1], 0.5)
@@ -232,7 +232,7 @@ def _scaled(values: Floats) -> Floats:
     return np.asarray(values / max(float(np.abs(values).max()), 1e-12))
 
 
-def _conditions(at: Situation) -> Functions:
+def _conditions(at: OperatingPoints) -> Functions:
     """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
@@ -249,7 +249,7 @@ def _over_range(values: Floats, orders: int, decay: float) -> tuple[Floats, Floa
     return cosines((values - middle) / half, 1, orders, decay)
 
 
-def _force(at: Situation) -> Functions:
+def _force(at: OperatingPoints) -> Functions:
     """Functions of the three components of the force at the TCP, for those that vary."""
     parts = [_over_range(at.covariate(name), 3, 1.0) for name in ("fx", "fy", "fz") if at.varies(name)]
     if parts:
@@ -263,7 +263,7 @@ def _plane(a: Floats, b: Floats, orders: int) -> tuple[Floats, Floats]:
     return np.stack([wave(a, m) * wave(b, n) for m, n in rows], axis=1), sizes / np.linalg.norm(sizes) * 2.0
 
 
-def _position(at: Situation, orders: int, priors: Priors) -> Functions:
+def _position(at: OperatingPoints, orders: int, priors: Priors) -> Functions:
     """Smooth functions of the TCP's position."""
     T = at.poses.T
     reach = priors.smooth_reach * max(float(np.ptp(T, axis=0).max()) / 2.0, 1e-9)

@@ -70,7 +70,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
     # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
-    robot = hypotheses.design.situation.robot
+    robot = hypotheses.design.operating_points.robot
     drivers = cause.drivers(robot)
     clock = drivers if drivers in ({"time"}, {"session"}) else None
     if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
@@ -147,7 +147,7 @@ def exchanged_for_two(hypotheses: HypothesisSet, model: Explanation) -> Explanat
     for cause in causes(model):
         rest = without(hypotheses.groups, model, cause, sweeps=1)
         found = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * (model.log_evidence - rest.log_evidence))
-        if found is not None and hypotheses.worth(found[0]) > hypotheses.worth(model) + 1e-9:
+        if found is not None and hypotheses.log_posterior(found[0]) > hypotheses.log_posterior(model) + 1e-9:
             return exchanged_for_two(hypotheses, found[0])
     return model
 
@@ -205,7 +205,7 @@ def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender
 
 def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
     """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
-    ahead = hypotheses.worth(other) - hypotheses.worth(model)
+    ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
     return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
 
 
@@ -227,7 +227,7 @@ def _best_two(
         if more:
             second = max(more, key=lambda h: more[h].value)
             found.append((hypotheses.extended(one, second), (first, second)))
-    return max(found, key=lambda pair: hypotheses.worth(pair[0]), default=None)
+    return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)
 
 
 MOST_FORMS = 3
@@ -248,7 +248,7 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
         if is_mechanism(hypotheses, found.whole(hypotheses), cause):
             mechanisms.add(cause.place)
         else:
-            over = tuple(sorted(cause.drivers(hypotheses.design.situation.robot)))
+            over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
             own = next(m.probability for m in members if m.hypothesis.place == cause.place)
             told.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
             if not weak(hypotheses, found.model, cause):
@@ -277,7 +277,7 @@ def is_mechanism(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesi
     The forms are chosen one after the other, each against the prior odds of a choice among all of them. The family may be
     likelier by the share of its evidence that a cause's modulation has. The forms become groups of ``hypotheses``, once.
     """
-    groups, at = hypotheses.groups, hypotheses.design.situation
+    groups, at = hypotheses.groups, hypotheses.design.operating_points
     rest = without(groups, model, cause, sweeps=1)
     columns = groups.columns(cause)
     forms = []
@@ -315,7 +315,7 @@ def weak(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bo
 
 def size(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> float:
     """Root mean square of the TCP's displacement by a cause over the poses of the search, m."""
-    at = hypotheses.design.situation
+    at = hypotheses.design.operating_points
     start = sum(model.widths[: model.terms.index(cause)])
     basis = cause.basis(at)
     moved = basis.displacement(at)[:, :3] @ (basis.sigma * model.mean[start : start + len(basis)])

@@ -30,7 +30,7 @@ from gtpin.diagnosis.linear.posterior import without
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.situation import References
+from gtpin.effects.operating_points import References
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 from gtpin.noise.estimate import LEAST_CONTRASTS
@@ -100,7 +100,7 @@ def fit(
     found = without_undecided(hypotheses, found)
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     found = held_out(found, hypotheses, checked, settled.observed, shown)
-    at = hypotheses.design.situation
+    at = hypotheses.design.operating_points
     untestable = [one.hypothesis for one in hypotheses.untested]
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
@@ -159,10 +159,10 @@ def held_out(
     if silent and shown.contradicted:
         return found.doubted(Doubt("visits"))
     noise = shown.most if silent else shown.noise
-    size, chance = shown.excess(noise, observed, hypotheses, found.model)
+    size, chance = shown.sigma_scale(noise, observed, hypotheses, found.model)
     allowed = float(np.sqrt(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
     far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
-    if chance <= priors.chance and (far or (silent and size > priors.excess)):
+    if chance <= priors.chance and (far or (silent and size > priors.sigma_scale)):
         return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
     return found
 
@@ -202,11 +202,11 @@ def _in_its_place(
     if other.place in {term.place for term in terms if isinstance(term, Hypothesis)}:
         return None
     model = hypotheses.of([other if term == named else term for term in terms], found.model.scale)
-    start, sigma = sum(model.widths[: terms.index(named)]), other.basis(hypotheses.design.situation).sigma
+    start, sigma = sum(model.widths[: terms.index(named)]), other.basis(hypotheses.design.operating_points).sigma
     own = slice(start, start + len(sigma))
     covariance = model.covariance[own, own] * np.outer(sigma, sigma)
     return ActiveEffect(
-        other.effect, other.site, other.nonlinear, model.mean[own] * sigma, covariance, references, other.further
+        other.effect, other.site, other.shape_parameter, model.mean[own] * sigma, covariance, references, other.further
     )
 
 
@@ -239,7 +239,7 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> lis
     effects, asked = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}, list[Question]()
     for cause in causes:
         effect = effects[cause.effect, cause.site]
-        for ranges, believed in ((effect.plausible, False), (effect.usual, True)):
+        for ranges, believed in ((effect.plausible, False), (effect.expected_range, True)):
             before = len(asked)
             for name, own in ranges.items():
                 if name not in cause.parameters:
@@ -284,6 +284,6 @@ def without_impossible(
     """
     places = {(q.effect, q.site) for q in asked}
     wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
-    over = tuple(sorted(wrong.drivers(hypotheses.design.situation.robot)))
+    over = tuple(sorted(wrong.drivers(hypotheses.design.operating_points.robot)))
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
     return kept.doubted(Doubt("impossible", wrong.site, over))

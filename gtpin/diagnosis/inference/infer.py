@@ -50,7 +50,7 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
     if site is None:
         return found
     # Errors of this actuator change too fast for smooth terms: causes of other sites are kept where they are sure.
-    own = f"q{hypotheses.design.situation.robot.sites.index(site) + 1}"
+    own = f"q{hypotheses.design.operating_points.robot.sites.index(site) + 1}"
     kept = found.only(hypotheses, [cause for cause in found.beside_unknown() if cause.site != site])
     return kept.doubted(Doubt("restless", site, (own,)))
 
@@ -93,7 +93,7 @@ def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) 
     known = hypotheses.only(mixed, causes(mixed))
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
     doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
-    ahead = hypotheses.worth(mixed) - hypotheses.worth(named) - doubt
+    ahead = hypotheses.log_posterior(mixed) - hypotheses.log_posterior(named) - doubt
     return float(expit(ahead / temperature(max(named.log_evidence, 0.0), priors)))
 
 
@@ -117,7 +117,7 @@ def _led(hypotheses: HypothesisSet, named: Explanation) -> Explanation:
             if leader.place in {c.place for c in causes(named)}:
                 break
             trial = hypotheses.extended(without(hypotheses.groups, named, cause, sweeps=1), leader)
-            if not hypotheses.worth(trial) > hypotheses.worth(named) + LEADS:
+            if not hypotheses.log_posterior(trial) > hypotheses.log_posterior(named) + LEADS:
                 break
             named, cause = trial, leader
     return named
@@ -142,7 +142,7 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
 
     Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them.
     """
-    robot = hypotheses.design.situation.robot
+    robot = hypotheses.design.operating_points.robot
     if cause.further and hypotheses.long:
         return False
     return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
@@ -210,15 +210,16 @@ class FittedLines:
 
     ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
     command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
-    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried. ``taken``: Effective
-    number of the errors that the geometry and the other causes fit: this many are missing in what is left.
+    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
+    ``effective_parameters``: Effective number of the errors that the geometry and the other causes fit: this many are
+    missing in what is left.
     """
 
     errors: Floats
     variance: Floats
     lines: tuple[Floats, ...]
     tried: int
-    taken: float = 0.0
+    effective_parameters: float = 0.0
 
     @staticmethod
     def of(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> FittedLines:
@@ -228,7 +229,7 @@ class FittedLines:
         without the subtraction, less scatter would be left, and the lines would look significant.
         """
         design = hypotheses.design
-        along = design.by_command[:, :, design.situation.robot.sites.index(cause.site)]
+        along = design.by_command[:, :, design.operating_points.robot.sites.index(cause.site)]
         information = np.einsum("nc,nc->n", along, along)
         shown = information > SEEN**2 * information.max()
         along, information = along[shown], information[shown]
@@ -243,15 +244,15 @@ class FittedLines:
         fitted = moved(others) / np.sqrt(information)[:, None]
         # I - H of independent errors, H the fit's hat matrix, has tr (I - H)^2 degrees of freedom; this one has H's traces.
         hat = np.linalg.solve(normal, fitted.T @ fitted)
-        same = np.unique(design.situation.q[shown], axis=0, return_inverse=True)[1].ravel()
+        same = np.unique(design.operating_points.q[shown], axis=0, return_inverse=True)[1].ravel()
         total = np.bincount(same, information)
         left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
         return FittedLines(
             errors=left[:, 0],
             variance=1.0 / total,
             lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
-            tried=len(cause.effect.nonlinear_values(design.situation, cause.site)),
-            taken=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
+            tried=len(cause.effect.nonlinear_values(design.operating_points, cause.site)),
+            effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
         )
 
     def chance(self) -> float:
@@ -263,16 +264,16 @@ class FittedLines:
         tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
         line has the share 1 / (k (k + 1)) of the whole probability.
         """
-        left, open_, least = self.errors, list(self.lines), 1.0
-        freedom = len(self.errors) - self.taken
+        residual, open_, least = self.errors, list(self.lines), 1.0
+        freedom = len(self.errors) - self.effective_parameters
         for tested in range(1, len(self.lines) + 1):
             if freedom <= 1.0:
                 break
-            scatter = max(float((left**2).sum()) / freedom - float(self.variance.mean()), 0.0)
+            scatter = max(float((residual**2).sum()) / freedom - float(self.variance.mean()), 0.0)
             root = 1.0 / np.sqrt(self.variance + scatter)
-            whole = float(((left * root) ** 2).sum())
-            fits = [X @ np.linalg.lstsq(X * root[:, None], left * root, rcond=None)[0] for X in open_]
-            powers = [float((((left - fit) * root) ** 2).sum()) for fit in fits]
+            whole = float(((residual * root) ** 2).sum())
+            fits = [X @ np.linalg.lstsq(X * root[:, None], residual * root, rcond=None)[0] for X in open_]
+            powers = [float((((residual - fit) * root) ** 2).sum()) for fit in fits]
             best = int(np.argmin(powers))
             width = open_.pop(best).shape[1]
             if freedom <= width + 1.0 or whole == 0.0:
@@ -281,5 +282,5 @@ class FittedLines:
             least = min(
                 least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
             )
-            left, freedom = left - fits[best], freedom - width
+            residual, freedom = residual - fits[best], freedom - width
         return least

@@ -13,8 +13,8 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.active import ActiveEffect, with_effects
-from gtpin.effects.basis import Basis
-from gtpin.effects.situation import References
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import References
 from gtpin.errors import ConvergenceError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
@@ -56,12 +56,12 @@ def fit_together(
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
     joint = problem.joint_covariance(covariance) if causes else None
-    fitted, left = start.fit, start.unexplained
+    fitted, unexplained = start.fit, start.unexplained
     if observed.measured.tracked:
-        dof = max(found.residual.size - found.taken, 1.0)
+        dof = max(found.residual.size - found.effective_parameters, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
-        left = _unexplained(problem, found, observed.noise)
-        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, left)
+        unexplained = _unexplained(problem, found, observed.noise)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, unexplained)
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
@@ -69,7 +69,7 @@ def fit_together(
         instruments=problem.calibration.readings(found.point.x).fitted,
         joint_covariance=joint,
         fit=fitted,
-        unexplained=left,
+        unexplained=unexplained,
     )
 
 
@@ -104,11 +104,11 @@ class JointProblem:
         """The problem about the nominal geometry; the noise of the drives is computed at ``start``."""
         geometry = start.geometry
         nominal = replace(start, geometry=geometry.with_values(geometry.values - geometry.deviation), effects=())
-        at = observed.situation(start, references)
-        one = observed.take(slice(0, 1)).situation(start, references, at.poses[:1])
+        at = observed.operating_points(start, references)
+        one = observed.take(slice(0, 1)).operating_points(start, references, at.poses[:1])
         sizes = [cause.basis(one).sigma * s for cause, s in zip(causes, scale, strict=True)]
         measured = observed.measured
-        J = measured.seen(at.command_jacobian, start, at.poses)
+        J = measured.change_by(at.command_jacobian, start, at.poses)
         whitening = observed.noise.whitening(J, measured.components)
         plain = Problem(nominal, measured, whitening, observed.free_frame)
         return JointProblem(plain, observed, causes, sizes, references)
@@ -148,7 +148,7 @@ class JointProblem:
         the travel, and so is the derivative by the coefficients; for robots with rods the latter is linearised without effects.
         """
         displaced = replace(point, poses=self._displaced(point, rows))
-        at = self.observed.take(rows).situation(point.model, self.references, point.poses[rows])
+        at = self.observed.take(rows).operating_points(point.model, self.references, point.poses[rows])
         bases = [cause.basis(at) for cause in self.causes]
         problem = self.calibration
         if not at.robot.rods:
@@ -160,7 +160,7 @@ class JointProblem:
         columns = [problem.columns(point, J, rows, weight) for J in moved]
         return np.concatenate([problem.jacobian(displaced, rows, weight), *columns], axis=2)
 
-    def _travelled(self, q: Floats, bases: Sequence[Basis], x: Floats) -> Floats:
+    def _travelled(self, q: Floats, bases: Sequence[Displacement], x: Floats) -> Floats:
         """(M, n) commands with the deviations of the travel by the causes, m or rad."""
         moved, place = q.copy(), self.calibration.size
         for basis, size in zip(bases, self.sizes, strict=True):
@@ -197,7 +197,13 @@ class JointProblem:
             spread = covariance[own, own] * np.outer(size, size)
             found.append(
                 ActiveEffect(
-                    cause.effect, cause.site, cause.nonlinear, x[own] * size, spread, self.references, cause.further
+                    cause.effect,
+                    cause.site,
+                    cause.shape_parameter,
+                    x[own] * size,
+                    spread,
+                    self.references,
+                    cause.further,
                 )
             )
         return tuple(found)

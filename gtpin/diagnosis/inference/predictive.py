@@ -14,7 +14,7 @@ from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import without
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask
 
@@ -56,7 +56,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
     A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
     :func:`~gtpin.effects.smooth.session_columns`. ``columns``: (N c, m) displacements for coefficients of typical size.
     """
-    at = design.situation
+    at = design.operating_points
     if "session" not in cause.covariates(at.robot) or not at.has("session"):
         return columns
     sessions = np.array([str(name) for name in at.covariates["session"]])
@@ -67,7 +67,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
             continue
         rows = np.repeat(block, design.components)
         elsewhere = columns[~rows].any(axis=0)
-        some = Situation(
+        some = OperatingPoints(
             at.kinematics,
             at.q[block],
             at.poses[block],
@@ -79,7 +79,7 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
         with unheard():  # of sessions that were not fitted: here they are intended
             basis = cause.basis(some)
         moved = basis.displacement(some) * basis.sigma
-        seen = design.measured.take(block).seen(moved, design.model, some.poses)
+        seen = design.measured.take(block).change_by(moved, design.model, some.poses)
         unseen = np.asarray(design.whitening[block] @ seen).reshape(-1, moved.shape[2])
         if unseen.shape[1] != elsewhere.sum():
             continue  # a user's own effect, with other coefficients than those of the sessions
@@ -127,7 +127,7 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (beside, columns))
     compared = [(alone.errors, whole.errors)]
     at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    if alone.turned.size and (at_noise or found.doubts or not hypotheses.design.situation.robot.rods):
+    if alone.turned.size and (at_noise or found.doubts or not hypotheses.design.operating_points.robot.rods):
         compared.append((alone.turned, whole.turned))
     if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
         return found
@@ -139,9 +139,9 @@ def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> fl
     J, prior = design.beside(np.hstack(causes))
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     half = J @ root
-    left = design.y - half @ (half.T @ design.y)
+    residual = design.y - half @ (half.T @ design.y)
     total = 0.0
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, design.components))
-        total += LeftOutBlock.of(half[rows], left[rows]).log_density
+        total += LeftOutBlock.of(half[rows], residual[rows]).log_density
     return total

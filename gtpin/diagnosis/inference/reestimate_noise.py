@@ -34,19 +34,19 @@ def gross_errors(hypotheses: HypothesisSet, model: Explanation) -> npt.NDArray[n
 
     Readings are compared with readings of the same sigma. If one number of a table's row is a gross error, the whole row is.
     """
-    left, _ = left_over(hypotheses, model)
+    residual, _ = left_over(hypotheses, model)
     measured, most = hypotheses.design.measured, hypotheses.priors.absurd
-    found = np.zeros(len(left), dtype=bool)
-    for rows in measured.alike:
-        found[rows] = _gross(left[rows], most)
+    found = np.zeros(len(residual), dtype=bool)
+    for rows in measured.noise_groups:
+        found[rows] = _gross(residual[rows], most)
     row = measured.rows.row
     return np.isin(row, row[found])
 
 
-def _gross(left: Floats, most: float) -> npt.NDArray[np.bool_]:
+def _gross(residual: Floats, most: float) -> npt.NDArray[np.bool_]:
     """(N,) gross errors among whitened residuals (N, c), also those larger than ``most`` times the robust scale."""
-    absurd = square_norms(left) > (most * robust_scale(left)) ** 2
-    return gross(left, ~absurd) | absurd
+    absurd = square_norms(residual) > (most * robust_scale(residual)) ** 2
+    return gross(residual, ~absurd) | absurd
 
 
 @dataclass(frozen=True)
@@ -71,23 +71,23 @@ def reestimate_noise(
     likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
 
     The model's parameters reduce the degrees of freedom of all numbers in the same proportion. Tails are those of rows that
-    are compared with each other (``alike``): an instrument can have heavy tails, and another none.
+    are compared with each other (``noise_groups``): an instrument can have heavy tails, and another none.
 
     ``model``: causes and smooth terms: everything that is not noise. ``declared``: declared sigma of each group of numbers, m
     or rad, or None; no estimate is smaller, or a long model that follows the noise would make it ever smaller.
     """
     design, priors, noise = hypotheses.design, hypotheses.priors, observed.noise
     least = np.array([sigma or 0.0 for sigma in declared] or [0.0])
-    left, taken = left_over(hypotheses, model)
+    residual, effective_parameters = left_over(hypotheses, model)
     J = design.by_command_seen
-    scatter, rows = contrasts(stops(design.measured.q, design.measured.read), design.coloured(left))
-    errors = design.coloured(left * np.sqrt(design.count / max(design.count - taken, 1.0)))
+    scatter, rows = contrasts(stops(design.measured.q, design.measured.read), design.coloured(residual))
+    errors = design.coloured(residual * np.sqrt(design.count / max(design.count - effective_parameters, 1.0)))
     weight, shrunk = np.ones(len(errors)), np.ones(len(errors))
     found = _bounded(likeliest(noise, errors, J, weight), least)
     # Scatter of drives differs from row to row and so looks like heavy tails, and the reverse: the likelier one is used.
     whitened, of_noise = _whitened(noise, errors, design)
     scattered, of_scatter = _whitened(found, errors, design)
-    for some in design.measured.alike:
+    for some in design.measured.noise_groups:
         own, tails = whitened[some], Tails.of(whitened[some])
         gaussian = -0.5 * (scattered[some] ** 2 + np.log(2.0 * np.pi)).sum() + of_scatter[some].sum()
         if (
@@ -128,9 +128,9 @@ def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Explanation) 
     not use."""
     if (observed.weight == 1.0).all():
         return {}
-    left, taken = left_over(hypotheses, model)
-    left = left * np.sqrt(left.size / max(left.size - taken, 1.0))
-    whitened = left / np.sqrt(observed.weight)[:, None]  # the design's whitening has the weights
+    residual, effective_parameters = left_over(hypotheses, model)
+    residual = residual * np.sqrt(residual.size / max(residual.size - effective_parameters, 1.0))
+    whitened = residual / np.sqrt(observed.weight)[:, None]  # the design's whitening has the weights
     weighed = observed.weight != 1.0
     return {int(kind): Tails.of(whitened[observed.kinds == kind]) for kind in np.unique(observed.kinds[weighed])}
 
@@ -163,13 +163,15 @@ def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explaine
     J, c = design.by_command_seen, design.components
     seen = np.linalg.solve(noise.covariance(J, c), J)
     score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
-    return _beyond_noise(score, np.einsum("nci,nci->ni", seen, J), design.situation.robot.sites, explained, priors)
+    return _beyond_noise(
+        score, np.einsum("nci,nci->ni", seen, J), design.operating_points.robot.sites, explained, priors
+    )
 
 
 def restless_drive(hypotheses: HypothesisSet, model: Explanation, sites: Sequence[str]) -> str | None:
     """The one of some actuators along whose motion the residuals of a model exceed the noise most; None where none does."""
     design = hypotheses.design
-    own = design.by_command[:, :, [design.situation.robot.sites.index(site) for site in sites]]
+    own = design.by_command[:, :, [design.operating_points.robot.sites.index(site) for site in sites]]
     score = np.einsum("nci,nc->ni", own, left_over(hypotheses, model)[0]) ** 2
     size = np.einsum("nci,nci->ni", own, own)
     return _beyond_noise(score, size, sites, model.log_evidence, hypotheses.priors)

@@ -27,7 +27,7 @@ MOST = 5
 
 def most(hypotheses: HypothesisSet) -> int:
     """Largest number of explanations in a model."""
-    return MOST + hypotheses.design.situation.robot.n_actuators if hypotheses.long else MOST
+    return MOST + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST
 
 
 def rough_guess(hypotheses: HypothesisSet, before: Explanation = NOTHING) -> Explanation:
@@ -66,7 +66,7 @@ def search(
         if term in taken:
             continue
         grown = _grown(hypotheses, alone[term].term, terms, largest)
-        if hypotheses.worth(grown) > hypotheses.worth(best):
+        if hypotheses.log_posterior(grown) > hypotheses.log_posterior(best):
             best = grown
             taken = {hypotheses.without_value(t) for t in best.terms}
     return best
@@ -103,11 +103,11 @@ def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], 
             elif step == "term" and best is not None and best.whole >= 0.0:
                 larger = with_all_lines(hypotheses, model, best)
                 larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
-            if hypotheses.worth(larger) > hypotheses.worth(model) + 1e-9:
+            if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
             larger = _with_lines_instead(hypotheses, settled(hypotheses, model))
-            if not hypotheses.worth(larger) > hypotheses.worth(model) + 1e-9:
+            if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 return model
         model = larger
 
@@ -129,7 +129,7 @@ def _with_lines_instead(hypotheses: HypothesisSet, model: Explanation) -> Explan
             gain = hypotheses.gains(rest, (lines,))[lines]
             if gain.value > hypotheses.cost(lines) and isinstance(gain.term, Hypothesis):
                 trial = _pruned(hypotheses, with_its_lines(hypotheses, rest, gain.term))
-                if hypotheses.worth(trial) > hypotheses.worth(model) + 1e-9:
+                if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model) + 1e-9:
                     return trial
     return model
 
@@ -159,10 +159,10 @@ def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term
             gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
             own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
             # Further lines of a periodic error are not in the gain of a single one.
-            mine = max(gains[own], hypotheses.worth(model) - hypotheses.worth(rest))
+            mine = max(gains[own], hypotheses.log_posterior(model) - hypotheses.log_posterior(rest))
             if other != own and gains[other] > mine + 0.5:
                 trial = hypotheses.extended(rest, found[other].term)
-                if hypotheses.worth(trial) > hypotheses.worth(model):
+                if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model):
                     model = trial
                     break
         if model is before:
@@ -172,7 +172,7 @@ def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term
 
 def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
     """The explanations that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
-    robot, own = hypotheses.design.situation.robot, explained_by(term)
+    robot, own = hypotheses.design.operating_points.robot, explained_by(term)
     if not hypotheses.long:
         return terms
     return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
@@ -182,14 +182,16 @@ def _pruned(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     """The model without the explanations that reduce its worth."""
     groups = hypotheses.groups
     while model.terms:
-        worth = hypotheses.worth(model)
+        log_posterior = hypotheses.log_posterior(model)
         terms = model.terms
         if hypotheses.long:  # such models are large: new scales are computed only where a removal loses little worth
-            margin = max(MARGIN, MARGIN_SHARE * abs(worth))
-            terms = tuple(t for t in terms if hypotheses.worth(without(groups, model, t)) > worth - margin)
+            margin = max(MARGIN, MARGIN_SHARE * abs(log_posterior))
+            terms = tuple(
+                t for t in terms if hypotheses.log_posterior(without(groups, model, t)) > log_posterior - margin
+            )
         smaller = [without(groups, model, t, sweeps=1) for t in terms]
-        best = max(smaller, key=hypotheses.worth, default=model)
-        if best is model or hypotheses.worth(best) < worth:
+        best = max(smaller, key=hypotheses.log_posterior, default=model)
+        if best is model or hypotheses.log_posterior(best) < log_posterior:
             return model
         model = best
     return model

@@ -18,8 +18,8 @@ from gtpin.diagnosis.inference.search import MOST, rough_guess
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
+from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import loaded_along
-from gtpin.effects.situation import References, Situation
 from gtpin.effects.smooth import loads_of
 from gtpin.errors import warn
 from gtpin.typing import Floats, Mask
@@ -56,7 +56,7 @@ class SearchState:
     @property
     def references(self) -> References:
         """References for the fit of the causes: with all sessions of the search, also those that count as one there."""
-        found = self.hypotheses.design.situation.references
+        found = self.hypotheses.design.operating_points.references
         recorded = self.observed.covariates.get("session", ())
         return replace(found, sessions=tuple(sorted({str(name) for name in recorded})) if found.sessions else ())
 
@@ -107,7 +107,7 @@ def _reestimated(
     guess = rough_guess(hypotheses)
     # Where a cause is large, the calibration could not find the outliers.
     outliers = gross_errors(hypotheses, guess)
-    used = ~outliers | stand_together(hypotheses.design.situation, outliers, scope.priors)
+    used = ~outliers | stand_together(hypotheses.design.operating_points, outliers, scope.priors)
     if not used.all() and guess.terms:
         observed = observed.take(used)
         del hypotheses  # frees memory before the next is made: it takes the most
@@ -132,7 +132,7 @@ def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
     used = baseline.used(dataset)
     rows = np.flatnonzero(baseline.model.kinematics.forward(dataset.q).reached & ~_in_sockets(dataset))
     if (~used[rows]).any():
-        at = Observed.of(dataset.take(rows), baseline).situation(baseline.model)
+        at = Observed.of(dataset.take(rows), baseline).operating_points(baseline.model)
         together = rows[stand_together(at, ~used[rows], priors)]
         used[together] = True
         if len(together):
@@ -143,7 +143,7 @@ def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
     return used
 
 
-def stand_together(at: Situation, outliers: Mask, priors: Priors) -> Mask:
+def stand_together(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
     """(N,) the outliers that stand together over a coordinate of the machine.
 
     Gross errors happen anywhere. Where at least half of the commands in an interval of one coordinate are outliers, something
@@ -177,7 +177,7 @@ def stand_together(at: Situation, outliers: Mask, priors: Priors) -> Mask:
     return outliers & together[command]
 
 
-def _coordinates(at: Situation) -> Floats:
+def _coordinates(at: OperatingPoints) -> Floats:
     """(N, m) commands, directions of approach, payload, and the loads of rods or joints."""
     names = [*(f"approach{k + 1}" for k in range(at.robot.n_actuators)), "payload"]
     columns = [at.q, *(at.covariate(name)[:, None] for name in names if at.varies(name))]

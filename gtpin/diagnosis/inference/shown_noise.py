@@ -85,8 +85,8 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> ReadingNoise | Non
     few visits."""
     visits = np.unique(observed.measured.q, axis=0, return_inverse=True)[1].ravel()
     model = baseline.model
-    left = observed.measured.minus(model.predict(observed.measured.q))
-    scatter, rows = contrasts(visits, left)
+    residual = observed.measured.residual_at(model.predict(observed.measured.q))
+    scatter, rows = contrasts(visits, residual)
     if len(scatter) < LEAST_CONTRASTS:
         return None
     design = observed.design(model)
@@ -133,7 +133,7 @@ class ShownNoise:
         if not known.any() and not np.isfinite(inferred.row_sigma).any():
             base = replace(inferred, estimated=~known)
         else:
-            base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, lack=0.0)
+            base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, model_discrepancy=0.0)
         rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
         assumed = bool((~known)[rows_open].any())
         errors = design.coloured(left_over(hypotheses, guess)[0])
@@ -141,9 +141,11 @@ class ShownNoise:
         if len(contrast) < LEAST_CONTRASTS:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
         J = design.by_command_seen[rows]
-        found = from_repeats(replace(base, repeatability=0.0, lack=0.0).take(rows), contrast, J)
+        found = from_repeats(replace(base, repeatability=0.0, model_discrepancy=0.0).take(rows), contrast, J)
         shown = np.bincount(base.group[rows].ravel(), minlength=len(sigma)) >= LEAST_CONTRASTS
-        noise = replace(base, sigma=found.sigma, repeatability=found.repeatability, lack=0.0, dof=found.dof)
+        noise = replace(
+            base, sigma=found.sigma, repeatability=found.repeatability, model_discrepancy=0.0, dof=found.dof
+        )
         shortened = tamed(contrast, found.group)
         unit = float(np.median(found.each) / max(np.sqrt((J**2).sum(axis=2)).mean(), 1e-12))
         grid = max(found.repeatability, unit) * np.linspace(0.0, 3.0, 61)
@@ -151,7 +153,7 @@ class ShownNoise:
         unseen = bool((~known & ~shown)[rows_open].any())
         source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
         free = from_repeats(replace(base, estimated=shown).take(rows), contrast, J)
-        larger = bool((free.sigma > priors.excess * found.sigma)[known & shown].any())
+        larger = bool((free.sigma > priors.sigma_scale * found.sigma)[known & shown].any())
         gain = misfit(found, shortened, J) - misfit(free, shortened, J)
         contradicted = larger and float(chi2.sf(gain, max(int((known & shown).sum()), 1))) <= priors.chance
         return ShownNoise(noise, most, source, len(contrast), contradicted)
@@ -160,7 +162,7 @@ class ShownNoise:
         """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""
         return floor_of(self.noise, design)
 
-    def excess(
+    def sigma_scale(
         self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
     ) -> tuple[float, float]:
         """Size of a model's residuals over ``noise`` or ``most``, and its p-value.
@@ -168,11 +170,11 @@ class ShownNoise:
         The weights of the search count: heavy tails are no excess.
         """
         design = hypotheses.design
-        left, taken = left_over(hypotheses, model)
+        residual, effective_parameters = left_over(hypotheses, model)
         whitening = noise.whitening(design.by_command_seen, design.components)
-        errors = design.coloured(left)
+        errors = design.coloured(residual)
         power = float((observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)).sum())
-        dof = max(design.count - taken, 1.0)
+        dof = max(design.count - effective_parameters, 1.0)
         chance = chi2.sf(power, dof) if np.isinf(self.noise.dof) else f.sf(power / dof, dof, self.noise.dof)
         return float(np.sqrt(power / dof)), float(chance)
 

@@ -19,7 +19,7 @@ from gtpin.diagnosis.inference.reestimate_noise import left_over
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.noise.reading_noise import ReadingNoise
@@ -47,8 +47,8 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
             break
     else:
         return found
-    left = left_over(hypotheses, NOTHING)[0]
-    errors = hypotheses.design.coloured(left)[:, :3]
+    residual = left_over(hypotheses, NOTHING)[0]
+    errors = hypotheses.design.coloured(residual)[:, :3]
     if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
         return found
     warn(
@@ -73,15 +73,17 @@ class RowGroups:
     apart: float
 
 
-def two_groups(design: Design, left: Floats, sigma: tuple[float, float], priors: Priors = PRIORS) -> RowGroups | None:
+def two_groups(
+    design: Design, residual: Floats, sigma: tuple[float, float], priors: Priors = PRIORS
+) -> RowGroups | None:
     """Two groups of rows with different frames; None where residuals with one frame for all rows are hardly larger.
 
-    ``left``: (N, c) whitened residual of the geometry and the causes. ``sigma``: the instrument's noise of positions and
+    ``residual``: (N, c) whitened residual of the geometry and the causes. ``sigma``: the instrument's noise of positions and
     orientations, m and rad, with which residuals are whitened.
     """
-    c, T = design.components, design.model.seen(design.situation.poses).T
+    c, T = design.components, design.model.in_instrument_frame(design.operating_points.poses).T
     scale = np.array([sigma[0]] * 3 + [sigma[1]] * 3)[:c]
-    y, F = design.coloured(left) / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
+    y, F = design.coloured(residual) / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
     centred = y - y.mean(axis=0)
     first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0.0
     for _ in range(SWEEPS):
@@ -153,7 +155,7 @@ def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Reading
     whole = drive_errors(hypotheses, found.model, noise)
     if whole is None or found.doubts:
         return found
-    priors, sites = hypotheses.priors, hypotheses.design.situation.robot.sites
+    priors, sites = hypotheses.priors, hypotheses.design.operating_points.robot.sites
     least = max(priors.surely, priors.two_valued * len(whole.errors))
     for drive, site in enumerate(sites):
         others = hypotheses.only(found.model, [cause for cause in found.classes if cause.site != site])
@@ -190,14 +192,14 @@ def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNo
     J = design.by_command_seen
     if J.shape[2] > c:
         return None
-    left = design.coloured(left_over(hypotheses, model)[0])
-    instrument = replace(noise, repeatability=0.0, lack=0.0).covariance(J, c)
+    residual = design.coloured(left_over(hypotheses, model)[0])
+    instrument = replace(noise, repeatability=0.0, model_discrepancy=0.0).covariance(J, c)
     seen = np.linalg.solve(instrument, J)
     information = np.swapaxes(J, 1, 2) @ seen
     if np.linalg.cond(information).max() > SINGULAR:
         return None
     covariance = np.linalg.inv(information)
-    errors = np.einsum("nij,ncj,nc->ni", covariance, seen, left)
+    errors = np.einsum("nij,ncj,nc->ni", covariance, seen, residual)
     return DriveErrors(errors, np.diagonal(covariance, axis1=1, axis2=2))
 
 
@@ -229,7 +231,7 @@ _MOVES = re.compile(r"(approach|speed)[0-9]+")
 
 
 def hidden_in_scatter(
-    found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: Situation, priors: Priors
+    found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: OperatingPoints, priors: Priors
 ) -> tuple[Hypothesis, ...]:
     """Effects of direction or speed whose columns were recorded, but left out because they contradict each other.
 

@@ -44,20 +44,22 @@ def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Ma
     ``alone``: gain in log evidence of each term as the only one. ``blocks``: (N,) masks of the poses of each region.
     """
     design = hypotheses.design
-    left = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
+    residual = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     c = design.components
-    whitened = left.reshape(-1, c)
+    whitened = residual.reshape(-1, c)
     excess = whitened**2 - design.independent
     axis = _shares(_by_reading(design.measured, excess))
     by_pose = excess.sum(axis=1)
-    T = design.situation.poses.T
+    T = design.operating_points.poses.T
     regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
     boxes = tuple(
         (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
     )
     rods = {}
     if design.measured.tracked:
-        rods = design.situation.rod_shares(design.coloured(whitened), np.asarray(np.linalg.inv(design.whitening)))
+        rods = design.operating_points.rod_shares(
+            design.coloured(whitened), np.asarray(np.linalg.inv(design.whitening))
+        )
     return Where(rods, _sites(alone), axis, _covariates(alone), boxes)
 
 
@@ -113,8 +115,8 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
     groups, design = hypotheses.groups, hypotheses.design
     power = marginal_power(hypotheses, model)
     gram = np.vstack([np.zeros((0, len(model.mean))), *(groups.across(n, model.terms) for n in model.terms)])
-    taken = float(np.einsum("ij,ji->", model.covariance, gram))
-    dof = max(design.dof - taken, 1.0)
+    effective_parameters = float(np.einsum("ij,ji->", model.covariance, gram))
+    dof = max(design.dof - effective_parameters, 1.0)
     excess = groups.power - design.dof
     correlates = []
     for smooth in hypotheses.smooth:

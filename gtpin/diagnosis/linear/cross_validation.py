@@ -111,14 +111,14 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     J, prior = design.beside(causes)
     root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
     z = root @ (root.T @ (J.T @ design.y))
-    left, half = design.y - J @ z, J @ root
+    residual, half = design.y - J @ z, J @ root
     apart = np.zeros_like(J) if unseen is None else np.hstack([design.B, unseen]) - J
-    out, inside, kept = np.empty_like(left), np.empty_like(left), np.empty_like(left)
+    out, inside, kept = np.empty_like(residual), np.empty_like(residual), np.empty_like(residual)
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, c))
-        of = LeftOutBlock.of(half[rows], left[rows])
+        of = LeftOutBlock.of(half[rows], residual[rows])
         out[rows], kept[rows] = of.errors, of.kept
-        inside[rows] = left[rows] * out[rows]
+        inside[rows] = residual[rows] * out[rows]
         if unseen is not None:
             out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))
     colour, some, counted = design.units, design.compared, design.counted

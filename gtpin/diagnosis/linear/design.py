@@ -12,8 +12,8 @@ import numpy.typing as npt
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.effects.basis import Basis
-from gtpin.effects.situation import Column, References, Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, in_frame
@@ -87,16 +87,18 @@ class Observed:
             weight[kinds == kind] = tails.weigh(residual[kinds == kind])
         return weight
 
-    def situation(self, model: Model, fixed: References | None = None, poses: Poses | None = None) -> Situation:
+    def operating_points(
+        self, model: Model, fixed: References | None = None, poses: Poses | None = None
+    ) -> OperatingPoints:
         """The poses at a model's geometry; ``poses``, base frame, where they are already computed."""
         kinematics = model.kinematics
         poses = kinematics.forward(self.measured.q) if poses is None else poses
         q = self.measured.q
-        return Situation(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
+        return OperatingPoints(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
 
     def design(self, model: Model, fixed: References | None = None) -> Design:
         """The linear problem about a model's geometry."""
-        at = self.situation(model, fixed)
+        at = self.operating_points(model, fixed)
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
 
 
@@ -113,7 +115,7 @@ def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model
         own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
         more = np.array([own[:3].mean(), own[3:].mean()])[: len(sigma)]
         sigma = np.where(estimated, np.sqrt(sigma**2 + more), sigma)
-    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0, lack=0.0)
+    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0, model_discrepancy=0.0)
 
 
 @dataclass(frozen=True)
@@ -128,22 +130,22 @@ class Design:
     - ``B``: (N c, p) whitened derivative by the geometry in units of the tolerances, by the instruments' unknowns in units
       of their prior sigmas, and by unknowns without a prior, such as the pose of a free instrument.
     - ``n_prior``: number of columns of B with a prior, the first ones.
-    - ``taken``: number of unknowns without a prior: they take as many degrees of freedom.
+    - ``free_unknowns``: number of unknowns without a prior: they take as many degrees of freedom.
     - ``measured``: the measured poses or readings.
     """
 
-    situation: Situation
+    operating_points: OperatingPoints
     whitening: Floats
     model: Model
     y: Floats
     B: Floats
     n_prior: int
-    taken: int
+    free_unknowns: int
     measured: Readings
 
     @staticmethod
     def of(
-        situation: Situation,
+        operating_points: OperatingPoints,
         model: Model,
         measured: Readings,
         noise: ReadingNoise,
@@ -154,18 +156,18 @@ class Design:
 
         ``measured``, ``weight``: the measured poses or readings, and (N,) their weights in the fit.
         """
-        J_q = measured.seen(situation.command_jacobian, model, situation.poses)
+        J_q = measured.change_by(operating_points.command_jacobian, model, operating_points.poses)
         whitening = noise.whitening(J_q, measured.components) * np.sqrt(weight)[:, None, None]
-        residual = measured.left(model, situation.poses)
+        residual = measured.residual(model, operating_points.poses)
         geometry = model.geometry
-        by_geometry = model.kinematics.geometry_jacobian(measured.q, situation.poses) * geometry.tolerance
-        unknowns, free = measured.unknown_columns(model, situation.poses, free_frame, None)
-        by_all = np.concatenate([measured.seen(by_geometry, model, situation.poses), unknowns], axis=2)
+        by_geometry = model.kinematics.geometry_jacobian(measured.q, operating_points.poses) * geometry.tolerance
+        unknowns, free = measured.unknown_columns(model, operating_points.poses, free_frame, None)
+        by_all = np.concatenate([measured.change_by(by_geometry, model, operating_points.poses), unknowns], axis=2)
         B = _whitened(whitening, by_all)
         deviation = np.concatenate([geometry.deviation / geometry.tolerance, measured.deviation])
         n_prior = B.shape[1] - free
         y = np.einsum("nij,nj->ni", whitening, residual).ravel() + B[:, :n_prior] @ deviation
-        return Design(situation, whitening, model, y, B, n_prior, measured.taken(free_frame), measured)
+        return Design(operating_points, whitening, model, y, B, n_prior, measured.free_unknowns(free_frame), measured)
 
     def beside(self, columns: Floats) -> tuple[Floats, Floats]:
         """(N c, p + m) B and further columns (N c, m), and (p + m,) precisions of the priors of all coefficients."""
@@ -175,14 +177,14 @@ class Design:
         """(N, c) whitened numbers in their own units, m and rad."""
         return np.asarray(np.einsum("nij,nj->ni", np.linalg.inv(self.whitening), whitened))
 
-    def columns(self, basis: Basis) -> Floats:
+    def columns(self, basis: Displacement) -> Floats:
         """(N c, m) whitened displacements for coefficients of typical size."""
-        return _whitened(self.whitening, self.seen(basis.displacement(self.situation) * basis.sigma))
+        return _whitened(self.whitening, self.change_by(basis.displacement(self.operating_points) * basis.sigma))
 
-    def seen(self, J: Floats) -> Floats:
+    def change_by(self, J: Floats) -> Floats:
         """(N, c, m) changes of the measured numbers by motions J (N, 6 + k, m) of the poses, base frame, and of k measured
         joints."""
-        return self.measured.seen(J, self.model, self.situation.poses)
+        return self.measured.change_by(J, self.model, self.operating_points.poses)
 
     @cached_property
     def by_command(self) -> Floats:
@@ -192,7 +194,7 @@ class Design:
     @cached_property
     def by_command_seen(self) -> Floats:
         """(N, c, n) derivative of the measured numbers by the commands."""
-        return self.seen(self.situation.command_jacobian)
+        return self.change_by(self.operating_points.command_jacobian)
 
     @cached_property
     def units(self) -> Floats:
@@ -219,7 +221,7 @@ class Design:
     @property
     def dof(self) -> int:
         """Degrees of freedom of y' (I + B B')^-1 y: the measured numbers less those that unknowns without a prior fit."""
-        return self.count - self.taken
+        return self.count - self.free_unknowns
 
     @property
     def compared(self) -> slice:

@@ -56,7 +56,7 @@ class BestValue:
 
 
 @dataclass(frozen=True)
-class _Products:
+class _InnerProducts:
     """Inner products of S values, c columns each, with the geometry marginalised.
 
     ``halves``: (p, S c) their :meth:`Marginal.half`. ``grams``: (S, c, c) of each value with itself. ``moments``: (S, c)
@@ -67,16 +67,16 @@ class _Products:
     grams: Floats
     moments: Floats
 
-    def of(self, columns: list[int]) -> _Products:
+    def of(self, columns: list[int]) -> _InnerProducts:
         """The products of some columns of each value."""
         width = self.moments.shape[1]
         halves = self.halves.reshape(len(self.halves), -1, width)[:, :, columns].reshape(len(self.halves), -1)
-        return _Products(halves, self.grams[:, columns][:, :, columns], self.moments[:, columns])
+        return _InnerProducts(halves, self.grams[:, columns][:, :, columns], self.moments[:, columns])
 
-    def at(self, values: npt.NDArray[np.intp]) -> _Products:
+    def at(self, values: npt.NDArray[np.intp]) -> _InnerProducts:
         """The products of some values."""
         halves = self.halves.reshape(len(self.halves), *self.moments.shape)[:, values].reshape(len(self.halves), -1)
-        return _Products(halves, self.grams[values], self.moments[values])
+        return _InnerProducts(halves, self.grams[values], self.moments[values])
 
 
 class Scan:
@@ -91,16 +91,16 @@ class Scan:
         """Prepare the inner products with the geometry marginalised; ``groups`` has the groups of all models."""
         self.design, self.groups, self.marginal, self.priors = design, groups, groups.marginal, priors
         self.effect, self.site = effect, site
-        self.values = np.array(effect.nonlinear_values(design.situation, site))
+        self.values = np.array(effect.nonlinear_values(design.operating_points, site))
         self._half_y = self.marginal.half(design.y[:, None])
-        moved = effect.basis(design.situation, site, float(self.values[0])).command
+        moved = effect.basis(design.operating_points, site, float(self.values[0])).command
         self._factor = None if moved is None else design.by_command[:, :, moved[0]]
         self._with_groups: dict[Hashable, Floats] = {}
         self._seen_groups: dict[Hashable, Floats] = {}
         self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
 
     def _displacements(self, values: Sequence[float] | Floats) -> Floats:
-        bases = (self.effect.basis(self.design.situation, self.site, float(value)) for value in values)
+        bases = (self.effect.basis(self.design.operating_points, self.site, float(value)) for value in values)
         if self._factor is None:
             return np.stack([self.design.columns(basis).T for basis in bases])
         return np.stack([basis.command[1].T * basis.sigma[:, None] for basis in bases if basis.command])
@@ -111,7 +111,7 @@ class Scan:
             return Z
         return np.asarray(np.einsum("nc,ncm->nm", self._factor, Z.reshape(*self._factor.shape, -1), optimize=True))
 
-    def _products(self, displacements: Floats) -> _Products:
+    def _products(self, displacements: Floats) -> _InnerProducts:
         count, width, size = displacements.shape
         flat = displacements.reshape(-1, size)
         halves = self.marginal.lower_solve((flat @ self._seen_geometry).T)
@@ -121,7 +121,7 @@ class Scan:
         absorbed = halves.T.reshape(count, width, -1)
         grams = sized @ sized.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)
         moments = flat @ self._seen(self.design.y[:, None]) - halves.T @ self._half_y
-        return _Products(halves, grams, moments.reshape(count, width))
+        return _InnerProducts(halves, grams, moments.reshape(count, width))
 
     @cached_property
     def _seen_geometry(self) -> Floats:
@@ -132,7 +132,7 @@ class Scan:
         return [self.values[i : i + BATCH] for i in range(0, len(self.values), BATCH)]
 
     @cached_property
-    def _prepared(self) -> tuple[list[Floats] | None, _Products]:
+    def _prepared(self) -> tuple[list[Floats] | None, _InnerProducts]:
         """Displacements of every batch where they are kept, and the products of all values."""
         kept, found = [], []
         for batch in self._batches:
@@ -142,7 +142,7 @@ class Scan:
                 kept.append(displacements)
         halves = np.hstack([part.halves for part in found])
         grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
-        return kept or None, _Products(halves, grams, moments)
+        return kept or None, _InnerProducts(halves, grams, moments)
 
     def _across(self, model: Posterior[Any]) -> Floats:
         """(S c, m) inner products of all values with a model's groups, the geometry marginalised; computed once for each
@@ -260,11 +260,11 @@ class Scan:
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
-        found = self.effect.resolved(self.design.situation, self.site, values, others)
+        found = self.effect.resolved(self.design.operating_points, self.site, values, others)
         return np.asarray(found & ~np.isin(values, others))
 
     def _all_gains(
-        self, products: _Products, model: Posterior[Any], wanted: npt.NDArray[np.bool_]
+        self, products: _InnerProducts, model: Posterior[Any], wanted: npt.NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         """(S,) gains of the values that are ``wanted``, others ``LEAST``; and their scales.
 
@@ -285,7 +285,7 @@ class Scan:
         gains[some], scales[some] = self._gains(products.at(some), model, near)
         return gains, scales
 
-    def _gains(self, products: _Products, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
+    def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
         """(S,) gains in log evidence given a model, and the scales that give them."""
         grams, moments = products.grams, products.moments
         if across is not None:

@@ -25,8 +25,8 @@ from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.effects.basis import Basis
-from gtpin.effects.situation import Column
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import Column
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
@@ -75,7 +75,7 @@ def discriminate(
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
     others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
-    at = trials.design.situation
+    at = trials.design.operating_points
     predictions = [_prediction(trials, others, hypothesis.basis(at)) for hypothesis, _ in members]
     probabilities = [p for _, p in members]
     if len(members) == 1:
@@ -109,7 +109,7 @@ def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str])
 
     Such changes (the pose of the instrument, the drives' zeros) are left out where ``words`` contains the session.
     """
-    at = trials.design.situation
+    at = trials.design.operating_points
     columns = [trials.design.columns(s.cause.basis(at)) * s.scale for s in classes]
     return np.hstack([np.zeros((len(trials.design.y), 0)) if "session" in words else trials.since, *columns])
 
@@ -121,13 +121,13 @@ def _smooth(trials: Trials, others: Floats, of: CauseClass) -> tuple[list[Predic
         return [], []
     found = [
         (t, basis)
-        for t, basis in smooth_terms(trials.design.situation, of.priors)
+        for t, basis in smooth_terms(trials.design.operating_points, of.priors)
         if t in share and t.motion not in COMMON
     ]
     return [_prediction(trials, others, basis) for _, basis in found], [share[term] for term, _ in found]
 
 
-def _prediction(trials: Trials, others: Floats, basis: Basis) -> Prediction:
+def _prediction(trials: Trials, others: Floats, basis: Displacement) -> Prediction:
     """The prediction of an explanation given other causes, at the scale that the measured rows give it."""
     design, old = trials.design, trials.old
     X = design.columns(basis)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gtpin.effects.situation import Column
+from gtpin.effects.operating_points import Column
 from gtpin.effects.untestable import Untestable
 from gtpin.output.shown import present
 from gtpin.robot.robot import Robot

@@ -14,7 +14,7 @@ from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Predi
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, HEAVIER, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
@@ -52,13 +52,13 @@ def make_testable(
     """
     found = [
         experiment
-        for group in _groups(known.situation, untestable)
+        for group in _groups(known.operating_points, untestable)
         for experiment in _experiments(group, known, classes, min(poses, POSES), rng)
     ]
     return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
 
 
-def _groups(at: Situation, untestable: Sequence[Untested]) -> list[_Group]:
+def _groups(at: OperatingPoints, untestable: Sequence[Untested]) -> list[_Group]:
     groups: dict[tuple[object, bool], list[tuple[Hypothesis, list[str], Untestable | None]]] = {}
     for row in untestable:
         effect, site = row.hypothesis.effect, row.hypothesis.site
@@ -111,7 +111,7 @@ def _experiments(
 
 def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
     """The members that measured and further rows together make testable, one of each effect first."""
-    at = trials.design.situation
+    at = trials.design.operating_points
     able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
     return [able[i] for i in np.argsort(seen, kind="stable")]
@@ -119,7 +119,7 @@ def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
 
 def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
     """Whether a hypothesis changes any measured or further number; True where that can't be computed."""
-    effect, site, at = hypothesis.effect, hypothesis.site, trials.design.situation
+    effect, site, at = hypothesis.effect, hypothesis.site, trials.design.operating_points
     if any(name not in at.covariates for name in effect.covariates(at.robot, site)):
         return True
     try:
@@ -135,7 +135,7 @@ def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
 def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _Group) -> Prediction:
     """The prediction of a hypothesis of typical size, given the causes."""
     design = trials.design
-    X = design.columns(hypothesis.basis(design.situation))
+    X = design.columns(hypothesis.basis(design.operating_points))
     if group.lacking.missing:
         # The missing covariate is not known at the measured rows, so neither is the effect there.
         X[trials.old] = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.situation import Column, References
+from gtpin.effects.operating_points import Column, References
 from gtpin.typing import Floats
 
 LATER, INTERVAL = 600.0, 25.0

@@ -18,7 +18,7 @@ from gtpin.diagnosis.planning.make_testable import make_testable
 from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_sessions, payloads, warm
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.diagnosis.priors import SURE
-from gtpin.effects.situation import Column, References
+from gtpin.effects.operating_points import Column, References
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -160,7 +160,7 @@ def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
     measured = known.observed.measured.q[:, actuator]
     commands = np.tile(start, (FINE, 1))
     commands[:, actuator] = np.linspace(measured.min(), measured.max(), FINE)
-    poses, before = known.model.kinematics.forward(commands), known.situation.poses.T
+    poses, before = known.model.kinematics.forward(commands), known.operating_points.poses.T
     inside = poses.reached & ((before.min(axis=0) <= poses.T) & (before.max(axis=0) >= poses.T)).all(axis=1)
     nearest = int(np.abs(commands[:, actuator] - start[actuator]).argmin())
     barred = np.flatnonzero(~inside)

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
-from gtpin.effects.basis import Basis
-from gtpin.effects.situation import References, Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.smooth import frame_twist
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -42,9 +42,9 @@ class Known:
         return self.model.geometry.robot
 
     @cached_property
-    def situation(self) -> Situation:
+    def operating_points(self) -> OperatingPoints:
         """The N measured poses, computed with this geometry."""
-        return self.observed.situation(self.model, self.references)
+        return self.observed.operating_points(self.model, self.references)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +71,8 @@ class Trials:
     @cached_property
     def since(self) -> Floats:
         """((N + M) c, 6 + n) whitened displacements by changes after the measured rows: instrument's pose, drives' zeros."""
-        twist, size = frame_twist(self.design.situation)
-        frame = self.design.columns(Basis(size, twist=twist))
+        twist, size = frame_twist(self.design.operating_points)
+        frame = self.design.columns(Displacement(size, twist=twist))
         zeros = ZERO * self.design.by_command.reshape(len(frame), -1)
         changed = np.hstack([frame, zeros])
         changed[self.old] = 0.0
@@ -97,7 +97,7 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
 
 def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Generator, effort: float = 1.0) -> Trials:
     """Rows at those of the commands q (M, n) that can be reached; the covariates ``words`` are drawn."""
-    observed, model, before = known.observed, known.model, known.situation
+    observed, model, before = known.observed, known.model, known.operating_points
     poses = model.kinematics.forward(q)
     q, poses = q[poses.reached], poses[poses.reached]
     ways = _against(known, q, poses)
@@ -105,7 +105,7 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
     # A further pose is read by the same instrument and with the same noise as the nearest measured one.
     rows = np.concatenate([np.arange(len(before)), cKDTree(before.poses.T).query(poses.T)[1]])
     measured = observed.measured
-    situation = Situation(
+    operating_points = OperatingPoints(
         before.kinematics,
         np.vstack([measured.q, q]),
         before.poses.followed_by(poses),
@@ -114,9 +114,9 @@ def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Ge
         observed.temperature,
     )
     design = Design.of(
-        situation,
+        operating_points,
         model,
-        measured.at_trials(rows, situation.q),
+        measured.at_trials(rows, operating_points.q),
         observed.noise.take(rows),
         np.concatenate([observed.weight, np.ones(len(q))]),
         observed.free_frame,
@@ -130,6 +130,6 @@ def _against(known: Known, q: Floats, poses: Poses) -> Floats:
     """
     if not known.robot.rods:
         return np.tile(np.eye(3), (len(q), 1, 1))
-    at = Situation(known.situation.kinematics, q, poses, {})
+    at = OperatingPoints(known.operating_points.kinematics, q, poses, {})
     ways = -np.sign(at.force)[:, :, None] * np.swapaxes(at.response[:, :3], 1, 2)
     return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))

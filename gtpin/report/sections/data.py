@@ -70,8 +70,8 @@ def _noise(c: Calibration) -> str:
     if noise.repeatability > 0.0:
         how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
         text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
-    if noise.lack > 0.0:
-        text += f"; model error along single drives, correlated between neighbouring poses: {length(noise.lack)}"
+    if noise.model_discrepancy > 0.0:
+        text += f"; model error along single drives, correlated between neighbouring poses: {length(noise.model_discrepancy)}"
     if np.isfinite(c.freedom):
         text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
     return text + "."
@@ -99,7 +99,7 @@ def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Tabl
             file, line = some.readings.place(i)
             cells.append([str(pose), str(line), file.name if file else ""])
         return Table(("pose", "line", "file"), cells, (1, 2))
-    off = np.linalg.norm(measured_poses(some).minus(c.model.predict(some.q))[:, :3], axis=1)
+    off = np.linalg.norm(measured_poses(some).residual_at(c.model.predict(some.q))[:, :3], axis=1)
     for i in np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable"):
         far = length(off[i]) if np.isfinite(off[i]) else "can't be reached"
         cells.append([str(some.pose[i]), str(some.row[i]), far])

@@ -10,9 +10,9 @@ from gtpin.bench.simulator.case import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
-from gtpin.effects.basis import Basis
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.effects.situation import Situation
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import OperatingPoints
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # poses set aside
 
@@ -22,7 +22,13 @@ SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 def made(effect: str, site: str) -> Case:
     conditions = SimulatedConditions(payloads=(0.0, 10.0, 20.0))
     return make_case(
-        3, effects=[(effect, site)], energy=1000.0, poses=80, held_out=40, conditions=conditions, background=False
+        3,
+        effects=[(effect, site)],
+        noncentrality=1000.0,
+        poses=80,
+        held_out=40,
+        conditions=conditions,
+        background=False,
     )
 
 
@@ -38,7 +44,7 @@ def difficulty(linearity: tuple[Case, Calibration]) -> Difficulty:
     return Difficulty.of(case.dataset, SIGMA, baseline.model.geometry)
 
 
-def whitened(at: Situation, basis: Basis) -> tuple[np.ndarray, np.ndarray]:
+def whitened(at: OperatingPoints, basis: Displacement) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives by the geometry in tolerances, and by an effect in typical sizes, in units of the noise."""
     B = at.kinematics.geometry_jacobian(at.q, at.poses) * at.kinematics.geometry.tolerance / SIGMA[:, None]
     X = basis.displacement(at) * basis.sigma / SIGMA[:, None]
@@ -47,7 +53,7 @@ def whitened(at: Situation, basis: Basis) -> tuple[np.ndarray, np.ndarray]:
 
 def test_energy_is_the_plants(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
     (effect,) = linearity[0].effects
-    assert difficulty.energy(effect.displacement) == pytest.approx(effect.energy, rel=0.01)
+    assert difficulty.noncentrality(effect.displacement) == pytest.approx(effect.noncentrality, rel=0.01)
 
 
 @pytest.mark.slow
@@ -56,7 +62,7 @@ def test_what_an_effect_leaves_is_by_the_definition(
     linearity: tuple[Case, Calibration], difficulty: Difficulty, name: str
 ) -> None:
     (true,) = linearity[0].effects
-    at = difficulty.situation
+    at = difficulty.operating_points
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
     B, X = whitened(at, basis)
@@ -71,13 +77,13 @@ def test_what_an_effect_leaves_is_by_the_definition(
 
 
 def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(difficulty: Difficulty) -> None:
-    at = difficulty.situation
-    for effect, site, nonlinear in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
-        form = effects_by_id()[effect].basis(at, site, nonlinear)
+    at = difficulty.operating_points
+    for effect, site, shape_parameter in (("backlash", "cart1", None), ("rack_periodic", "cart3", 0.08)):
+        form = effects_by_id()[effect].basis(at, site, shape_parameter)
         displacement = 5.0 * (form.displacement(at) * form.sigma)[:, :, 0]
         found = difficulty.left(displacement)[f"{effect}@{site}"]
-        assert found.left < 0.01 * difficulty.energy(displacement)
-        assert nonlinear is None or found.nonlinear == pytest.approx(nonlinear, rel=0.05)
+        assert found.left < 0.01 * difficulty.noncentrality(displacement)
+        assert shape_parameter is None or found.shape_parameter == pytest.approx(shape_parameter, rel=0.05)
 
 
 def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
@@ -112,20 +118,20 @@ def of(plain: Difficulty, name: str, displacement: np.ndarray) -> dict[str, floa
 
 def bent(plain: Difficulty) -> np.ndarray:
     """Track 2 is bent upwards by 50 um at its ends, to the second order."""
-    at = plain.situation
+    at = plain.operating_points
     basis = effects_by_id()["straightness"].basis(at, "cart2")
     return basis.displacement(at)[:, :, 1] * 5e-5
 
 
 def test_parameters_are_those_of_the_textbook_form(plain: Difficulty) -> None:
-    at = plain.situation
+    at = plain.operating_points
     scale = effects_by_id()["encoder_scale"].basis(at, "cart1").displacement(at)[:, :, 0] * 1e-3
     assert of(plain, "encoder_scale@cart1", scale)["scale"] == pytest.approx(1e-3, rel=0.01)
 
 
 @pytest.mark.parametrize("near", [0.06, 0.08, 0.13])
 def test_a_period_between_those_of_a_scan_is_found(plain: Difficulty, near: float) -> None:
-    at, effect = plain.situation, effects_by_id()["rack_periodic"]
+    at, effect = plain.operating_points, effects_by_id()["rack_periodic"]
     tried = np.array(effect.nonlinear_values(at, "cart3"))
     place = int(np.argmin(np.abs(tried - near)))
     period = float(tried[place : place + 2].mean())
@@ -137,7 +143,7 @@ def test_a_period_between_those_of_a_scan_is_found(plain: Difficulty, near: floa
 
 
 def test_coefficients_are_those_of_least_squares_with_the_geometry_and_all_priors(plain: Difficulty) -> None:
-    at, displacement = plain.situation, bent(plain)
+    at, displacement = plain.operating_points, bent(plain)
     best = plain.left(displacement)["linearity@cart2"]
     effect = effects_by_id()["linearity"]
     basis = effect.basis(at, "cart2")
@@ -151,7 +157,7 @@ def test_coefficients_are_those_of_least_squares_with_the_geometry_and_all_prior
 
 
 def test_what_calibration_absorbs_changes_no_parameter(plain: Difficulty) -> None:
-    at, displacement = plain.situation, bent(plain)
+    at, displacement = plain.operating_points, bent(plain)
     geometry = at.kinematics.geometry
     turn = geometry.names.index("track_direction[cart2].a")
     rate = at.kinematics.geometry_jacobian(at.q, at.poses)[:, :, turn]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.bench.blind.draw import POWER_ENERGY, SHARES, Draft, drafts, made, measured, truth_of
+from gtpin.bench.blind.draw import POWER_NONCENTRALITY, SHARES, Draft, drafts, made, measured, truth_of
 from gtpin.bench.blind.others import kind_of
 from gtpin.effects.catalogue import OWN
 
@@ -57,7 +57,7 @@ def test_a_case_and_what_is_sealed_of_it_come_from_the_seed_alone() -> None:
     (effect,) = truth.effects
     assert effect.effect == "backlash"
     assert effect.energy is not None
-    assert POWER_ENERGY[0] * 0.9 < effect.energy < POWER_ENERGY[1] * 1.1
+    assert POWER_NONCENTRALITY[0] * 0.9 < effect.energy < POWER_NONCENTRALITY[1] * 1.1
     assert effect.displacement is not None
     assert len(effect.displacement) == len(case.dataset)
     assert len(np.unique(case.dataset.visits)) == 60

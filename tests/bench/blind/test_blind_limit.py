@@ -94,7 +94,7 @@ def test_three_are_found_where_three_are_there_and_none_where_none_is() -> None:
 
 
 def made(*effects: tuple[str, str]) -> Case:
-    return make_case(11, effects=list(effects), energy=600.0, poses=90, held_out=1, background=False)
+    return make_case(11, effects=list(effects), noncentrality=600.0, poses=90, held_out=1, background=False)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_nothing_is_named_where_no_effect_is_although_forms_of_some_are_known(se
     plain = Limit.of(case.dataset, truth_of(case, "none"))
     design = plain.hypotheses.design
     known = [h for h in plain.hypotheses.linear if str(h) in ("straightness@cart2", "backlash@cart3")]
-    forms = {Hypothesis(h.effect, h.site): design.columns(h.basis(design.situation))[:, :1] for h in known}
+    forms = {Hypothesis(h.effect, h.site): design.columns(h.basis(design.operating_points))[:, :1] for h in known}
     assert len(forms) == 2
     assert plain.statement("flat").verdict == "none"
     assert Limit(plain.hypotheses, forms).statement("flat").verdict == "none"

@@ -78,7 +78,7 @@ def test_energy_of_readings_is_the_plants(tmp_path: Path, instruments: list[str]
     """The plant has derivatives about the true machine, the judge about the calibrated one: they agree to some per cent."""
     _, truth = a_case(tmp_path, instruments, effect)
     (true,) = truth.effects
-    assert graded(tmp_path, truth)[0].energy(np.array(true.displacement)) == pytest.approx(true.energy, rel=0.06)
+    assert graded(tmp_path, truth)[0].noncentrality(np.array(true.displacement)) == pytest.approx(true.energy, rel=0.06)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_what_an_effect_leaves_of_readings_is_by_the_definition(
     wire_and_bed: tuple[Truth, Difficulty], name: str
 ) -> None:
     truth, difficulty = wire_and_bed
-    at, displacement = difficulty.situation, np.array(truth.effects[0].displacement)
+    at, displacement = difficulty.operating_points, np.array(truth.effects[0].displacement)
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
     assert difficulty.row is not None
@@ -123,7 +123,7 @@ def test_a_case_is_judged_with_d_that_is_at_most_e_a_tracker_of_schema_2_as_one_
     case = opened_by(tmp_path / "x", truth, Outcome(diagnosis=diagnosis("explained", cause("linearity@cart1"))))
     assert case.error is None
     assert case.instruments == told
-    assert 0.0 <= case.leaves <= 1.02 * case.energy
+    assert 0.0 <= case.leaves <= 1.02 * case.noncentrality
     assert case.rival != case.single.name
     assert bool(truth.readings) == (kind == "range")
 
@@ -140,7 +140,7 @@ def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Pa
     found = opened_by(tmp_path / "x", truth, outcome)
     assert found.error is None
     assert found.instruments == ("encoder",)
-    assert found.energy > 0.0
+    assert found.noncentrality > 0.0
     assert np.isnan(found.leaves)
     assert found.shrunk is not None
 
@@ -187,7 +187,7 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
     found = readings_at(baseline.model, tmp_path, commands)
     split = single(dataset, baseline.model.robot)
     readings = Readings.of(split, baseline.model.robot, baseline.u)
-    missed = -readings.minus(baseline.model.kinematics.forward(split.q))[:, 0]
+    missed = -readings.residual_at(baseline.model.kinematics.forward(split.q))[:, 0]
     for index, table in enumerate(split.readings.tables):
         values = np.array(found[table.name])
         if table.kind == "range":
@@ -207,7 +207,7 @@ def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path
     outcome = diagnosed_by_geometry(tmp_path / "x")
     found = opened_by(tmp_path / "x", truth, outcome)
     assert found.error is None
-    assert found.energy > 63.0
+    assert found.noncentrality > 63.0
     assert found.shrunk is not None
     assert found.shrunk.knowing is not None
     assert found.shrunk.knowing < 0.7 * found.shrunk.before
@@ -259,9 +259,9 @@ def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     assert len(touches.values) == len(whole.gauges[1].stop) // 6
     assert set(touches.columns["plane"]) == {"low", "high", "tilted"}
     assert all(len(effect.displacement) == len(case.dataset) for effect in case.effects)
-    before = {effect.effect: effect.energy for effect in whole.effects}
-    assert all(0.7 * before[e.effect] < e.energy < 1.02 * before[e.effect] for e in case.effects)
-    assert [e.energy for e in case.effects] == sorted((e.energy for e in case.effects), reverse=True)
+    before = {effect.effect: effect.noncentrality for effect in whole.effects}
+    assert all(0.7 * before[e.effect] < e.noncentrality < 1.02 * before[e.effect] for e in case.effects)
+    assert [e.noncentrality for e in case.effects] == sorted((e.noncentrality for e in case.effects), reverse=True)
 
 
 @pytest.mark.slow

@@ -252,8 +252,8 @@ def test_a_case_of_the_plant_goes_all_the_way(tmp_path: Path, monkeypatch: pytes
     assert case.error is None
     assert case.said is not None
     assert case.single.effect == "encoder_scale"
-    assert 30.0 < case.energy < 4000.0
-    assert case.leaves < case.energy
+    assert 30.0 < case.noncentrality < 4000.0
+    assert case.leaves < case.noncentrality
     assert case.shrunk is not None
     assert case.shrunk.knowing is not None
     assert case.shrunk.knowing < case.shrunk.before
@@ -276,7 +276,7 @@ def machines(here: None, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_check_of_other_instruments_is_a_check_of_its_own_and_can_be_scored_again(tmp_path: Path) -> None:
     first = check(tmp_path / "out", 2, 0, Quiet(), instruments=["tilt", "range"])
     assert [case.single.effect for case in first.cases] == ["backlash", "backlash"]
-    assert all(case.error == "nobody looked" and case.energy > 0.0 for case in first.cases)
+    assert all(case.error == "nobody looked" and case.noncentrality > 0.0 for case in first.cases)
     assert first.about["instruments"] == "range,tilt"
     names = {file.name for file in (tmp_path / "out" / "cases" / "a").iterdir()} - {".gtpin.json"}
     assert names == {"commands.csv", "dataset.toml", "level.csv", "truth.sha256", "wire.csv"}
@@ -288,7 +288,7 @@ def test_a_check_of_other_instruments_is_a_check_of_its_own_and_can_be_scored_ag
         check(tmp_path / "new", 2, 0, Quiet(), instruments=["laser"])
     assert not (tmp_path / "new").exists()
     given = check_given(tmp_path / "given", tmp_path / "out" / "cases", Quiet())
-    assert [case.energy for case in given.cases] == [case.energy for case in first.cases]
+    assert [case.noncentrality for case in given.cases] == [case.noncentrality for case in first.cases]
 
 
 def test_a_dataset_of_schema_2_is_taken_in_with_the_urdf_that_it_names(tmp_path: Path) -> None:

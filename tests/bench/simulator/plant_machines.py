@@ -8,7 +8,7 @@ import numpy as np
 import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.visits import plan
 from gtpin.robot.description import RobotDescription

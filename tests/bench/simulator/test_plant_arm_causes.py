@@ -10,7 +10,7 @@ from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.case import make_case
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, CATALOGUE, kind
 from gtpin.bench.simulator.causes.without_rods import ALUMINIUM, _beam
-from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.visits import VirtualVisits
 
 ARM = nominal("seven")[1]
@@ -236,6 +236,6 @@ def test_no_effect_is_larger_than_a_machine_can_have(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["thermal_links", "tracker_scale"])
 def test_an_effect_that_can_t_reach_its_energy_has_its_largest_size(name: str) -> None:
-    made = make_case(5, effects=[(name, None)], energy=1e9, poses=40, held_out=5, robot="ur5")
+    made = make_case(5, effects=[(name, None)], noncentrality=1e9, poses=40, held_out=5, robot="ur5")
     assert made.effects[0].amplitude == kind(name, ARM).largest
-    assert made.effects[0].energy < 1e9
+    assert made.effects[0].noncentrality < 1e9

@@ -69,12 +69,12 @@ def test_payloads_and_pushes_are_those_of_the_robot_s_size() -> None:
 @pytest.mark.slow
 def test_a_free_frame_and_target_change_what_is_written_and_nothing_else(tmp_path: Path) -> None:
     file = urdf_file("seven", tmp_path)
-    asked = {"effects": [("backlash", "elbow")], "energy": 500.0, "poses": 60, "held_out": 10, "robot": file}
+    asked = {"effects": [("backlash", "elbow")], "noncentrality": 500.0, "poses": 60, "held_out": 10, "robot": file}
     plain, free = (make_case(3, noise=SimulatedNoise(free=f, free_target=f), **asked) for f in (False, True))
     assert free.dataset.instrument.frame == "free"
     assert free.dataset.instrument.target == "free"
     assert plain.dataset.instrument.target == "tcp"
-    assert free.effects[0].energy == pytest.approx(500.0, rel=2e-3)
+    assert free.effects[0].noncentrality == pytest.approx(500.0, rel=2e-3)
     # One constant placement on either side of the TCP's poses: X_free = A X_plain B, effects apart.
     machine, q = free.machine, free.visits.q
     assert 0.0 < np.abs(machine.target.p).max() < 0.07

@@ -45,7 +45,7 @@ def built(
         held_out=6,
         background=False,
         robot=robot,
-        energy=500.0,
+        noncentrality=500.0,
         conditions=SimulatedConditions(),
         noise=SimulatedNoise(repeatability=repeatability),
     )
@@ -73,7 +73,7 @@ def energy_of(model, robot: gtpin.Robot, dataset: gtpin.Dataset, zero: float) ->
     readings = Readings.of(single(dataset, robot), robot)
     geometry = model.geometry_jacobian(dataset.q, poses)[:, 6] * gtpin.Geometry.nominal(robot).tolerance
     B = np.column_stack([geometry, np.full(len(dataset.q), 1e-2)]) / 2e-5
-    d = turned(readings.minus(poses)[:, 0] - zero) / 2e-5
+    d = turned(readings.residual_at(poses)[:, 0] - zero) / 2e-5
     return float(d @ np.linalg.solve(np.eye(len(d)) + B @ B.T, d))
 
 
@@ -106,8 +106,8 @@ def test_an_encoder_at_a_rod_reads_where_the_rod_points_with_what_the_drives_do(
     assert len(np.unique(np.sign(travel[sure]) * np.sign(column[sure]))) == 1
     case.write_dataset(tmp_path)
     dataset = gtpin.Dataset.read(tmp_path)
-    energy = energy_of(model, nominal, dataset, case.hidden["encoder.zero"])
-    assert case.effects[0].energy == pytest.approx(energy, rel=1e-3)
+    noncentrality = energy_of(model, nominal, dataset, case.hidden["encoder.zero"])
+    assert case.effects[0].noncentrality == pytest.approx(noncentrality, rel=1e-3)
 
 
 @pytest.mark.parametrize("effect", ["backlash", "joint_compliance", "servo_lag"])
@@ -131,7 +131,7 @@ def test_an_encoder_and_a_tracker_see_one_posture_with_what_the_drives_do(effect
 
 def test_what_moves_the_measurement_frame_has_no_energy_in_an_encoder_s_readings() -> None:
     case = built("frame_shift", "frame", ("encoder",), repeatability=(1e-5, 1e-5))
-    assert case.effects[0].energy == pytest.approx(0.0, abs=1e-12)
+    assert case.effects[0].noncentrality == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_blind_check_of_encoders_seals_their_true_readings() -> None:

@@ -189,8 +189,8 @@ def test_energy_is_that_of_the_readings_past_geometry_and_the_instruments_unknow
         rows += size
     B, change = np.array(columns).T, np.concatenate(d)
     whole = change @ np.linalg.solve(np.eye(total) + B @ B.T, change)
-    assert truth.energy == pytest.approx(whole, rel=1e-3)
-    assert truth.energy == pytest.approx(exact.wanted[0].energy, rel=0.02)
+    assert truth.noncentrality == pytest.approx(whole, rel=1e-3)
+    assert truth.noncentrality == pytest.approx(exact.wanted[0].noncentrality, rel=0.02)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ EXACT = SimulatedNoise(repeatability=(0.0, 0.0))
 
 @pytest.mark.parametrize("noise", [EXACT, SimulatedNoise(repeatability=(0.0, 0.0), free=True)], ids=["robot", "free"])
 def test_at_held_out_commands_it_is_where_the_truth_says_but_for_the_noise(noise: SimulatedNoise) -> None:
-    case = make_case(2, effects=[("rack_periodic", "cart2")], energy=4000.0, noise=noise, background=False)
+    case = make_case(2, effects=[("rack_periodic", "cart2")], noncentrality=4000.0, noise=noise, background=False)
     again = measure_at(case, Commands(case.commands.pose, case.commands.q))
     off = (again.position - case.truth.T) / noise.position_sigma
     turned = log(from_quaternions(again.orientation) @ np.swapaxes(case.truth.R, 1, 2)) / noise.orientation_sigma
@@ -25,7 +25,7 @@ def test_at_held_out_commands_it_is_where_the_truth_says_but_for_the_noise(noise
 
 @pytest.mark.slow
 def test_it_comes_from_where_the_commands_say_and_shows_it() -> None:
-    case = make_case(3, effects=[("backlash", "cart1")], energy=4000.0, noise=EXACT, background=False)
+    case = make_case(3, effects=[("backlash", "cart1")], noncentrality=4000.0, noise=EXACT, background=False)
     q = np.repeat(case.commands.q[:1], 80, axis=0)
     approach = np.tile([1.0, -1.0], 40)
     told = Commands(np.array(["0"] * 80, dtype=object), q, {"approach1": approach})

@@ -15,7 +15,7 @@ from gtpin.bench.simulator.build import build, known_robot, measure_at
 from gtpin.bench.simulator.case import drawn_recipe
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, kind, listed, unlisted
-from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.cli import app
 from gtpin.data import Commands

@@ -6,7 +6,7 @@ import pytest
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
 from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind
-from gtpin.bench.simulator.energy import Response
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
@@ -172,7 +172,7 @@ def test_two_effects_together_do_what_they_do_one_by_one() -> None:
 
 
 def test_held_out_truth_is_the_machine_s_own_pose_with_its_effects() -> None:
-    case = make_case(2, effects=[("encoder_scale", "cart2")], energy=3000.0)
+    case = make_case(2, effects=[("encoder_scale", "cart2")], noncentrality=3000.0)
     off = case.truth.minus(case.machine.kinematics.predict(case.commands.q))
     steep = np.polyfit(case.commands.q[:, 1], off[:, 0], 1)[0]
     assert abs(steep) > 1e-5

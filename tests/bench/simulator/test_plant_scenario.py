@@ -28,9 +28,9 @@ def test_each_example_is_a_machine_with_what_it_says(file: Path) -> None:
     assert len(case.commands) == said.held_out
     for truth in case.effects:
         asked = next(e for e in said.effect if e.id == truth.effect)
-        assert asked.energy is None or truth.energy == pytest.approx(asked.energy, rel=2e-3)
+        assert asked.noncentrality is None or truth.noncentrality == pytest.approx(asked.noncentrality, rel=2e-3)
         assert asked.amplitude is None or truth.amplitude == asked.amplitude
-        assert truth.energy > 63.0 or truth.effect == "target_offset"
+        assert truth.noncentrality > 63.0 or truth.effect == "target_offset"
 
 
 def test_options_take_precedence_over_the_file() -> None:

@@ -38,15 +38,15 @@ def whole_energy(case: Case, displacement: np.ndarray) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [("straightness", "cart3"), ("link_compliance", "arm"), ("hose_drag", "platform")])
 def test_energy_is_what_was_asked_and_what_the_whole_matrix_gives(effect: tuple[str, str]) -> None:
-    case = make_case(5, effects=[effect], energy=700.0, poses=60)
+    case = make_case(5, effects=[effect], noncentrality=700.0, poses=60)
     (truth,) = case.effects
-    assert truth.energy == pytest.approx(700.0, rel=2e-3)
-    assert whole_energy(case, truth.displacement) == pytest.approx(truth.energy, rel=1e-4)
+    assert truth.noncentrality == pytest.approx(700.0, rel=2e-3)
+    assert whole_energy(case, truth.displacement) == pytest.approx(truth.noncentrality, rel=1e-4)
 
 
 def test_energies_are_drawn_between_30_and_4000_uniformly_in_the_logarithm() -> None:
     """That a machine has the energy that its recipe asks for is another test's."""
-    energies = [drawn_recipe(seed, effects=[("linearity", None)]).wanted[0].energy for seed in range(60)]
+    energies = [drawn_recipe(seed, effects=[("linearity", None)]).wanted[0].noncentrality for seed in range(60)]
     assert min(energies) > 29.9
     assert max(energies) < 4010.0
     uniform = stats.uniform(np.log(30.0), np.log(4000.0 / 30.0))
@@ -54,8 +54,8 @@ def test_energies_are_drawn_between_30_and_4000_uniformly_in_the_logarithm() -> 
 
 
 def test_an_effect_that_geometry_absorbs_stays_at_a_size_that_machines_have() -> None:
-    (truth,) = make_case(1, effects=[("target_offset", "platform")], energy=4000.0).effects
-    assert truth.energy < 15.8
+    (truth,) = make_case(1, effects=[("target_offset", "platform")], noncentrality=4000.0).effects
+    assert truth.noncentrality < 15.8
     assert np.abs(truth.displacement[:, :3]).max() < 3e-3
 
 

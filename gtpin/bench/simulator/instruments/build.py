@@ -9,7 +9,6 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot, reference
-from gtpin.bench.simulator.energy import Past, Response, effects_of
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
 from gtpin.bench.simulator.instruments.readers import (
     VirtualCamera,
@@ -29,6 +28,7 @@ from gtpin.bench.simulator.instruments.touch import (
     felt,
 )
 from gtpin.bench.simulator.machine import Moved
+from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
@@ -213,7 +213,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     truths = []
     for want, (cause, amplitude) in zip(recipe.wanted, strong, strict=True):
         d = response.displacement([(cause, amplitude)])
-        truths.append(EffectTruth(want.effect, want.site, past.energy(d), amplitude, d[rows, :6]))
+        truths.append(EffectTruth(want.effect, want.site, past.noncentrality(d), amplitude, d[rows, :6]))
     return InstrumentCase(
         name=f"case{seed:05d}",
         dataset=Tables(
@@ -227,7 +227,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         ),
         commands=Commands(ids(np.arange(len(held))), visits.q[held], visits.take(held).columns(recipe.conditions)),
         truth=(tracker.seen(steady, tracker.truth) if tracker else response.settled(active)[0].poses)[held],
-        effects=tuple(sorted(truths, key=lambda truth: -truth.energy)),
+        effects=tuple(sorted(truths, key=lambda truth: -truth.noncentrality)),
         machine=machine,
         true=way.poses,
         recipe=recipe,

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Protocol, Self, TypeVar
 import numpy as np
 
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.energy import Response
 from gtpin.bench.simulator.instruments.gauge import (
     ONE,
     THREE,
@@ -24,6 +23,7 @@ from gtpin.bench.simulator.instruments.gauge import (
     hidden,
 )
 from gtpin.bench.simulator.machine import Deviation, Moved
+from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Ints, Mask

@@ -7,12 +7,12 @@ from dataclasses import InitVar, dataclass
 
 import numpy as np
 
-from gtpin.effects.situation import Situation
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.typing import Floats
 
 
 @dataclass(frozen=True)
-class Basis:
+class Displacement:
     """Displacements that unit coefficients cause: m columns, one per coefficient, for N poses and k rods.
 
     Parameters
@@ -50,7 +50,7 @@ class Basis:
     def __len__(self) -> int:
         return len(self.sigma)
 
-    def displacement(self, at: Situation) -> Floats:
+    def displacement(self, at: OperatingPoints) -> Floats:
         """(N, 6 + k, m) first-order motion by unit coefficients: of the TCP, base frame, m and rad; of k measured joints."""
         total = np.zeros((len(at), at.robot.motion_size, len(self)))
         if self.command is not None:
@@ -72,7 +72,7 @@ class Basis:
         return np.stack([moved[i][:, :3] if i in moved else still for i in frames], axis=1)
 
 
-def side_by_side(bases: Sequence[Basis]) -> Basis:
+def side_by_side(bases: Sequence[Displacement]) -> Displacement:
     """One basis with the columns of several bases. All must displace the travel of the same actuator.
 
     Raises `ValueError` if one displaces another quantity or another actuator.
@@ -81,21 +81,21 @@ def side_by_side(bases: Sequence[Basis]) -> Basis:
     if len(commands) < len(bases) or len({actuator for actuator, _ in commands}) > 1:
         raise ValueError("only displacements of one actuator's travel stand side by side")
     columns = np.hstack([travel for _, travel in commands])
-    return Basis(np.concatenate([basis.sigma for basis in bases]), command=(commands[0][0], columns))
+    return Displacement(np.concatenate([basis.sigma for basis in bases]), command=(commands[0][0], columns))
 
 
-def along_track(at: Situation, site: str, columns: Floats, sigma: Floats) -> Basis:
+def along_track(at: OperatingPoints, site: str, columns: Floats, sigma: Floats) -> Displacement:
     """Basis of displacements (N, m) of an actuator's travel, m or rad: along the track of a cart, or about a joint's axis."""
-    return Basis(sigma, command=(at.robot.sites.index(site), columns))
+    return Displacement(sigma, command=(at.robot.sites.index(site), columns))
 
 
-def rods_of(at: Situation, site: str) -> list[int]:
+def rods_of(at: OperatingPoints, site: str) -> list[int]:
     """Indices of the rods of a site: the rods on a cart, one rod, or all rods for ``arm``."""
     return at.robot.rods_at(site)
 
 
-def of_lengths(at: Situation, rods: list[int], columns: Floats, sigma: Floats) -> Basis:
+def of_lengths(at: OperatingPoints, rods: list[int], columns: Floats, sigma: Floats) -> Displacement:
     """Basis of changes (N, len(rods), m) of the lengths of some rods, m."""
     length = np.zeros((len(at), len(at.robot.rod_sites), columns.shape[2]))
     length[:, rods] = columns
-    return Basis(sigma, length=length)
+    return Displacement(sigma, length=length)

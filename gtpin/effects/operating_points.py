@@ -65,7 +65,7 @@ class References:
 
 
 @dataclass(frozen=True)
-class Situation:
+class OperatingPoints:
     """N poses of a robot, and the measurement conditions of each.
 
     The number of rods is k (0 for a robot without rods), of actuators n, of measured joints j, and of the chain's frames F.
@@ -123,7 +123,7 @@ class Situation:
         """
         return name in (self.covariates if self.fixed is None else self.fixed.covariates)
 
-    def with_covariate(self, name: str, values: Column) -> Situation:
+    def with_covariate(self, name: str, values: Column) -> OperatingPoints:
         """The same poses with one more covariate; what the poses alone determine is not computed again."""
         changed = replace(self, covariates={**self.covariates, name: values})
         known = [*_OF_POSES, *(() if name in _TOOL else _OF_LOADS)]

@@ -150,7 +150,7 @@ class Past:
             return np.asarray((displacement / self.H).ravel())
         return np.concatenate([np.einsum("mci,mi->mc", slope, displacement[stop]).ravel() for stop, slope in self.H])
 
-    def energy(self, displacement: Floats) -> float:
+    def noncentrality(self, displacement: Floats) -> float:
         """E of a displacement (N, 6 + k), by Woodbury's identity."""
         d = self.whitened(displacement)
         projected = self.B.T @ d
@@ -173,26 +173,28 @@ def effects_of(
         found = kind(want.effect, robot)
         cause = found.at(robot, want.site, np.random.default_rng(part), want.periods)
         amplitude = 1.0 if want.amplitude is None else want.amplitude
-        if want.energy is not None:
-            amplitude = amplitude_for(response, cause, rows, past, want.energy, found.largest)
+        if want.noncentrality is not None:
+            amplitude = amplitude_for(response, cause, rows, past, want.noncentrality, found.largest)
         displacement = response.displacement([(cause, amplitude)])[rows]
         strong.append((cause, amplitude))
-        truths.append(EffectTruth(want.effect, want.site, past.energy(displacement), amplitude, displacement))
+        truths.append(EffectTruth(want.effect, want.site, past.noncentrality(displacement), amplitude, displacement))
     if not recipe.background:
         return strong, truths, [], 0.0
     taken = {(want.effect, want.site) for want in recipe.wanted}
     return strong, truths, *weak_others(response, rows, past, taken, rng)
 
 
-def amplitude_for(response: Response, cause: Cause, rows: Ints, past: Past, energy: float, largest: float) -> float:
+def amplitude_for(
+    response: Response, cause: Cause, rows: Ints, past: Past, noncentrality: float, largest: float
+) -> float:
     """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
     for _ in range(STEPS):
-        reached = past.energy(response.displacement([(cause, amplitude)])[rows])
-        if abs(reached - energy) <= CLOSE * energy:
+        reached = past.noncentrality(response.displacement([(cause, amplitude)])[rows])
+        if abs(reached - noncentrality) <= CLOSE * noncentrality:
             break
         # The energy is almost proportional to the square of the amplitude.
-        wanted = amplitude * np.sqrt(energy / reached) if reached > 0.0 else largest
+        wanted = amplitude * np.sqrt(noncentrality / reached) if reached > 0.0 else largest
         if wanted >= largest and amplitude == largest:
             break
         amplitude = float(min(wanted, largest))
@@ -212,14 +214,14 @@ def weak_others(
             continue
         cause = kinds[i].at(robot, site, rng)
         displacement = response.displacement([(cause, 1.0)])[rows]
-        share = float(min(np.sqrt(rng.exponential() / max(past.energy(displacement), 1e-9)), MOST))
+        share = float(min(np.sqrt(rng.exponential() / max(past.noncentrality(displacement), 1e-9)), MOST))
         causes.append(cause)
         shares.append(share)
         displaced.append(share * displacement)
     wanted = float(rng.uniform(*(BESIDE if taken else ALONE)))
     if not causes:
         return [], 0.0
-    whole = past.energy(np.sum(displaced, axis=0))
+    whole = past.noncentrality(np.sum(displaced, axis=0))
     factor = min(np.sqrt(wanted / max(whole, 1e-9)), MOST / max(shares))
     active = [(cause, share * factor) for cause, share in zip(causes, shares, strict=True)]
-    return active, past.energy(response.displacement(active)[rows])
+    return active, past.noncentrality(response.displacement(active)[rows])
