@@ -11,9 +11,8 @@ from gtpin.compensation import machine_of
 from gtpin.export import export
 from gtpin.sim import commands_for_simulator
 
-case = make_case(
-    4, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=80
-)  # in the place of your measurements
+# In the place of your measurements:
+case = make_case(4, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=80)
 machine = machine_of(gtpin.diagnose(case.dataset).model)
 
 # What a controller sends, and the conditions that the effects of the machine depend on.

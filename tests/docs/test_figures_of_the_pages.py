@@ -45,7 +45,7 @@ CONSTANTS = (
     ("docs/diagnosis.md", "at least {} % of the leader's probability belongs to the class", 100 * priors.CLASS_SHARE),
     ("docs/diagnosis.md", "each with a probability of {} % or more", 100 * priors.SURE),
     ("docs/report.md", "each has a probability of {} % or more", 100 * priors.SURE),
-    ("docs/diagnosis.md", "(glossary.md#probability-temperature) of {} to", priors.PRIORS.temperature),
+    ("docs/diagnosis.md", "(glossary.md#probability-temperature) of {} or more", priors.PRIORS.temperature),
     ("docs/diagnosis.md", "The share is {} % at the same site over the same coordinates", 100 * priors.PRIORS.same),
     ("docs/diagnosis.md", "{} % for related hypotheses", 100 * priors.PRIORS.related),
     ("docs/diagnosis.md", "or both depend on load), {} % for all others", 100 * priors.PRIORS.other),

@@ -148,7 +148,7 @@ def test_derivatives_are_those_of_the_prediction(name: str, by: str) -> None:
     found = getattr(one, by)(poses, u)
     expected = np.empty((COUNT, len(one.components), {"by_pose": 6, "by_joints": len(poses.joints)}.get(by, len(u))))
     for i in range(expected.shape[2]):
-        both = [one.minus(*moved(by, poses, u, i, s * STEP)) for s in (-1.0, 1.0)]
+        both = [one.residual_at(*moved(by, poses, u, i, s * STEP)) for s in (-1.0, 1.0)]
         expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
     assert np.abs(found - expected).max() < 2e-8
     assert by != "by_joints" or expected.any() == isinstance(one, Encoder)

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gtpin.diagnosis.hypotheses.scope import Scope
 
 import gtpin
 import gtpin.data
 import gtpin.effects
 from gtpin.bench.simulator import EffectTruth, make_case
 from gtpin.bench.simulator.case import scenario_recipe
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.active import ActiveEffect
 
 

@@ -28,7 +28,7 @@ def test_each_example_is_a_machine_with_what_it_says(file: Path) -> None:
     assert len(case.commands) == said.held_out
     for truth in case.effects:
         asked = next(e for e in said.effect if e.id == truth.effect)
-        assert asked.noncentrality is None or truth.noncentrality == pytest.approx(asked.noncentrality, rel=2e-3)
+        assert asked.energy is None or truth.noncentrality == pytest.approx(asked.energy, rel=2e-3)
         assert asked.amplitude is None or truth.amplitude == asked.amplitude
         assert truth.noncentrality > 63.0 or truth.effect == "target_offset"
 
