@@ -36,9 +36,8 @@ class Reach:
         return self.data.body("tcp").xpos.copy()
 
 
-case = make_case(
-    4, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=80
-)  # in the place of your measurements
+# In the place of your measurements:
+case = make_case(4, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=80)
 diagnosed = gtpin.diagnose(case.dataset).model
 rng = np.random.default_rng(0)
 conditions = {"time": 0.0, "session": "1", "payload": 0.0, "temp_frame": 20.0, "temp_link": 20.0}

@@ -139,7 +139,8 @@ def main() -> None:
         print(f"{group}: " + ", ".join(f"{key} {good} of {of}" for key, (good, of) in sums.items()))
     if given.record:
         known = json.loads(given.record.read_text()) if given.record.exists() else {}
-        given.record.write_text(json.dumps(known | {"cases": record(rows)}) + "\n")
+        key = "cases" if given.half == "training" else given.half
+        given.record.write_text(json.dumps(known | {key: record(rows)}) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +13,16 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference import predictive
+from gtpin.diagnosis.inference import fit, predictive
+from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.inference.infer import decide
 from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
@@ -147,3 +152,25 @@ def test_causes_must_make_left_out_positions_better_or_orientations_where_positi
     after = predictive.with_smaller_errors(hypotheses, found, [], floor)
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
+
+
+@pytest.mark.parametrize(("named", "doubts"), [(True, ["held_out"]), (False, [])])
+def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with_the_largest(
+    monkeypatch, named, doubts
+):
+    sizes = {"likeliest": 1.0, "largest": 1.4}
+    monkeypatch.setattr(fit, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
+    shown = SimpleNamespace(
+        source="declared",
+        contradicted=False,
+        visits=20,
+        noise="likeliest",
+        most="largest",
+        floor=lambda design: np.array([1.0]),
+        sigma_scale=lambda noise, *_: (1.5 / sizes[noise], 0.0),
+    )
+    cause = Hypothesis(gtpin.catalogue()[0], "cart1")
+    found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
+    hypotheses = SimpleNamespace(priors=PRIORS, design=None)
+    after = fit.held_out(found, hypotheses, SimpleNamespace(after=1.6, floor=1.0), None, shown)
+    assert [doubt.reason for doubt in after.doubts] == doubts
