@@ -56,7 +56,7 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 
 
 @dataclass(frozen=True)
-class Reading:
+class Interpretation:
     """A way to read the data, as they are or with mistakes corrected.
 
     - ``columns``: the columns that have the mistake.
@@ -94,7 +94,7 @@ class Reading:
 
 def recognised(
     nominal: Model, poses: Poses, measured: Measured, *, free: bool, free_target: bool = False
-) -> Reading | None:
+) -> Interpretation | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
 
     These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
@@ -191,7 +191,7 @@ class Search:
         """Whether the misfit is larger than the tolerances explain. (Within them, a geometry looks much like another frame.)"""
         return self.misfit > self.fits + STRAYED * self.expected
 
-    def tried(self) -> Iterator[tuple[float, Reading]]:
+    def tried(self) -> Iterator[tuple[float, Interpretation]]:
         """All readings that can be compared with the model, each after its misfit, m."""
         found = list(self._in_frame(self.free))
         yield from found
@@ -203,7 +203,7 @@ class Search:
         if self.strayed:
             yield from (self._tried(reading, self.free) for reading in self._targets(self.free))
 
-    def _in_frame(self, turned: bool) -> Iterator[tuple[float, Reading]]:
+    def _in_frame(self, turned: bool) -> Iterator[tuple[float, Interpretation]]:
         for reading in self._measurements(turned):
             yield self._tried(reading, turned)
         # For poses that are close together, other commands look like a geometry within its tolerances.
@@ -211,7 +211,7 @@ class Search:
             for reading in (*self._commands(), *self._shifted(turned)):
                 yield self._tried(reading, turned)
 
-    def _tried(self, reading: Reading, turned: bool) -> tuple[float, Reading]:
+    def _tried(self, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
         misfit = self._misfit(reading.measured, reading.poses, turned)
         if turned and not self.free:
             looks, hint = (
@@ -223,7 +223,7 @@ class Search:
             )
         return (misfit if reading.looks else np.inf), reading
 
-    def _measurements(self, turned: bool) -> Iterator[Reading]:
+    def _measurements(self, turned: bool) -> Iterator[Interpretation]:
         """Readings of the measured poses: ways to read positions that come near the model, each with all ways to read
         orientations."""
         q, poses, rotation = self.measured.q, self.poses, self.rotation
@@ -238,7 +238,7 @@ class Search:
             if rotation is None:
                 if turned and positions.mirrored and (np.diag(positions.axes) != _MIRROR).any():
                     continue  # positions alone do not show which axis is reversed
-                yield Reading(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
+                yield Interpretation(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
                 continue
             seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
@@ -251,22 +251,22 @@ class Search:
                 if not self._line and self.size * _apart(R, seen.R) > near + CLOSE * self.size:
                     continue
                 looks, hint = _joined(positions.looks, o.looks), _joined(positions.hint, o.hint)
-                yield Reading(columns, looks, hint, positions.mistakes + o.mistakes, Measured(q, T, R), poses)
+                yield Interpretation(columns, looks, hint, positions.mistakes + o.mistakes, Measured(q, T, R), poses)
         if rotation is not None:
             inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
             what = "the poses look inverted (the instrument in the target's frame)"
-            yield Reading("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
+            yield Interpretation("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
 
-    def _commands(self) -> Iterator[Reading]:
+    def _commands(self) -> Iterator[Interpretation]:
         """Readings of the commands that the nominal model can reach."""
         for command in command_readings(self.all.q, self.nominal.robot.revolute):
             poses = self.nominal.kinematics.forward(command.q)
             there = poses.reached
             if there.mean() > REACHED and there.sum() >= FEWEST:
                 read = replace(self.all, q=command.q).take(there)
-                yield Reading(command.columns, command.looks, command.hint, 1, read, poses[there])
+                yield Interpretation(command.columns, command.looks, command.hint, 1, read, poses[there])
 
-    def _shifted(self, turned: bool) -> Iterator[Reading]:
+    def _shifted(self, turned: bool) -> Iterator[Interpretation]:
         """Readings with all commands of one actuator shifted by a constant."""
         if self.lost:
             return
@@ -285,9 +285,9 @@ class Search:
             else:
                 looks = f"q{j + 1} looks shifted by {shift:+.3g} (the drive's zero)"
                 moved = replace(self.measured, q=q + shift * way)
-                yield Reading(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, moved, poses)
+                yield Interpretation(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, moved, poses)
 
-    def _targets(self, turned: bool) -> Iterator[Reading]:
+    def _targets(self, turned: bool) -> Iterator[Interpretation]:
         """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""
         if self.lost or self.free_target:
             return
@@ -301,18 +301,18 @@ class Search:
         place = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
         hint = "move the URDF's tcp link there"
         if not turned:
-            yield Reading("x y z", place, hint, 1, self.measured, there)
+            yield Interpretation("x y z", place, hint, 1, self.measured, there)
         if self.measured.R is None:
             return
         turn = _middle(np.swapaxes(seen.R, 1, 2) @ self.measured.R)
         way = f"the target looks turned by the rotation vector {_degrees(turn)} degrees in the TCP's frame"
         turned_poses = Poses(self.poses.T, self.poses.R @ turn)
-        yield Reading("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
+        yield Interpretation("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
         if not turned:
             both, what = Poses(there.T, there.R @ turn), f"{place}, and {way}"
-            yield Reading("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
+            yield Interpretation("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
 
-    def _free_target(self, turned: bool) -> Reading:
+    def _free_target(self, turned: bool) -> Interpretation:
         """The reading by which the target is anywhere on the platform, where the TCP's place is a parameter."""
         T, R = self.measured.T, self.measured.R
         place = frame_and_target(self.poses, T, R, free_frame=turned)
@@ -320,7 +320,7 @@ class Search:
         looks = f"the target looks to sit at {_metres(place.at)} m in the TCP's frame"
         if R is not None:
             looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
-        return Reading("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
+        return Interpretation("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
-from gtpin.calibration.checks.recognise import REACHED, Reading, recognised
+from gtpin.calibration.checks.recognise import REACHED, Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
@@ -103,7 +103,7 @@ def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) 
     suspect(error, dataset, before, left_after_fit(nominal, looks.corrected(nominal, free), read))
 
 
-def _looks(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Reading | None:
+def _looks(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Interpretation | None:
     known = dataset.instrument
     measured = measured_poses(dataset.take(rows))
     return recognised(nominal, poses[rows], measured, free=known.frame == "free", free_target=known.target == "free")
