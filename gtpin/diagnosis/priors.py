@@ -147,7 +147,7 @@ class Priors:
     named: float = 1.3
     """The same ratio, where causes are named: their forms are never exactly those of the equations. Measured: at most 1.23 in
     300 cases with right causes of two simulations (E up to 15,000); 1.3 to 2.6 in 10 where a part was not explained."""
-    sigma_scale: float = 1.2
+    excess: float = 1.2
     """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
     Assumed: data sheets and calibrations state a sigma to some 20 %."""
     chance: float = 1e-6

@@ -159,10 +159,10 @@ def held_out(
     if silent and shown.contradicted:
         return found.doubted(Doubt("visits"))
     noise = shown.most if silent else shown.noise
-    size, chance = shown.sigma_scale(noise, observed, hypotheses, found.model)
+    size, chance = shown.excess(noise, observed, hypotheses, found.model)
     allowed = float(np.sqrt(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
     far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
-    if chance <= priors.chance and (far or (silent and size > priors.sigma_scale)):
+    if chance <= priors.chance and (far or (silent and size > priors.excess)):
         return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
     return found
 

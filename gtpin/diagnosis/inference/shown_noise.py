@@ -153,7 +153,7 @@ class ShownNoise:
         unseen = bool((~known & ~shown)[rows_open].any())
         source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
         free = from_repeats(replace(base, estimated=shown).take(rows), contrast, J)
-        larger = bool((free.sigma > priors.sigma_scale * found.sigma)[known & shown].any())
+        larger = bool((free.sigma > priors.excess * found.sigma)[known & shown].any())
         gain = misfit(found, shortened, J) - misfit(free, shortened, J)
         contradicted = larger and float(chi2.sf(gain, max(int((known & shown).sum()), 1))) <= priors.chance
         return ShownNoise(noise, most, source, len(contrast), contradicted)
@@ -162,7 +162,7 @@ class ShownNoise:
         """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""
         return floor_of(self.noise, design)
 
-    def sigma_scale(
+    def excess(
         self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
     ) -> tuple[float, float]:
         """Size of a model's residuals over ``noise`` or ``most``, and its p-value.
