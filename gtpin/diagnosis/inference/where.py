@@ -128,7 +128,7 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
         statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
         dof_ = int(kept.sum())
         row = smooth.site, smooth.words, float(chi2.sf(statistic, dof_))
-        correlates.append((row[2], (dof_ - statistic) / np.sqrt(2.0 * dof_), row))  # p-values may both be 0
+        correlates.append((row[2], (dof_ - statistic) / np.sqrt(2.0 * max(dof_, 1)), row))  # p-values may both be 0
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     kept_rows = tuple(row for p, _, row in sorted(correlates)[:CORRELATES] if p < hypotheses.priors.seen)
     return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
