@@ -179,6 +179,9 @@ def fit(
                     continue
                 raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
             damping = max(10.0 * damping, 1e-3)
+    whole = _step(information + np.diag(problem.prior), gradient, 0.0)
+    if float(whole @ gradient) / 2.0 <= max(ROUNDING * max(cost, 1.0), left_out):  # damped steps within rounding errors
+        return Fit(problem, point, residual, weigh(residual), information, MAX_ITERATIONS)
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
 
 
