@@ -41,8 +41,8 @@ from gtpin.typing import Floats, Mask
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
-PER_POSE = 1800.0
-"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: up to 1,740."""
+PER_POSE = 1200.0
+"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 600 to 900 (docs/speed.md)."""
 MANY = 100_000
 """Number of poses above which the required memory is checked first."""
 

@@ -96,13 +96,16 @@ class RobustFit:
             settled = fit_._iterated(outcome, every, noise, tails, steps, (x0, self.near))
         else:  # steps on a random part are cheap, and few steps on all rows remain
             rows = np.sort(np.random.default_rng(0).permutation(len(self.rows))[:PART])
-            whole = self.whole.take(rows, self.whole.whitening[rows])
-            few = replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows])
-            part, own, fitted = few.run(), self.estimator.first, ~every
+            part, own, fitted = self.take(rows).run(), self.estimator.first, ~every
             fitted[rows[part.used]] = True
             fit_ = self.with_geometry(part.fit.problem.start.geometry)
             settled = fit_._iterated(part.fit, fitted, part.noise.at_rows_of(own), part.tails, part.steps)
         return replace(settled, geometry=self.whole.start.geometry)
+
+    def take(self, rows: Indices) -> RobustFit:
+        """The same fit of some rows."""
+        whole = self.whole.take(rows, self.whole.whitening[rows])
+        return replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows])
 
     def _iterated(
         self,
