@@ -152,15 +152,19 @@ def fit(
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
         if iteration >= enough:
             return Fit(problem, point, residual, weight, information, iteration)
+        A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:
-            step = _step(information + np.diag(problem.prior), gradient, damping)
+            step = _step(A, gradient, damping)
             promised = float(step @ gradient) / 2.0
             if exact_steps > MOST_BY_DIFFERENCES:
                 if promised <= left_out:
                     return Fit(problem, point, residual, weight, information, iteration)
                 raise ConvergenceError("the fit has not converged by steps with a gradient by differences", hint=_HINT)
             least = max(decrease * max(cost, 1.0), left_out / 10.0 if exact_steps else 0.0)
-            if damping == 0.0 and (np.abs(step).max() <= STEP or promised <= least):
+            # A damped step is small at any place; the undamped one says whether more than rounding errors is left to gain.
+            if (np.abs(step).max() <= STEP or promised <= least) and (
+                damping == 0.0 or _gain(A, gradient) <= negligible
+            ):
                 return Fit(problem, point, residual, weight, information, iteration)
             trial = problem.point(point.x + step, point.poses)
             if trial.poses.reached.all():
@@ -170,8 +174,7 @@ def fit(
                     damping = damping / 10.0 if damping > 1e-6 else 0.0
                     break
             if damping > MAX_DAMPING:
-                whole = _step(information + np.diag(problem.prior), gradient, 0.0)
-                if float(whole @ gradient) / 2.0 <= max(ROUNDING * max(cost, 1.0), left_out):
+                if _gain(A, gradient) <= negligible:
                     return Fit(problem, point, residual, weight, information, iteration)
                 if inexact and not exact_steps:
                     gradient = _by_differences(problem, point, weight, gradient, inexact)
@@ -179,10 +182,12 @@ def fit(
                     continue
                 raise ConvergenceError("the fit has not converged: no step lowers its cost", hint=_HINT)
             damping = max(10.0 * damping, 1e-3)
-    whole = _step(information + np.diag(problem.prior), gradient, 0.0)
-    if float(whole @ gradient) / 2.0 <= max(ROUNDING * max(cost, 1.0), left_out):  # damped steps within rounding errors
-        return Fit(problem, point, residual, weigh(residual), information, MAX_ITERATIONS)
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
+
+
+def _gain(A: Floats, gradient: Floats) -> float:
+    """Expected decrease of the cost by the undamped step."""
+    return float(_step(A, gradient, 0.0) @ gradient) / 2.0
 
 
 def _by_differences(problem: LeastSquares, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
