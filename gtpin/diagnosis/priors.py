@@ -98,8 +98,7 @@ class Priors:
     # What can be tested.
     large: float = 28.5
     """Multiple of an effect's typical size at which it is checked whether geometry absorbs the effect. If so, it can't be
-    tested. Derived: exp(2.576 ``scale_spread``), the size that one effect of 200 exceeds. With ten times the typical size, a
-    link's compliance of 60 times could not be named though its data were clear."""
+    tested. Derived: exp(2.576 ``scale_spread``), the size that one effect of 200 exceeds."""
     shows: float = 15.8
     """Smallest whitened energy that an effect must have after geometry has absorbed what it can. Derived: a matched filter with
     95 % detections at 1 % false alarms, (z_0.95 + z_0.99)^2, z the quantile of the normal distribution."""
@@ -145,8 +144,8 @@ class Priors:
     """Ratio of the error on left-out poses to the noise floor, above which the verdict ``none`` becomes ``unknown``. Measured:
     examples/diagnosis/noise_floor.py."""
     named: float = 1.3
-    """The same ratio, where causes are named: their forms are never exactly those of the equations. Measured: at most 1.23 in
-    300 cases with right causes of two simulations (E up to 15,000); 1.3 to 2.6 in 10 where a part was not explained."""
+    """The same ratio, where causes are named, whose forms are never exactly those of the equations. Measured by the same
+    script: at most 1.13; on an arm with a cause of E = 15,000, 1.23."""
     excess: float = 1.2
     """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
     Assumed: data sheets and calibrations state a sigma to some 20 %."""

@@ -96,15 +96,19 @@ def fit(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
 
     checked, takes = gaps_by("region")
-    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
-    found = without_undecided(hypotheses, found)
-    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
-    found = held_out(found, hypotheses, checked, settled.observed, shown)
+    found = held_out(without_undecided(hypotheses, found), hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.operating_points
     untestable = [one.hypothesis for one in hypotheses.untested]
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
+    kept = [*found.beside_unknown(), *found.also] if found.doubts else found.classes
+    if len(kept) < len(found.classes):  # a cause that is not sure may only take up a part of the unknown
+        found = found.only(hypotheses, [c for c in found.classes if c in kept])
+        model, causes = _fitted(prepared, settled, found)
+        checked, takes = gaps_by("region")
+    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
+    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     small = {c.place for c in found.also}
     could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
