@@ -211,7 +211,7 @@ class FittedLines:
     ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
     command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
     geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
-    ``effective_parameters``: Effective number of the errors that the geometry and the other causes fit: this many are
+    ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
     missing in what is left.
     """
 
