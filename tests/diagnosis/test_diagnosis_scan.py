@@ -122,6 +122,21 @@ def test_sigmas_of_periods_cover_the_true_ones():
     assert float(np.square(z).sum()) > chi2.ppf(1e-4, draws), z
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_period_and_its_sigma_are_mean_and_standard_deviation_of_its_posterior(seed):
+    design = problem(FrameWave(), 0.13, seed)
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
+    found = Scan(design, groups, FrameWave(), SITE).best(NOTHING)
+    periods = found.value + found.sigma * np.linspace(-6.0, 6.0, 121)
+    for period in periods:
+        groups.add(period, design.columns(FrameWave().basis(design.operating_points, SITE, period)), (0, 1))
+    gains = np.array([gain(groups, NOTHING, period)[0] for period in periods])
+    weight = np.exp(gains - gains.max()) / np.exp(gains - gains.max()).sum()
+    mean = float(weight @ periods)
+    assert abs(found.value - mean) < 0.05 * found.sigma
+    assert_allclose(found.sigma, np.sqrt(weight @ (periods - mean) ** 2), rtol=0.05)
+
+
 def test_noise_gains_nothing_by_a_scan():
     effect, gains = FewPeriods(), []
     observed, baseline = calibrated()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from paper_grid import RECOVERED
+from scripts import load
 
 pytestmark = pytest.mark.slow
 
@@ -24,15 +23,9 @@ if not EXAMPLE.is_dir():
 
 
 @pytest.fixture(scope="module")
-def script() -> Iterator[ModuleType]:
+def script() -> ModuleType:
     """examples/dressler2010/page.py."""
-    sys.path.insert(0, str(EXAMPLE))
-    try:
-        import page
-
-        yield page
-    finally:
-        sys.path.remove(str(EXAMPLE))
+    return load("dressler2010/page")
 
 
 @pytest.fixture(scope="module")

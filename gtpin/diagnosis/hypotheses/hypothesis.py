@@ -15,7 +15,7 @@ from gtpin.robot.robot import Robot
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
 """Coordinates that change with time: an effect of one can look like an effect of another."""
-LOAD = ("load", "payload", "fx", "fy", "fz")
+LOAD = ("load", "force", "payload", "fx", "fy", "fz")
 """Coordinates that depend on forces."""
 
 

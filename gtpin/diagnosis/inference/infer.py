@@ -200,8 +200,8 @@ def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothes
     lines = [c for c in causes(found.model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
         return ()
-    model = found.whole(hypotheses)
-    return tuple(c for c in lines if FittedLines.of(hypotheses, model, c).chance() > hypotheses.priors.chance_line)
+    every = [FittedLines.of(hypotheses, found.model, c).chance() for c in lines]
+    return tuple(c for c, chance in zip(lines, every, strict=True) if chance > hypotheses.priors.chance_line)
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,11 @@ KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
 LEAST = -1e9
 """Gain of a value that is left out, and of a scan in which all are."""
-REFINED, REFINEMENTS = 13, 4
-"""Number of values tried around the best of the scan, and number of repetitions, each on a finer grid."""
+REFINED, REFINEMENTS = 19, 4
+"""Number of values tried around the best of the scan, and number of repetitions, each on a grid of a third of the step."""
+COARSE = 0.7
+"""Standard deviation over step of a grid that is fine enough for it. Derived: sums over such a grid differ from integrals of a
+normal density by exp(-2 pi^2 0.7^2) = 6e-5, and the grid before it, of three times the step, left 4.3 standard deviations."""
 
 
 ALIKE = 0.3
@@ -196,9 +199,9 @@ class Scan:
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
-        near = self.values[[max(top - 1, 0), min(top + 1, len(self.values) - 1)]]
+        near = self.values[[max(top - 2, 0), min(top + 2, len(self.values) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
-            return BestValue(float(self.values[top]), float(np.ptp(near)), together, float(scales[top]))
+            return BestValue(float(self.values[top]), float(np.ptp(near)) / 2.0, together, float(scales[top]))
         found = self._refined(model, others, near)
         gain = max(together, found.gain - trials)
         return BestValue(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
@@ -216,26 +219,30 @@ class Scan:
         return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
-        """The best value between two values, on successively finer grids."""
+        """The best value between two values, on successively finer grids: the mean of its posterior on the last one."""
         seen, halves = self._side_by_side(model) if model.terms else (None, None)
-        for _ in range(REFINEMENTS):
-            finer = np.linspace(near.min(), near.max(), REFINED)
-            displacements = self._displacements(finer)
+
+        def gains_at(values: Floats) -> tuple[Floats, Floats]:
+            displacements = self._displacements(values)
             products = self._products(displacements)
             flat = displacements.reshape(-1, displacements.shape[2])
             across = None if seen is None or halves is None else flat @ seen - products.halves.T @ halves
-            fine, fine_scales = self._gains(products, model, across)
-            fine = np.where(self._resolved(finer, others), fine, LEAST)
-            best = int(np.argmax(fine))
-            likely = np.exp(fine - fine[best])
-            sigma = float(np.sqrt((likely * (finer - finer[best]) ** 2).sum() / likely.sum()))
-            step = float(finer[1] - finer[0])
-            if sigma > step:
+            gains, scales = self._gains(products, model, across)
+            return np.where(self._resolved(values, others), gains, LEAST), scales
+
+        for _ in range(REFINEMENTS):
+            finer = np.linspace(near.min(), near.max(), REFINED)
+            gains = gains_at(finer)[0]
+            best = int(np.argmax(gains))
+            likely = np.exp(gains - gains[best])
+            likely /= likely.sum()
+            value = float(likely @ finer)
+            sigma, step = float(np.sqrt(likely @ (finer - value) ** 2)), float(finer[1] - finer[0])
+            if sigma > COARSE * step:
                 break
-            near = finer[[max(best - 2, 0), min(best + 2, REFINED - 1)]]
-        return BestValue(
-            float(finer[best]), max(sigma, step / np.sqrt(12.0)), float(fine[best]), float(fine_scales[best])
-        )
+            near = finer[[max(best - 3, 0), min(best + 3, REFINED - 1)]]
+        (gain,), (scale,) = gains_at(np.array([value]))
+        return BestValue(value, max(sigma, step / np.sqrt(12.0)), float(gain), float(scale))
 
     def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
         """Other maxima of the gain over all values, the largest first; values that can't be distinguished from them are left
