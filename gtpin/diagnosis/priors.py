@@ -88,6 +88,8 @@ class Priors:
     """Typical size of shifts, m. Assumed: two to three times the errors of good drives and guideways."""
     smooth_turn: float = 4e-5
     """Typical size of turns, rad. Assumed."""
+    smooth_strain: float = 2e-5
+    """Typical size of strains of all links, and of the scale of what is measured. Assumed: smooth shifts over two metres."""
     smooth_change: float = 0.4
     """Typical size of the slow change of a smooth function along a track, relative to the function. Assumed."""
 

@@ -148,11 +148,15 @@ def modulates(at: OperatingPoints, smooth: SmoothTerm, hypothesis: Hypothesis) -
         "along": basis.command,
         "aside": basis.placements or None,
         "length": basis.length,
+        "growth": basis.placements or None if basis.length is None else basis.length,
         "tip": basis.placements or None,
         "twist": basis.twist,
         "shift": basis.twist,
+        "stretch": basis.twist,
     }
-    return ways.get(smooth.motion) is not None and set(smooth.over) <= coordinates
+    # Links that grow with a sensor's temperature grow with time as well: the sensor is not in the link.
+    late = CLOCK if smooth.motion == "growth" and coordinates & set(CLOCK) else ()
+    return ways.get(smooth.motion) is not None and set(smooth.over) <= coordinates | set(late)
 
 
 def _within(robot: Robot, site: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.chain_motions import joint_frame, of_joint, of_tips
+from gtpin.effects.chain_motions import joint_frame, lengthened, of_joint, of_tips
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.joints import loaded
 from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
@@ -107,6 +107,9 @@ def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
     for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
         own_columns = [np.kron(waves, one) for one in np.eye(len(names))]
         yield SmoothTerm("arm", over, motion), _changed(at, "arm", own_columns, np.repeat(size, len(names)), priors)
+    for over, waves, size in _conditions(at):  # one strain of all
+        strain = np.repeat(waves[:, None], len(names), axis=1)
+        yield SmoothTerm("arm", over, "growth"), lengthened(at, "arm", strain, priors.smooth_strain * size)
 
 
 def _of_rod(at: OperatingPoints, i: int) -> Functions:
@@ -141,6 +144,10 @@ def _of_platform_and_frame(at: OperatingPoints, priors: Priors) -> Terms:
     for over, waves, size in (*_conditions(at), *_force(at)):
         columns = np.concatenate([freedoms * wave[:, None, None] for wave in waves.T], axis=2)
         yield SmoothTerm("frame", over, "twist"), Displacement(np.concatenate([size6 * s for s in size]), twist=columns)
+    for over, waves, size in _conditions(at):  # the scale of what is measured
+        twist = np.zeros((len(at), 6, waves.shape[1]))
+        twist[:, :3] = (at.poses.T - at.kinematics.home.T[0])[:, :, None] * waves[:, None]
+        yield SmoothTerm("frame", over, "stretch"), Displacement(priors.smooth_strain * size, twist=twist)
     for over, waves, size in _position(at, 3, priors):
         twist = np.zeros((len(at), 6, 3, waves.shape[1]))
         twist[:, :3] = np.eye(3)[None, :, :, None] * waves[:, None, None, :]

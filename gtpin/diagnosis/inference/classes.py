@@ -77,7 +77,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
         against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
     smooth = {
         s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
-        if frozenset(s.over) == clock and s.site != "arm"
+        if frozenset(s.over) == clock
         else (gain.value - priors.unnamed - (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own))
         / heat
         for s, gain in against.items()
