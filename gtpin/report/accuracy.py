@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.figures import FILES, UNITS, write_accuracy
@@ -25,6 +24,7 @@ from gtpin.report.words import quantity, typeset, with_unit
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
+    import pandas as pd
     from plotly.graph_objects import Figure
 
 MEANINGS = {

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.observability import UNSEEN
@@ -35,6 +34,7 @@ from gtpin.report.sketch import drawing
 from gtpin.report.words import joined, quantity
 
 if TYPE_CHECKING:
+    import pandas as pd
     from plotly.graph_objects import Figure
 
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
@@ -71,6 +71,8 @@ class CalibrationPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
+        import pandas as pd
+
         c = self.calibration
         estimates = [c[name] for name in c.names]
         known = c.model.geometry.parameters

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gtpin.calibration.cart_tracks import TrackLinearity
 from gtpin.comparison.figures import FILES, write_comparison
@@ -26,6 +25,7 @@ from gtpin.report.words import whole
 from gtpin.robot.robot import Robot
 
 if TYPE_CHECKING:
+    import pandas as pd
     from plotly.graph_objects import Figure
 
 MODELS = {

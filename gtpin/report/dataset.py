@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.data.names import command_names
@@ -19,6 +18,7 @@ from gtpin.report.words import covariate_unit, with_unit
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
+    import pandas as pd
     from plotly.graph_objects import Figure
 
     from gtpin.data.dataset import Dataset
@@ -63,6 +63,8 @@ class DatasetPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """The columns of the tables, and the instrument of each row where instruments have names."""
+        import pandas as pd
+
         data = self.dataset
         columns = {"pose": data.pose, **dict(zip(command_names(data.n_actuators), data.q.T, strict=True))}
         names = np.array(data.readings.names, dtype=object)
@@ -114,6 +116,8 @@ class PosesPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """The columns ``x y z qw qx qy qz``: m, and unit quaternions."""
+        import pandas as pd
+
         values = np.hstack([self.poses.T, self.poses.quaternions])
         return pd.DataFrame(values, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from markupsafe import Markup
 from rich.console import Console, Group, RenderableType
 
@@ -56,6 +55,7 @@ from gtpin.report.words import chance, percent, quantity, site_words
 from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
+    import pandas as pd
     from plotly.graph_objects import Figure
 
 DIAGNOSIS = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
@@ -121,6 +121,8 @@ class DiagnosisPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
+        import pandas as pd
+
         rows = [
             (c.effect, c.site, c.probability, c.explained_fraction, name, e.value, e.sigma, *e.interval, e.unit)
             for c in self.diagnosis.causes
