@@ -200,8 +200,8 @@ def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothes
     lines = [c for c in causes(found.model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
         return ()
-    every = [FittedLines.of(hypotheses, found.model, c).chance() for c in lines]
-    return tuple(c for c, chance in zip(lines, every, strict=True) if chance > hypotheses.priors.chance_line)
+    most = hypotheses.priors.chance_line
+    return tuple(c for c in lines if FittedLines.of(hypotheses, found.model, c).chance() > most)
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ class Scan:
         return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
-        """The best value between two values, on successively finer grids: the mean of its posterior on the last one."""
+        """The best value between two values, on successively finer grids: on the last one the mean of its posterior, else the best."""
         seen, halves = self._side_by_side(model) if model.terms else (None, None)
 
         def gains_at(values: Floats) -> tuple[Floats, Floats]:
@@ -232,7 +232,7 @@ class Scan:
 
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
-            gains = gains_at(finer)[0]
+            gains, scales = gains_at(finer)
             best = int(np.argmax(gains))
             likely = np.exp(gains - gains[best])
             likely /= likely.sum()
@@ -242,6 +242,9 @@ class Scan:
                 break
             near = finer[[max(best - 3, 0), min(best + 3, REFINED - 1)]]
         (gain,), (scale,) = gains_at(np.array([value]))
+        if gain < gains[best] - 0.5:  # more than a sigma off: the mean of several maxima, as of places, is none of them
+            value, gain, scale = float(finer[best]), gains[best], scales[best]
+            sigma = float(np.sqrt(likely @ (finer - value) ** 2))
         return BestValue(value, max(sigma, step / np.sqrt(12.0)), float(gain), float(scale))
 
     def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
