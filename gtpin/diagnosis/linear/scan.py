@@ -219,7 +219,7 @@ class Scan:
         return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
-        """The best value between two values, on successively finer grids: on the last one the mean of its posterior, else the best."""
+        """The best value between two values, on successively finer grids: the posterior mean, or the best of the last."""
         seen, halves = self._side_by_side(model) if model.terms else (None, None)
 
         def gains_at(values: Floats) -> tuple[Floats, Floats]:
