@@ -123,17 +123,18 @@ class GtpinWarning(UserWarning):
 
 
 GIVE = {
-    "Dataset": "read it: gtpin.Dataset.read(FOLDER)",
-    "Model": "give the .model of a calibration or diagnosis, or gtpin.read_model(PATH)",
-    "Robot": "load it: gtpin.load_robot(NAME or PATH)",
+    "Dataset": ("Dataset", "read it: gtpin.Dataset.read(FOLDER)"),
+    "Model": ("Model", "give the .model of a calibration or diagnosis, or gtpin.read_model(PATH)"),
+    "Chain": ("Robot", "load it: gtpin.load_robot(NAME or PATH)"),
 }
+"""By class, its name to users and how they get one."""
 
 
 def check_kind(value: object, *kinds: type) -> None:
     """Raise `ModelError` if an argument is of none of these classes of ``GIVE``, such as a path instead of a dataset."""
     if not isinstance(value, kinds):
-        names = [kind.__name__ for kind in kinds if kind.__name__ in GIVE]
-        raise ModelError(f"a {type(value).__name__} where a {' or '.join(names)} must be", hint=GIVE[names[0]])
+        names, hints = zip(*(GIVE[kind.__name__] for kind in kinds if kind.__name__ in GIVE), strict=True)
+        raise ModelError(f"a {type(value).__name__} where a {' or '.join(names)} must be", hint=hints[0])
 
 
 _notes: ContextVar[tuple[list[str], ...]] = ContextVar("notes", default=())

@@ -15,10 +15,10 @@ from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies
 from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import left_jacobian
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Parameter, rotation_axes
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -113,7 +113,7 @@ class PinocchioRods(RodKinematics):
     @cached_property
     def _posture(self) -> ClosedPosture:
         robot = self.geometry.robot
-        return home(Robot(RobotDescription.parse(self.urdf(), source=robot.name), robot.tcp_frame))
+        return home(Chain(RobotDescription.parse(self.urdf(), source=robot.name), robot.tcp_frame))
 
     @cached_property
     def _travel_scale(self) -> Floats:

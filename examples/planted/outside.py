@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gtpin.effects import Effect, OperatingPoints, along_track
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.smooth import loads_of
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 NAMES = ("gaussian_process", "product_of_joints", "load_cube_root", "pit")
 LENGTH, WAVES = 0.2, 60
@@ -26,7 +26,7 @@ class Form(Effect):
     def __init__(self, name: str, seed: int) -> None:
         self.id, self.seed = name, seed
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Chain) -> tuple[str, ...]:
         return robot.sites
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:

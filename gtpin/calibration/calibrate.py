@@ -33,9 +33,9 @@ from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import KINDS, TOLERANCE, Per
-from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats, Mask
 
@@ -50,7 +50,7 @@ MANY = 100_000
 @in_one_thread
 def calibrate(
     dataset: Dataset,
-    robot: Robot | None = None,
+    robot: Chain | None = None,
     *,
     model: int | None = None,
     orientations: bool = False,
@@ -118,7 +118,7 @@ def calibrate(
     ('m', 48)
     """
     check_kind(dataset, Dataset)
-    check_kind(robot, Robot, type(None))
+    check_kind(robot, Chain, type(None))
     if kinematics is not None:
         warn("calibrate: kinematics is not used any more; leave it out", DeprecationWarning)
     if orientations and model is not None and model not in MEASURED:

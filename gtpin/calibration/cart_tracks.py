@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import MeasuredTrack
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -27,7 +27,7 @@ class _Path:
         return np.array([np.interp(0.0, self.q, column) for column in self.position.T])
 
 
-def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
+def measured_tracks(robot: Chain, carts: CartMeasurements, *, orientations: bool = False) -> tuple[MeasuredTrack, ...]:
     """The measured track of every actuator, rotated to the base frame's axes.
 
     The instrument may have stood elsewhere than for the TCP's poses. The carts' paths are rotated so that their mean direction
@@ -56,7 +56,7 @@ def measured_tracks(robot: Robot, carts: CartMeasurements, *, orientations: bool
     return tuple(tracks)
 
 
-def _path(robot: Robot, carts: CartMeasurements, actuator: int, orientations: bool) -> _Path:
+def _path(robot: Chain, carts: CartMeasurements, actuator: int, orientations: bool) -> _Path:
     rows = np.flatnonzero(carts.cart == actuator + 1)
     q, place = np.unique(np.round(carts.q[rows], 9), return_inverse=True)
     site = robot.sites[actuator]
@@ -76,7 +76,7 @@ def _path(robot: Robot, carts: CartMeasurements, actuator: int, orientations: bo
     return _Path(q, position, rotation)
 
 
-def _towards_base(robot: Robot, paths: list[_Path], nominal: Floats) -> Floats:
+def _towards_base(robot: Chain, paths: list[_Path], nominal: Floats) -> Floats:
     """(3, 3) rotation from the instrument's frame to a frame that is approximately parallel to the base frame."""
     slopes = [np.polyfit(path.q, path.position, 1)[0] for path in paths]
     measured = _unit(np.sum([_unit(slope) for slope in slopes], axis=0))

@@ -12,7 +12,7 @@ from gtpin.data import Dataset
 from gtpin.effects.active import ActiveEffect, lasts, part_of_turn, warn_of_extrapolation
 from gtpin.errors import ConvergenceError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 PASSES = 6
@@ -22,7 +22,7 @@ SETTLED = 1e-7
 
 
 def with_kept_effects(
-    dataset: Dataset, effects: Sequence[ActiveEffect], robot: Robot, calibrated: Callable[[Dataset], Calibration]
+    dataset: Dataset, effects: Sequence[ActiveEffect], robot: Chain, calibrated: Callable[[Dataset], Calibration]
 ) -> Calibration:
     """Identify the geometry of a machine that has these effects; the result's model has them, with their coefficients.
 
@@ -65,7 +65,7 @@ def with_kept_effects(
     return found
 
 
-def _only_measured(active: ActiveEffect, robot: Robot, q: Floats) -> ActiveEffect:
+def _only_measured(active: ActiveEffect, robot: Chain, q: Floats) -> ActiveEffect:
     """A curve of a turning joint that is zero where its fit had no commands, where some commands q (N, n) are there."""
     angles = active.references.angles
     if not active.effect.of_own_command or not len(angles):

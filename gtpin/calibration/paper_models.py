@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.parameters import all_tolerances
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 MODELS = (1, 2, 3, 4, 5)
@@ -28,7 +28,7 @@ PAPERS_CHOICE = (False, True, True, False, False, False)
 
 
 def model_geometry(
-    number: int, robot: Robot, dataset: Dataset, *, measured: Sequence[bool] | None = None, orientations: bool = False
+    number: int, robot: Chain, dataset: Dataset, *, measured: Sequence[bool] | None = None, orientations: bool = False
 ) -> Geometry:
     """Nominal geometry and parameters of one of the paper's models.
 
@@ -53,7 +53,7 @@ def model_geometry(
     return Geometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
 
 
-def parallelogram(robot: Robot, R: Floats) -> Robot:
+def parallelogram(robot: Chain, R: Floats) -> Chain:
     """The robot with a plate of constant orientation: the rods of a cart are equal and parallel (eqs. 1 to 3).
 
     ``R``: (3, 3) the plate's constant rotation, base frame.
@@ -64,10 +64,10 @@ def parallelogram(robot: Robot, R: Floats) -> Robot:
     C0 = C[carrier] + P @ R.T
     v = np.array([robot.actuators[i].axis for i in carrier])
     xml = to_urdf(Geometry(robot, (), np.zeros(0)), P, C0, L[carrier], v, (T, R))
-    return Robot(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
+    return Chain(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
 
 
-def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:
+def _clusters(robot: Chain, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:
     """For each cart of the reduced arm: its joint at the command 0 (n, 3), base frame, m (eq. 3), and the length of its rods
     (n,), m; and (k,) the cart of each rod."""
     carrier = np.array([-1 if rod.carrier is None else rod.carrier for rod in robot.rods])
@@ -77,7 +77,7 @@ def _clusters(robot: Robot, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.i
     return C, np.array([lengths[carrier == i].mean() for i in range(robot.n_actuators)]), carrier
 
 
-def _meet(robot: Robot, C: Floats, L: Floats) -> Floats:
+def _meet(robot: Chain, C: Floats, L: Floats) -> Floats:
     """(3,) TCP of the reduced arm at commands 0, base frame, m: the point near the nominal home at which its rods meet."""
     home = robot.description.home
     T = np.zeros(3) if home is None else np.array(home.tcp_xyz)
@@ -90,7 +90,7 @@ def _meet(robot: Robot, C: Floats, L: Floats) -> Floats:
     return np.asarray(T)
 
 
-def _mean_orientation(robot: Robot, dataset: Dataset) -> Floats:
+def _mean_orientation(robot: Chain, dataset: Dataset) -> Floats:
     """(3, 3) the plate's mean measured rotation in the base frame; home's where it was not measured in that frame."""
     if dataset.orientation is not None and dataset.instrument.frame == "robot":
         return np.asarray(Rotation.from_quat(dataset.orientation.copy(), scalar_first=True).mean().as_matrix())
@@ -99,7 +99,7 @@ def _mean_orientation(robot: Robot, dataset: Dataset) -> Floats:
 
 
 def _tracks(
-    number: int, robot: Robot, dataset: Dataset, measured: Sequence[bool] | None, orientations: bool
+    number: int, robot: Chain, dataset: Dataset, measured: Sequence[bool] | None, orientations: bool
 ) -> tuple[MeasuredTrack | None, ...]:
     """For each rod, its measured track or None; empty where the model has none."""
     if number not in MEASURED:

@@ -22,8 +22,8 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.threads import in_one_thread
 
 Rows = npt.NDArray[np.intp]
@@ -38,7 +38,7 @@ FOLDS = 5
 @in_one_thread
 def compare(
     dataset: Dataset,
-    robot: Robot | None = None,
+    robot: Chain | None = None,
     *,
     cost: Cost = "pose",
     choice: Choice = "paper",
@@ -85,7 +85,7 @@ def compare(
         Names the poses that the fit of a model sets aside. The model is judged on these poses too.
     """
     check_kind(dataset, Dataset)
-    check_kind(robot, Robot, type(None))
+    check_kind(robot, Chain, type(None))
     given = dataset
     dataset.refuse_readings(
         "models are compared by measured poses, and these are readings of other instruments",
@@ -153,14 +153,14 @@ def _warned_once(number: int) -> Iterator[None]:
         warn(f"model {number}: {text}", category)
 
 
-def within_tracks(robot: Robot, dataset: Dataset) -> npt.NDArray[np.bool_]:
+def within_tracks(robot: Chain, dataset: Dataset) -> npt.NDArray[np.bool_]:
     """(N,) the poses whose commands lie in the measured range of all carts; all of them where no cart was measured."""
     if dataset.carts is None:
         return np.ones(len(dataset), dtype=bool)
     return ~model_geometry(4, robot, dataset).outside_tracks(dataset.q)
 
 
-def better_measured(robot: Robot, dataset: Dataset, *, orientations: bool = False) -> list[bool]:
+def better_measured(robot: Chain, dataset: Dataset, *, orientations: bool = False) -> list[bool]:
     """By rod, whether model 4 predicts the squared closure residual of left-out poses better than model 3."""
     dataset = dataset.take(within_tracks(robot, dataset))
     costs = {}

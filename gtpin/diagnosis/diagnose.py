@@ -35,7 +35,7 @@ from gtpin.errors import ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.threads import in_one_thread
 from gtpin.typing import Mask
 
@@ -52,7 +52,7 @@ pose. Measured: docs/speed.md.
 @overload
 def diagnose(
     dataset: Dataset,
-    robot: Robot | Model | None = None,
+    robot: Chain | Model | None = None,
     *,
     against: None = None,
     effects: Iterable[Effect] | None = None,
@@ -85,7 +85,7 @@ def diagnose(
 @in_one_thread
 def diagnose(
     dataset: Dataset,
-    robot: Robot | Model | None = None,
+    robot: Chain | Model | None = None,
     *,
     against: Model | None = None,
     effects: Iterable[Effect] | None = None,
@@ -155,7 +155,7 @@ def diagnose(
     False
     """
     check_kind(dataset, Dataset)
-    check_kind(robot, Robot, Model, type(None))
+    check_kind(robot, Chain, Model, type(None))
     check_kind(against, Model, type(None))
     if against is not None and robot is not None:
         raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
@@ -178,7 +178,7 @@ def diagnose(
 
 def _diagnose(
     dataset: Dataset,
-    nominal: Robot,
+    nominal: Chain,
     known: Sequence[Effect],
     scope: Scope,
     hold_out: HoldOut,
@@ -258,7 +258,7 @@ def _require_memory(dataset: Dataset) -> None:
     require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
 
 
-def _warn_of_masses(robot: Robot) -> None:
+def _warn_of_masses(robot: Chain) -> None:
     if not any(inertia.mass > 0.0 for inertia in robot.model.inertias[1:]):
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {robot.name} have no masses: effects of load {what}")

@@ -19,8 +19,8 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError, warn
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 _NEVER_CONSTANT = re.compile(r"approach[0-9]+|time|temp_.*")
@@ -46,7 +46,7 @@ class Prepared:
     declared: tuple[float | None, ...]
 
     def undeclared(
-        self, sigmas: Collection[str], nominal: Robot, progress: Progress | None, priors: Priors
+        self, sigmas: Collection[str], nominal: Chain, progress: Progress | None, priors: Priors
     ) -> Prepared:
         """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays."""
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
@@ -54,7 +54,7 @@ class Prepared:
         return replace(again, declared=self.declared)
 
 
-def prepare(dataset: Dataset, nominal: Robot, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
+def prepare(dataset: Dataset, nominal: Chain, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
     """Check a dataset against the nominal robot, leave out rows and columns that cannot be right, and calibrate the rest.
 
     Raises `GtpinError` if the data can't be those of this robot.

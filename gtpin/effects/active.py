@@ -15,7 +15,7 @@ from gtpin.errors import ModelError, renamed, warn
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.protocol import Kinematics
 from gtpin.kinematics.rotations import exp
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -180,7 +180,7 @@ OF_ITS_DAY = frozenset(("session", "time"))
 """Covariates on which an effect of the instrument does not hold on another day."""
 
 
-def lasts(active: ActiveEffect, robot: Robot) -> bool:
+def lasts(active: ActiveEffect, robot: Chain) -> bool:
     """Whether an effect is neither a drift of the instrument nor a shift of it between sessions."""
     return not (active.site == "frame" and bool(OF_ITS_DAY & set(active.effect.covariates(robot, active.site))))
 
@@ -189,7 +189,7 @@ MARGIN = 0.05
 """Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""
 
 
-def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Robot, q: Floats) -> None:
+def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Chain, q: Floats) -> None:
     """Warn of effects of an actuator's travel at commands q (N, n), m or rad, outside the range of their fit.
 
     For robots with rods this range is not stored, and there is no warning.

@@ -12,10 +12,10 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
 from gtpin.kinematics.bodies import index_of
 from gtpin.kinematics.rotations import skew
-from gtpin.robot.chain import joint_axis
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -132,7 +132,7 @@ def _tip_from_joint(at: OperatingPoints, link: MovingLink) -> tuple[Floats, Floa
     return back @ bodies.R[:, link.tip], np.einsum("nij,nj->ni", back, bodies.T[:, link.tip] - bodies.T[:, own])
 
 
-def target_at(robot: Robot, link: MovingLink) -> pin.SE3:
+def target_at(robot: Chain, link: MovingLink) -> pin.SE3:
     """Placement, in the frame of a link's tip, of the frame that ``Bodies`` has there: loads and motions refer to it.
 
     It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
@@ -141,7 +141,7 @@ def target_at(robot: Robot, link: MovingLink) -> pin.SE3:
     return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
 
 
-def _tip(robot: Robot, link: MovingLink, last: pin.SE3) -> pin.SE3:
+def _tip(robot: Chain, link: MovingLink, last: pin.SE3) -> pin.SE3:
     """Placement, on a link, of its tip: of the next joint; ``last`` for the last link."""
     return last if link.tip == robot.model.njoints - 1 else robot.model.jointPlacements[link.tip + 1]
 

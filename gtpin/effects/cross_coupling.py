@@ -14,7 +14,7 @@ from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import actuators, joints
 from gtpin.effects.smooth import drive_sizes, wave
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 ORDERS = {1: 8, 2: 5}
@@ -65,10 +65,10 @@ class CrossCoupling(Effect):
     coefficient = ("first_wave", "m")
     of_travel = True
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Chain) -> tuple[str, ...]:
         return actuators(robot) if robot.n_actuators > 1 else ()
 
-    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def coordinates(self, robot: Chain, site: str) -> tuple[str, ...]:
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
@@ -88,7 +88,7 @@ class CrossCoupling(Effect):
         whole = np.hstack([columns, wave(at.travel[:, [j]], 1) * columns[:, lower]])
         return along_track(at, site, whole, drive_sizes(at, site, 1.5 * size / np.linalg.norm(size), 5e-5))
 
-    def forms(self, robot: Robot, site: str) -> list[list[int]]:
+    def forms(self, robot: Chain, site: str) -> list[list[int]]:
         """The lowest cosines of one other actuator: gears that pass through each other, a beam that another cart bends."""
         chosen = _products(robot.n_actuators - 1, site not in joints(robot), robot.sites.index(site))
         return [[k * chosen.single + order for order in range(LOWEST)] for k in range(chosen.others)]

@@ -13,7 +13,7 @@ from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number
 from gtpin.effects.smooth import drive_load, drive_sizes, extent, modulated, session_columns, smooth_cosines
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -167,7 +167,7 @@ class Backlash(Effect):
         "half_width": ParameterRange(-np.inf, 0.0, "a drive that overshoots is rare: the sign of approach may be wrong")
     }
 
-    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def covariates(self, robot: Chain, site: str) -> tuple[str, ...]:
         return (f"approach{number(robot, site)}",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
@@ -213,7 +213,7 @@ class ServoLag(Effect):
         )
     }
 
-    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def covariates(self, robot: Chain, site: str) -> tuple[str, ...]:
         return (f"speed{number(robot, site)}",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:

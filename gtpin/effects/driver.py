@@ -19,8 +19,8 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links, turns
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.robot.chain import Chain
 from gtpin.robot.moving_links import moving_links
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -32,7 +32,7 @@ class InstrumentAxes:
     axes: Floats = field(default_factory=lambda: np.eye(3))
 
 
-def refusal(robot: Robot, site: str, motion: str) -> str | None:
+def refusal(robot: Chain, site: str, motion: str) -> str | None:
     """Why a site can't make a motion (``x`` ... ``rz``, ``q``), as a sentence; None where it can."""
     if site in ("platform", "frame"):
         return f"{site} is no joint, so it has no q" if motion == "q" else None
@@ -81,7 +81,7 @@ def moved(
     return Displacement(sigma, placements=tuple((index, action @ twist) for index, action in found))
 
 
-def _placement(robot: Robot, site: str) -> tuple[tuple[int, Floats], ...] | None:
+def _placement(robot: Chain, site: str) -> tuple[tuple[int, Floats], ...] | None:
     """Placement frames that move with a link, each with the (6, 6) matrix that transforms a twist of the site's frame to it.
 
     None where no placement frame moves with it.
@@ -144,13 +144,13 @@ class DriverEffect(Effect):
     def _at(self, site: str) -> list[Driver]:
         return [driver for driver in self.drivers if driver.site == site]
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Chain) -> tuple[str, ...]:
         return self._places
 
-    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def covariates(self, robot: Chain, site: str) -> tuple[str, ...]:
         return (self.column.name,)
 
-    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def coordinates(self, robot: Chain, site: str) -> tuple[str, ...]:
         return (self.column.name,)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
@@ -161,7 +161,7 @@ class DriverEffect(Effect):
         sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
         return moved(at, site, [driver.motion for driver in mine], columns, sigma, self.instrument)
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         found: Parameters = {}
         for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
             angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))
@@ -171,7 +171,7 @@ class DriverEffect(Effect):
 
 
 def driver_effects(
-    dataset: Dataset, robot: Robot, instrument: InstrumentAxes | None = None
+    dataset: Dataset, robot: Chain, instrument: InstrumentAxes | None = None
 ) -> tuple[DriverEffect, ...]:
     """The effects that a dataset's ``[[driver]]`` tables describe, one for each column.
 

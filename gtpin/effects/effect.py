@@ -14,7 +14,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import actuators, number, turns
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Nature = Literal["mechanism", "profile", "description"]
@@ -158,7 +158,7 @@ class Effect(ABC):
     of the joint, or springs of its bearing. Empty: none of these. Effects along an actuator that depend only on its position,
     direction of approach and session need no name here."""
 
-    acts_at: ClassVar[staticmethod[[Robot], tuple[str, ...]]] = staticmethod(actuators)
+    acts_at: ClassVar[staticmethod[[Chain], tuple[str, ...]]] = staticmethod(actuators)
     """The sites of a robot at which it can act, where they are those of a function of :mod:`gtpin.effects.sites`."""
     needs: ClassVar[tuple[str, ...]] = ()
     """The covariates that it needs at each site."""
@@ -170,7 +170,7 @@ class Effect(ABC):
             warn("usual is now called expected_range; the old name goes with version 0.4", DeprecationWarning)
             cls.expected_range = vars(cls)["usual"]
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Chain) -> tuple[str, ...]:
         """Sites at which it can act: names of actuators or rods, ``arm`` for all rods together, ``platform`` or ``frame``.
 
         By default: those of ``acts_at``, which are all actuators.
@@ -199,7 +199,7 @@ class Effect(ABC):
         """Whether the displacement has a nonlinear parameter, such as a period or the place of a step."""
         return type(self).nonlinear_values is not Effect.nonlinear_values
 
-    def covariates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def covariates(self, robot: Chain, site: str) -> tuple[str, ...]:
         """Covariates that the effect needs at a site; without them it can't be tested or applied there. Default: ``needs``."""
         return self.needs
 
@@ -216,7 +216,7 @@ class Effect(ABC):
         """
         return np.ones(len(values), dtype=bool)
 
-    def forms(self, robot: Robot, site: str) -> Sequence[Sequence[int]]:
+    def forms(self, robot: Chain, site: str) -> Sequence[Sequence[int]]:
         """Of a description: the columns of B of each form that a mechanism with few parameters has."""
         return ()
 
@@ -240,7 +240,7 @@ class Effect(ABC):
             return Untestable("too_few_commands", f"q{number(at.robot, site)}" if site in at.robot.sites else "")
         return None
 
-    def coordinates(self, robot: Robot, site: str) -> tuple[str, ...]:
+    def coordinates(self, robot: Chain, site: str) -> tuple[str, ...]:
         """Names of the quantities on which the displacements depend. The first is the horizontal axis of a plot.
 
         They are covariates, commands ``q1``, ``q2``, ..., ``load`` (the rods' forces), ``direction`` (of a rod) or
@@ -259,7 +259,7 @@ class Effect(ABC):
         name, unit = self.coefficient
         return {name: (float(coefficients[0]), unit)}
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         """The physical parameters at a site, in the units of that site: m where its actuator slides, rad where it turns."""
         found = self.parameters(coefficients, shape_parameter)
         if not (self.of_travel and turns(robot, site)):
@@ -272,7 +272,7 @@ class Effect(ABC):
             return self.basis(at, site, *values)
         return side_by_side([self.basis(at, site, value) for value in values])
 
-    def parameters_of(self, robot: Robot, site: str, coefficients: Floats, values: Sequence[float]) -> Parameters:
+    def parameters_of(self, robot: Chain, site: str, coefficients: Floats, values: Sequence[float]) -> Parameters:
         """Physical parameters for several values of the nonlinear parameter; for the second value ``NAME_2``, and so on."""
         if len(values) < 2:
             return self.parameters_at(robot, site, coefficients, values[0] if len(values) else None)

@@ -15,7 +15,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints, turns
 from gtpin.effects.smooth import approach, cosines, loads_of
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 GIVE = {True: 3e-5, False: 5e-8}
@@ -68,7 +68,7 @@ class JointCompliance(Effect):
         names = ("compliance", "stiffening", "hysteresis")
         return {name: (float(c), "rad/(N m)") for name, c in zip(names, coefficients, strict=True)}
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         unit = "rad/(N m)" if turns(robot, site) else "m/N"
         return {name: (value, unit) for name, (value, _) in self.parameters(coefficients, shape_parameter).items()}
 
@@ -192,7 +192,7 @@ class AxisMotion(Effect):
         columns = np.broadcast_to(waves[:, None, :], (len(at), 5, waves.shape[1]))
         return of_joint(at, site, ways, columns, unit(np.outer(sizes, relative).ravel(), 1.0))
 
-    def forms(self, robot: Robot, site: str) -> list[list[int]]:
+    def forms(self, robot: Chain, site: str) -> list[list[int]]:
         """One harmonic, or the lowest cosines along a sliding joint's travel, of one kind of error motion."""
         motions = ((0, 1), (2,), (3, 4))
         if turns(robot, site):
@@ -208,7 +208,7 @@ class AxisMotion(Effect):
             "tilt": (float(np.hypot(tilt_a, tilt_b)), "rad"),
         }
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if turns(robot, site):
             return self.parameters(coefficients, shape_parameter)
         squares = (coefficients.reshape(5, -1) ** 2).sum(axis=1) / 2.0

@@ -16,7 +16,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import arm_and_links, links, links_at
 from gtpin.effects.smooth import approach
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 LINKS = 6
@@ -116,7 +116,7 @@ class LinkCompliance(Effect):
         found |= {"spread": (float(own.std()), "m/N")} if own.size else {}
         return found | ({"drawn_out": (float(drawn[0]), "m/N")} if drawn.size else {})
 
-    def parameters_at(self, robot: Robot, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if links(robot):
             return self.parameters(coefficients, shape_parameter)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
@@ -141,7 +141,7 @@ def _of_beams(at: OperatingPoints, site: str) -> Displacement:
     return of_tips(at, site, twists, unit([1.0, 1.3, MODULATION.stiffening], _flexibility(at.robot)))
 
 
-def _flexibility(robot: Robot) -> float:
+def _flexibility(robot: Chain) -> float:
     """Typical size of a beam's flexibility on a robot, 1/(N m^2)."""
     model = robot.model
     mass = sum(float(inertia.mass) for inertia in list(model.inertias)[1:])

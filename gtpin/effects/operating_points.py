@@ -13,7 +13,7 @@ from gtpin.effects.sites import joints
 from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.protocol import Bodies, Kinematics
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Column = npt.NDArray[np.float64] | npt.NDArray[np.object_]
@@ -97,7 +97,7 @@ class OperatingPoints:
     unusable: frozenset[str] = frozenset()
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         """The robot."""
         return self.kinematics.geometry.robot
 

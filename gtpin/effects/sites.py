@@ -2,76 +2,76 @@
 
 from __future__ import annotations
 
+from gtpin.robot.chain import Chain
 from gtpin.robot.moving_links import MovingLink, moving_links
-from gtpin.robot.robot import Robot
 
 
-def actuators(robot: Robot) -> tuple[str, ...]:
+def actuators(robot: Chain) -> tuple[str, ...]:
     """Sites of all actuators, of robots with and without rods."""
     return robot.sites
 
 
-def sliding_actuators(robot: Robot) -> tuple[str, ...]:
+def sliding_actuators(robot: Chain) -> tuple[str, ...]:
     """Sites of the actuators that slide a carrier along a track."""
     carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
     return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
 
 
-def tracks(robot: Robot) -> tuple[str, ...]:
+def tracks(robot: Chain) -> tuple[str, ...]:
     """Sites of the actuators of a robot with rods."""
     return robot.sites if robot.rods else ()
 
 
-def joints(robot: Robot) -> tuple[str, ...]:
+def joints(robot: Chain) -> tuple[str, ...]:
     """Sites of the joints with an actuator of a robot without rods."""
     return () if robot.rods else robot.sites
 
 
-def guided(robot: Robot) -> tuple[str, ...]:
+def guided(robot: Chain) -> tuple[str, ...]:
     """Sites of the actuators whose guide or bearing has error motions: joints, and carriers that slide along a track."""
     return joints(robot) or sliding_actuators(robot)
 
 
-def links(robot: Robot) -> tuple[str, ...]:
+def links(robot: Chain) -> tuple[str, ...]:
     """Sites of the rods."""
     return robot.rod_sites
 
 
-def loaded_along(robot: Robot) -> tuple[str, ...]:
+def loaded_along(robot: Chain) -> tuple[str, ...]:
     """Sites with one load, along a rod or along or about a joint's axis: each rod, or each joint with an actuator."""
     return links(robot) or joints(robot)
 
 
-def the_frame(robot: Robot) -> tuple[str, ...]:
+def the_frame(robot: Chain) -> tuple[str, ...]:
     """The measurement frame."""
     return ("frame",)
 
 
-def the_platform(robot: Robot) -> tuple[str, ...]:
+def the_platform(robot: Chain) -> tuple[str, ...]:
     """The platform."""
     return ("platform",)
 
 
-def arm_and_links(robot: Robot) -> tuple[str, ...]:
+def arm_and_links(robot: Chain) -> tuple[str, ...]:
     """``arm`` and each rod. ``arm`` means all rods together. For a robot without rods, its moving links replace the rods."""
     return ("arm", *(robot.rod_sites or (link.name for link in moving_links(robot))))
 
 
-def links_at(robot: Robot, site: str) -> list[MovingLink]:
+def links_at(robot: Chain, site: str) -> list[MovingLink]:
     """The moving links at a site of a robot without rods: one link, or all links for ``arm``."""
     return [link for link in moving_links(robot) if site in ("arm", link.name)]
 
 
-def turns(robot: Robot, site: str) -> bool:
+def turns(robot: Chain, site: str) -> bool:
     """Whether a site is an actuator that turns (revolute). False for one that slides (prismatic), and for other sites."""
     return site in robot.sites and robot.actuators[robot.sites.index(site)].revolute
 
 
-def turning_joint(robot: Robot, site: str) -> bool:
+def turning_joint(robot: Chain, site: str) -> bool:
     """Whether a site is a turning joint with an actuator of a robot without rods."""
     return turns(robot, site) and site in joints(robot)
 
 
-def number(robot: Robot, site: str) -> int:
+def number(robot: Chain, site: str) -> int:
     """Number of an actuator, 1, 2, ..., as in the names of commands and covariates (``q1``, ``approach1``)."""
     return robot.sites.index(site) + 1

@@ -15,7 +15,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import sliding_actuators, tracks, turns
 from gtpin.effects.smooth import cosines, extent
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 ORDERS, DECAY = 20, 1.2
@@ -134,7 +134,7 @@ class ThermalTrack(Effect):
         )
     }
 
-    def sites(self, robot: Robot) -> tuple[str, ...]:
+    def sites(self, robot: Chain) -> tuple[str, ...]:
         # An angle does not grow with heat.
         return tuple(site for site in tracks(robot) if not turns(robot, site))
 

@@ -17,8 +17,8 @@ from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitt
 from gtpin.export.loss import by_effect, conditions, rms
 from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
 from gtpin.model.model import Model
+from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import rotation_axes
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 PLACES = 4
@@ -79,7 +79,7 @@ def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[flo
     return full if off + WORTHWHILE < before else simple
 
 
-def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+def with_cart_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts with the compliance of a model's ``cart_compliance``, fitted as linear in the loads at its conditions.
 
     The rods' joints of such a cart are on a massless body ``CART_seat``. It has springs along, and about, the track and the two
@@ -111,7 +111,7 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple
 
 
 def _seated(
-    mechanism: Mechanism, robot: Robot, site: str, axes: Floats, laws: Mapping[int, Give], weight: Floats, load: float
+    mechanism: Mechanism, robot: Chain, site: str, axes: Floats, laws: Mapping[int, Give], weight: Floats, load: float
 ) -> Mechanism:
     """The mechanism with the rods' joints of a cart on springs.
 
@@ -145,7 +145,7 @@ def _seated(
     return replace(mechanism, bodies=(*mechanism.bodies, own), guides=(*mechanism.guides, guide))
 
 
-def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+def with_guideways(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Mechanism, dict[str, Floats]]:
     """Carts that shift across, and rotate along, their tracks (``straightness``, ``cart_rotation``).
 
     The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's joint by curves. If
@@ -174,7 +174,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Me
     return mechanism, shown
 
 
-def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Sequence[DriveCurve]) -> Mechanism:
+def _led(mechanism: Mechanism, robot: Chain, site: str, axes: Floats, total: Sequence[DriveCurve]) -> Mechanism:
     index = robot.sites.index(site)
     there = np.linspace(robot.lower[index], robot.upper[index], 101)
     joints, couplings = [], []
@@ -192,25 +192,25 @@ def _led(mechanism: Mechanism, robot: Robot, site: str, axes: Floats, total: Seq
     return led.with_couplings(couplings)
 
 
-def _driven(mechanism: Mechanism, robot: Robot, site: str) -> Joint:
+def _driven(mechanism: Mechanism, robot: Chain, site: str) -> Joint:
     """The joint of a cart's actuator."""
     name = robot.actuators[robot.sites.index(site)].joint
     return next(joint for body in mechanism.bodies for joint in body.joints if joint.name == name)
 
 
-def _axes(robot: Robot, site: str) -> Floats:
+def _axes(robot: Chain, site: str) -> Floats:
     """(3, 3) rows: unit vectors along the track, and a and b across it, base frame."""
     return np.asarray(np.roll(rotation_axes(robot.actuators[robot.sites.index(site)].axis), 1, axis=0))
 
 
-def _ends(robot: Robot, site: str) -> list[tuple[str, int]]:
+def _ends(robot: Chain, site: str) -> list[tuple[str, int]]:
     """The loops of a cart's rods, each with its end on the cart: name, 0 or 1."""
     actuator = robot.sites.index(site)
     return [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
 
 
 def _joint(
-    mechanism: Mechanism, robot: Robot, site: str, name: str, k: int, axes: Floats, spring: Spring | None
+    mechanism: Mechanism, robot: Chain, site: str, name: str, k: int, axes: Floats, spring: Spring | None
 ) -> Joint:
     """A new joint along (k < 3) or about an axis of the cart, for the body that will carry the rods' joints."""
     loop, side = _ends(robot, site)[0]
@@ -232,7 +232,7 @@ def _at_tcp(at: OperatingPoints, site: str, axes: Floats, motion: Floats) -> Flo
     return of_body(at, site, twist[..., None], np.ones(1)).displacement(at)[:, :6, 0]
 
 
-def _weight(mechanism: Mechanism, robot: Robot, site: str, axes: Floats) -> Floats:
+def _weight(mechanism: Mechanism, robot: Chain, site: str, axes: Floats) -> Floats:
     """(6,) force, N, and moment, N m, in the cart's axes, of the part of the rods' weight that the cart carries."""
     places = mechanism.placements()
     seats, weights = [], []

@@ -24,8 +24,8 @@ from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.robot import Robot
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
@@ -123,7 +123,7 @@ def texts(
         urdf = with_transmissions(urdf, model.robot, scales)
         in_transmissions = tuple(name for name in left_out(model) if name in carried)
         return Export({file.name: urdf}, left_out(model), in_transmissions=in_transmissions)
-    robot = Robot(RobotDescription.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
+    robot = Chain(RobotDescription.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
     if form == "parallel-robots":
         files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
         return Export(files, left_out(model))

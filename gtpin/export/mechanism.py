@@ -13,9 +13,9 @@ import pinocchio as pin
 from gtpin.errors import RobotError, warn
 from gtpin.export.curves import SAME, DriveCurve
 from gtpin.kinematics.posture import ClosedPosture, home
-from gtpin.robot.chain import joint_jacobian
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_jacobian
 from gtpin.robot.description import parse_xml
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 SIMPLE = ("box", "cylinder", "sphere")
@@ -47,7 +47,7 @@ class Shape:
     rgba: tuple[float, ...]
 
 
-def shapes_of(robot: Robot) -> dict[int, tuple[Shape, ...]]:
+def shapes_of(robot: Chain) -> dict[int, tuple[Shape, ...]]:
     """Shapes by the Pinocchio joint that carries them. Meshes are left out, with a warning."""
     description = robot.description
     root = parse_xml(description.xml, description.source)
@@ -254,7 +254,7 @@ class Mechanism:
         return replace(self, bodies=(*self.bodies, body), loops=loops)
 
 
-def mechanism(robot: Robot) -> Mechanism:
+def mechanism(robot: Chain) -> Mechanism:
     """The mechanism of a robot, at its home.
 
     A link without mass between two joints becomes a second joint of the link that it carries.
@@ -316,7 +316,7 @@ def mechanism(robot: Robot) -> Mechanism:
     return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, robot.tcp_frame, planes, mimics)
 
 
-def _massless(robot: Robot) -> set[int]:
+def _massless(robot: Chain) -> set[int]:
     """Joints whose bodies have no mass, carry one other joint, and have no loop, no TCP and no second link."""
     model = robot.model
     children = [sum(parent == i for parent in model.parents) for i in range(model.njoints)]
@@ -330,7 +330,7 @@ def _massless(robot: Robot) -> set[int]:
     }
 
 
-def _fixed_links(robot: Robot) -> dict[int, list[tuple[str, Any]]]:
+def _fixed_links(robot: Chain) -> dict[int, list[tuple[str, Any]]]:
     """By joint, the links on it: its own first, then those fixed to it, with their placements on it."""
     found: dict[int, list[tuple[str, Any]]] = {i: [] for i in range(robot.model.njoints)}
     for frame in robot.model.frames:
@@ -339,7 +339,7 @@ def _fixed_links(robot: Robot) -> dict[int, list[tuple[str, Any]]]:
     return found
 
 
-def _joint(robot: Robot, posture: ClosedPosture, joint: int, body: int) -> Joint:
+def _joint(robot: Chain, posture: ClosedPosture, joint: int, body: int) -> Joint:
     model, data = robot.model, robot.data
     name = str(model.names[joint])
     if model.nvs[joint] != 1:

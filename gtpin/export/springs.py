@@ -18,9 +18,9 @@ from gtpin.export.loss import conditions
 from gtpin.export.mechanism import Body, Joint, Mechanism, Spring
 from gtpin.kinematics.posture import home
 from gtpin.model.model import Model
+from gtpin.robot.chain import Chain
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
-from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
@@ -189,7 +189,7 @@ def _home(model: Model, active: ActiveEffect | None = None) -> OperatingPoints:
     )
 
 
-def with_link_springs(mechanism: Mechanism, model: Model, robot: Robot) -> tuple[Mechanism, dict[str, Floats]]:
+def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Mechanism, dict[str, Floats]]:
     """Rods with the compliance of a model's ``link_compliance``, fitted as linear in the loads at its conditions.
 
     The rod's end on the carrier, with the part of the rod's mass that the carrier supports, slides along the rod on a spring.
@@ -230,7 +230,7 @@ def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
     return compliance, rest
 
 
-def _sprung(mechanism: Mechanism, robot: Robot, rod: Rod, spring: Spring, root: Floats) -> Mechanism:
+def _sprung(mechanism: Mechanism, robot: Chain, rod: Rod, spring: Spring, root: Floats) -> Mechanism:
     """A rod whose end slides along it on a spring; ``root`` (3,) is its joint on the platform, base frame."""
     loop = robot.description.loops[rod.loop].name
     end = mechanism.loops[loop][rod.rod_end]

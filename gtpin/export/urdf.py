@@ -8,15 +8,15 @@ from xml.etree.ElementTree import Element, SubElement
 
 from gtpin.errors import RobotError
 from gtpin.export.mechanism import numbers, xml_text
+from gtpin.robot.chain import Chain
 from gtpin.robot.closures import ENDS, SPHERICAL
 from gtpin.robot.description import parse_xml
-from gtpin.robot.robot import Robot
 
 SIMPLE = "transmission_interface/SimpleTransmission"
 """The transmission whose joint moves by the actuator's travel over ``mechanicalReduction``."""
 
 
-def with_transmissions(urdf: str, robot: Robot, scales: Mapping[str, float]) -> str:
+def with_transmissions(urdf: str, robot: Chain, scales: Mapping[str, float]) -> str:
     """The URDF with a transmission for each drive whose travel per command is not 1: its reduction is divided by this scale.
 
     A ``<mimic>`` is not used: it needs an additional joint, which other software would treat as another driven joint.
@@ -52,7 +52,7 @@ def _reduction(root: Element, transmission: Element | None, joint: str) -> Eleme
     return SubElement(motor, "mechanicalReduction") if found is None else found
 
 
-def with_anchors(robot: Robot) -> str:
+def with_anchors(robot: Chain) -> str:
     """URDF of a robot in which both anchors of every loop are separate links, ``LOOP_A`` and ``LOOP_B``.
 
     Shapes are left out: the loader of example-parallel-robots removes a frame although shapes refer to frames by their number,
@@ -76,7 +76,7 @@ def with_anchors(robot: Robot) -> str:
     return xml_text(root)
 
 
-def side_file(robot: Robot) -> str:
+def side_file(robot: Chain) -> str:
     """YAML that closes the loops by three coordinates each, and names the driven joints in the order of q."""
     loops = [loop.name for loop in robot.description.loops]
     lines = {

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from gtpin.data import Commands, check_commands
 from gtpin.data.ids import Ids
 from gtpin.errors import DatasetError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Match = Literal["pose", "row", "time"]
 
 
-def check_ranges(commands: Commands, robot: Robot) -> None:
+def check_ranges(commands: Commands, robot: Chain) -> None:
     """Raise `DatasetError` for a command that is far outside the robot's range, with the unit that it looks like."""
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
 

@@ -23,8 +23,8 @@ from gtpin.data.table import number
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, check_ranges, matched
+from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 Separator = Literal["comma", "semicolon", "tab", "space"]
@@ -274,7 +274,7 @@ def read_points(
     )
 
 
-def _scale(robot: Robot, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
+def _scale(robot: Chain, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
     """(n,) factor from the unit of each command to m or rad."""
     revolute = robot.revolute
     if len(revolute) != count:

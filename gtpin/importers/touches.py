@@ -28,9 +28,9 @@ from gtpin.kinematics.poses import Poses
 from gtpin.output.ownership import alone_in, recorded, refuse_foreign, was_moved_aside
 from gtpin.output.results import results_folder, writing
 from gtpin.references import seen_from
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 MILLIMETRE = 1e-3
@@ -171,7 +171,7 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
     return q, poses
 
 
-def _refuse(touches: Touches, poses: Poses, robot: Robot) -> None:
+def _refuse(touches: Touches, poses: Poses, robot: Chain) -> None:
     lost = np.flatnonzero(~poses.reached)
     if lost.size:
         more = f" (nor {lost.size - 1} more)" if lost.size > 1 else ""
@@ -215,7 +215,7 @@ def _assigned(q: Floats, travel: Floats) -> tuple[npt.NDArray[np.intp], Floats, 
     return drive, sign, float(apart[actuator, drive].max())
 
 
-def _compare(touches: Touches, q: Floats, robot: Robot) -> None:
+def _compare(touches: Touches, q: Floats, robot: Chain) -> None:
     """Warn if the robot's commands q (N, n) are not those by the dimensions in the file of the touches."""
     if touches.carriages is None or len(q) < FEWEST or q.shape != touches.carriages.shape:
         return

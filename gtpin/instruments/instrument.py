@@ -16,7 +16,7 @@ from gtpin.data.table import Column
 from gtpin.errors import DatasetError, renamed
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats, Ints, Mask
 
 STEP = 1e-6
@@ -178,7 +178,7 @@ class Instrument(ABC):
     Table: ClassVar[type[InstrumentTable]]
     components: tuple[Component, ...]
 
-    def __init__(self, table: Any, read: Read, robot: Robot) -> None:
+    def __init__(self, table: Any, read: Read, robot: Chain) -> None:
         """Take the table and the rows."""
         self.table, self.read, self.robot = table, read, robot
         self.unknowns: tuple[Unknown, ...] = tuple(self._unknowns())
@@ -284,7 +284,7 @@ class Instrument(ABC):
         """Raise `RowError` for an impossible reading; accept all readings by default."""
 
 
-def up_of(robot: Robot) -> Floats:
+def up_of(robot: Chain) -> Floats:
     """(3,) unit vector against gravity, base frame; along z where the robot has no gravity."""
     gravity = np.array(robot.description.gravity, dtype=float)
     size = float(np.linalg.norm(gravity))

@@ -22,7 +22,7 @@ from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, to_quaternions
 from gtpin.model.model import FittedInstrument, Model, in_frame
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats, Indices
 
 VAGUE = 1.0
@@ -43,11 +43,11 @@ class Readings:
 
     q: Floats
     rows: InstrumentRows
-    robot: Robot
+    robot: Chain
     u: Floats
 
     @staticmethod
-    def of(dataset: Dataset, robot: Robot, u: Floats | None = None) -> Readings:
+    def of(dataset: Dataset, robot: Chain, u: Floats | None = None) -> Readings:
         """The readings of a dataset that :func:`single` has returned; poses are those of one tracker without a name.
 
         ``u``: (k,) deviations of the unknowns; None: zeros.
@@ -58,7 +58,7 @@ class Readings:
         return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
 
     @staticmethod
-    def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Robot) -> Readings:
+    def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Chain) -> Readings:
         """Poses of a lone tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
         rows = InstrumentRows.of_poses(T, None if R is None else to_quaternions(R), np.arange(len(q)))
         return Readings(q, rows, robot, np.zeros(0))
@@ -329,7 +329,7 @@ class Readings:
         return found
 
 
-def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]:
+def instruments_of(rows: InstrumentRows, robot: Chain) -> tuple[Instrument, ...]:
     """The instruments of some rows, in the order of dataset.toml.
 
     Raises `DatasetError` for impossible readings, with file and line.
@@ -355,7 +355,7 @@ def instruments_of(rows: InstrumentRows, robot: Robot) -> tuple[Instrument, ...]
     return tuple(found)
 
 
-def single(dataset: Dataset, robot: Robot) -> Dataset:
+def single(dataset: Dataset, robot: Chain) -> Dataset:
     """The dataset with the same number of components in each row.
 
     Where instruments' readings differ in their number of components, each row is split into one row for each component. These

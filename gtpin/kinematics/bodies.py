@@ -11,12 +11,12 @@ from gtpin.errors import ClosureError
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies
 from gtpin.kinematics.rotations import skew
-from gtpin.robot.chain import joint_axis
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.typing import Floats
 
 
-def bodies(robot: Robot, q: Floats) -> Bodies:
+def bodies(robot: Chain, q: Floats) -> Bodies:
     """Motion by placement frames at commands q (N, n); NaN where the loops can't be closed."""
     model, data = robot.model, robot.data
     placed = [(int(model.parents[j]), pin.SE3(model.jointPlacements[j])) for j in range(1, model.njoints)]
@@ -30,7 +30,7 @@ def bodies(robot: Robot, q: Floats) -> Bodies:
     return Bodies(response, R, T)
 
 
-def responses(robot: Robot, q: Floats, start: ClosedPosture | None = None) -> Floats:
+def responses(robot: Chain, q: Floats, start: ClosedPosture | None = None) -> Floats:
     """The response of :class:`Bodies` alone, without the frames, in less time; ``start``: the home posture, if it is known."""
     response = _unknown(robot, q)
     for _ in _responses(robot, q, response, start):
@@ -38,7 +38,7 @@ def responses(robot: Robot, q: Floats, start: ClosedPosture | None = None) -> Fl
     return response
 
 
-def _unknown(robot: Robot, q: Floats) -> Floats:
+def _unknown(robot: Chain, q: Floats) -> Floats:
     return np.full((len(q), robot.motion_size, robot.model.njoints + len(robot.anchors), 6), np.nan)
 
 
@@ -47,7 +47,7 @@ def index_of(joint_id: int) -> int:
     return joint_id - 1
 
 
-def configurations(robot: Robot, q: Floats) -> Floats:
+def configurations(robot: Chain, q: Floats) -> Floats:
     """(N, nq) Pinocchio configurations of a robot without loops."""
     if robot.followers:
         return np.array([robot.with_commands(robot.neutral, row) for row in q]).reshape(len(q), robot.model.nq)
@@ -60,7 +60,7 @@ def configurations(robot: Robot, q: Floats) -> Floats:
     return found
 
 
-def driven_twists(robot: Robot) -> Floats:
+def driven_twists(robot: Chain) -> Floats:
     """(J + 1 + 2 L, 6, n) twist of each placement frame that is equivalent to a unit of each command; joints that follow are
     included."""
     twists = np.zeros((robot.model.njoints + len(robot.anchors), 6, robot.n_actuators))
@@ -75,7 +75,7 @@ def driven_twists(robot: Robot) -> Floats:
     return twists
 
 
-def _responses(robot: Robot, q: Floats, response: Floats, start: ClosedPosture | None = None) -> Iterator[int]:
+def _responses(robot: Chain, q: Floats, response: Floats, start: ClosedPosture | None = None) -> Iterator[int]:
     """Fill in the response at one command after the other; Pinocchio's data hold the posture of the row that is yielded."""
     data, count = robot.data, robot.model.njoints - 1
     for i, by_frames in _loops(robot, q, start) if robot.constraints else _tree(robot, q):
@@ -87,14 +87,14 @@ def _responses(robot: Robot, q: Floats, response: Floats, start: ClosedPosture |
         yield i
 
 
-def _tree(robot: Robot, q: Floats) -> Iterator[tuple[int, Floats]]:
+def _tree(robot: Chain, q: Floats) -> Iterator[tuple[int, Floats]]:
     model, data, tcp = robot.model, robot.data, robot.tcp_placement
     for i, configuration in enumerate(configurations(robot, q)):
         pin.forwardKinematics(model, data, configuration)
         yield i, pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
 
 
-def _loops(robot: Robot, q: Floats, start: ClosedPosture | None) -> Iterator[tuple[int, Floats]]:
+def _loops(robot: Chain, q: Floats, start: ClosedPosture | None) -> Iterator[tuple[int, Floats]]:
     start = home(robot) if start is None else start
     for i, row in enumerate(q):
         try:
@@ -134,7 +134,7 @@ def by_frames(posture: ClosedPosture) -> Floats:
     return np.hstack([by_joints, by_anchors.reshape(len(by_gap), -1)])
 
 
-def _regressor(robot: Robot, joint: int, placement: pin.SE3) -> Floats:
+def _regressor(robot: Chain, joint: int, placement: pin.SE3) -> Floats:
     """(6, 6 J) motion of a frame on a joint by twists of the joints' placements at constant coordinates; zero on the base."""
     if joint == 0:
         return np.zeros((6, 6 * (robot.model.njoints - 1)))
@@ -142,7 +142,7 @@ def _regressor(robot: Robot, joint: int, placement: pin.SE3) -> Floats:
     return np.array(found)
 
 
-def to_gap(robot: Robot, loop: int, motion: Floats) -> Floats:
+def to_gap(robot: Chain, loop: int, motion: Floats) -> Floats:
     """(3, ...) change of a loop's gap, in the first anchor's frame, by a motion (3, ...) of its second anchor, base frame.
 
     The gap is the vector from the loop's first anchor to its second, m, at the posture that the robot's ``data`` hold.

@@ -16,10 +16,10 @@ from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.protocol import Bodies, SmallError
 from gtpin.kinematics.rotations import twist_jacobian
 from gtpin.kinematics.statics import joint_loads
-from gtpin.robot.chain import joint_axis
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.export import placements_to_urdf
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
@@ -36,7 +36,7 @@ class ChainKinematics:
     geometry: Geometry
 
     @cached_property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         robot = self.geometry.robot
         placements = self.geometry.deviations("placement", "joint", (robot.model.njoints, 6))
         anchors = self.geometry.anchors

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
+from gtpin.robot.chain import Chain
 from gtpin.robot.constraints import constraint_error, constraint_jacobian
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 MAX_STEPS = 12
@@ -101,7 +101,7 @@ class Passive:
 
 
 def close(
-    robot: Robot,
+    robot: Chain,
     configuration: Floats,
     near: Passive | None = None,
     contraction: float = CONTRACTION,

@@ -31,7 +31,7 @@ class Poses(Shown):
         (N, 3) positions of the TCP, m, and (N, 3, 3) rotations from the TCP frame to this frame.
     joints
         By name, (N,) coordinates, rad or m, of the robot's measured joints at these poses; empty where it has none: see
-        :meth:`~gtpin.robot.robot.Robot.measuring`.
+        :meth:`~gtpin.robot.chain.Chain.measuring`.
 
     Examples
     --------

@@ -13,8 +13,8 @@ import pinocchio as pin
 from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError, check_kind
 from gtpin.kinematics import newton
 from gtpin.robot.assembly import NEAR, closest
+from gtpin.robot.chain import Chain
 from gtpin.robot.constraints import constraint_jacobian
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 HOME_OFF = 0.1
@@ -70,7 +70,7 @@ class ClosedPosture:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Chain,
         q: Floats,
         configuration: Floats,
         jacobian: Floats,
@@ -299,7 +299,7 @@ class ClosedPosture:
         return f"ClosedPosture({self.robot.name!r}, q={_text(self.q)}, T={_text(self.T)})"
 
 
-def home(robot: Robot) -> ClosedPosture:
+def home(robot: Chain) -> ClosedPosture:
     """The home posture: the loops closed at the home commands. It selects the assembly mode.
 
     Raises
@@ -316,7 +316,7 @@ def home(robot: Robot) -> ClosedPosture:
     >>> posture.T.shape, posture.R.shape
     ((3,), (3, 3))
     """
-    check_kind(robot, Robot)
+    check_kind(robot, Chain)
     nominal = _nominal_home(robot.nominal) if robot.nominal is not robot else None
     start = robot.assembly.configuration if nominal is None else nominal.configuration
     closing = newton.close(robot, start, contraction=1.0)
@@ -338,12 +338,12 @@ def home(robot: Robot) -> ClosedPosture:
 
 
 @lru_cache(maxsize=4)
-def _nominal_home(robot: Robot) -> ClosedPosture:
+def _nominal_home(robot: Chain) -> ClosedPosture:
     """The home posture of a nominal robot, which keeps the configurations from which displaced copies are closed."""
     return home(robot)
 
 
-def _open_at_home(robot: Robot) -> UnreachableError:
+def _open_at_home(robot: Chain) -> UnreachableError:
     what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
     gap = robot.assembly.gap
     if not declared and gap > NEAR:
@@ -352,7 +352,7 @@ def _open_at_home(robot: Robot) -> UnreachableError:
     return UnreachableError(what, hint=hint)
 
 
-def _ways_round(robot: Robot, target: Floats) -> Iterator[list[Floats]]:
+def _ways_round(robot: Chain, target: Floats) -> Iterator[list[Floats]]:
     """Other ways from home to commands than the straight line: lists of stops, each reached on a straight line."""
     home_q, turns = robot.home_q, 2.0 * np.pi
     endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
@@ -365,7 +365,7 @@ def _ways_round(robot: Robot, target: Floats) -> Iterator[list[Floats]]:
         yield [np.where(there, wrapped, home_q) for there in moved]
 
 
-def _commands(robot: Robot, q: npt.ArrayLike) -> Floats:
+def _commands(robot: Chain, q: npt.ArrayLike) -> Floats:
     try:
         values = np.asarray(q, dtype=float)
     except (TypeError, ValueError):

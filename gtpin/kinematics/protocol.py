@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from gtpin.kinematics.poses import Poses
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -67,7 +67,7 @@ class Kinematics(Protocol):
         """The geometry of these kinematics."""
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         """The robot, for a geometry of joints with its displaced joints, anchors and TCP."""
 
     @property

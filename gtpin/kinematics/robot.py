@@ -17,12 +17,12 @@ from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot import library
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot as Description
 from gtpin.typing import Floats
 
 
-class Robot(Description):
+class Robot(Chain):
     """A robot: a chain, a tree or loops of joints, with the n commands of its actuators and the TCP that they move.
 
     :func:`load_robot` makes it. Commands are in m for an actuator that slides and in rad for one that turns, in the order of
@@ -32,7 +32,7 @@ class Robot(Description):
     Parameters
     ----------
     description, tcp
-        As for :class:`~gtpin.robot.chain.Chain`.
+        As for :class:`~gtpin.robot.constrained_model.ConstrainedModel`.
 
     Raises
     ------

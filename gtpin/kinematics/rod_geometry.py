@@ -12,9 +12,9 @@ from gtpin.errors import ConvergenceError, ModelError
 from gtpin.kinematics.closures import RodEnds, between, follow
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, left_jacobian, skew
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.parameters import Kind, rotation_axes
-from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
@@ -122,7 +122,7 @@ class RodGeometry:
             raise ModelError(f"{self.geometry.robot.name} has {len(rods)} rods", hint="six hold a platform")
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         """The robot, at its nominal geometry."""
         return self.geometry.robot
 

@@ -10,9 +10,9 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.kinematics.rotations import exp, skew
-from gtpin.robot.chain import joint_axis
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
-from gtpin.robot.robot import Robot
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
@@ -41,7 +41,7 @@ class RodJoint:
     side: float
 
     @staticmethod
-    def of(robot: Robot, joint: MeasuredJoint) -> RodJoint:
+    def of(robot: Chain, joint: MeasuredJoint) -> RodJoint:
         """Find the rod of a joint.
 
         Raises `ModelError` if it does not belong to a rod's universal joint.
@@ -106,14 +106,14 @@ def motion(joint: RodJoint, poses: Poses, P: Floats, C: Floats, moved: Floats, d
     return np.asarray(np.einsum("ni,nim->nm", slope, np.swapaxes(poses.R, 1, 2) @ turned - dP))
 
 
-def _passive_chain(robot: Robot, rod: Rod) -> list[int]:
+def _passive_chain(robot: Chain, rod: Rod) -> list[int]:
     """Pinocchio's joints from the platform to a rod's end, without the driven ones."""
     driven = {actuator.joint_id for actuator in robot.actuators}
     chain = list(robot.model.supports[robot.anchors[rod.tip][0]])
     return [int(j) for j in chain[chain.index(rod.joint_id) :] if j not in driven]
 
 
-def _of_rod(robot: Robot, joint: MeasuredJoint, index: int, chain: list[int]) -> RodJoint:
+def _of_rod(robot: Chain, joint: MeasuredJoint, index: int, chain: list[int]) -> RodJoint:
     model = robot.model
     first, second = chain
     tip, end = robot.anchors[robot.rods[index].tip]

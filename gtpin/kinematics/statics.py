@@ -14,7 +14,7 @@ from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.rod_geometry import RodGeometry
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -114,7 +114,7 @@ class _RodMass:
         return np.asarray((self.moment + self.sliding * stretch) / length)
 
 
-def _rod_mass(robot: Robot, rod_index: int) -> _RodMass:
+def _rod_mass(robot: Chain, rod_index: int) -> _RodMass:
     rod = robot.rods[rod_index]
     model = robot.model
     tip, end = robot.anchors[rod.tip]
@@ -202,7 +202,7 @@ def rod_forces(
         raise SingularityError("the rods can't hold the platform at one of the poses", hint="leave it out") from None
 
 
-def joint_loads(robot: Robot, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:
+def joint_loads(robot: Chain, q: Floats, force: Floats | None = None, payload: Floats | None = None) -> Floats:
     """Static wrenches that the bodies beyond each joint exert on it: Pinocchio's ``rnea`` with external forces.
 
     ``q``: (N, n) commands, m or rad. ``force``: (N, 3) force on the tool at the URDF's TCP, base frame, N. ``payload``:
@@ -247,7 +247,7 @@ def _in(frame: pin.SE3, vector: Floats) -> Floats:
     return np.asarray(frame.rotation.T @ vector)
 
 
-def _postures(robot: Robot, q: Floats, tool: Floats) -> list[tuple[Floats | None, Floats]]:
+def _postures(robot: Chain, q: Floats, tool: Floats) -> list[tuple[Floats | None, Floats]]:
     """For each row: the configuration (nq,), None where the loops can't be closed; and the forces of the loops.
 
     The force (L, 3) is that of each of the L loops on the body of its second anchor, base frame, N.

@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.model.model import Model
-from gtpin.robot.chain import Actuator
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import Actuator
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 PARALLEL = 1e-6
@@ -76,7 +76,7 @@ def controller_table(model: Model) -> tuple[DhParameter, ...]:
     return dh_parameters(geometry, covariance)
 
 
-def chain_of(robot: Robot) -> tuple[Actuator, ...]:
+def chain_of(robot: Chain) -> tuple[Actuator, ...]:
     """The actuators that move the TCP of a serial arm, from the base; empty for other robots, and where one has no command."""
     of = {actuator.joint_id: actuator for actuator in robot.actuators}
     if robot.constraints or not set(robot.moving_joints) <= set(of):
@@ -84,7 +84,7 @@ def chain_of(robot: Robot) -> tuple[Actuator, ...]:
     return tuple(of[joint] for joint in robot.moving_joints)
 
 
-def _directions(robot: Robot, geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
+def _directions(robot: Chain, geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
     """The rows of the table; (p, f + r) motion of the geometry's parameters by f of the base, then by each row; and f."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))

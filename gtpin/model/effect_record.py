@@ -19,7 +19,7 @@ from gtpin.effects.operating_points import Column as Covariate
 from gtpin.effects.sites import joints, links
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -180,7 +180,7 @@ def record(active: ActiveEffect) -> EffectRecord:
     )
 
 
-def _driver_effect(stored: ColumnRecord, robot: Robot) -> DriverEffect:
+def _driver_effect(stored: ColumnRecord, robot: Chain) -> DriverEffect:
     for driver in stored.drivers:
         why = refusal(robot, driver.site, driver.motion)
         if why:
@@ -244,7 +244,7 @@ def _covariance(stored: EffectRecord) -> Floats:
     return covariance
 
 
-def _references(stored: ReferencesRecord, robot: Robot, needed: tuple[str, ...]) -> References:
+def _references(stored: ReferencesRecord, robot: Chain, needed: tuple[str, ...]) -> References:
     rods, force, direction = len(links(robot)), stored.force, stored.direction
     for name, one in (("force", force), ("direction", direction)):
         for part in ("mean", "spread"):

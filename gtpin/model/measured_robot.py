@@ -9,15 +9,15 @@ from pathlib import Path
 
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError, RobotError
+from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.robot.measured_joints import readable
-from gtpin.robot.robot import Robot
 
 PLACES = ("platform", "frame")
 """Sites that are no joints and no links."""
 
 
-def robot_of(dataset: Dataset) -> Robot:
+def robot_of(dataset: Dataset) -> Chain:
     """Load the robot that a dataset names.
 
     Raises `RobotError` if the robot's file does not make a robot. `DatasetError` if no robot has the name, or it lacks a
@@ -34,12 +34,12 @@ def robot_of(dataset: Dataset) -> Robot:
         if dataset.tcp not in robot.links:
             what, hint = f"{robot.name} has no link {dataset.tcp!r}", f"links are {_some(robot.links)}"
             raise DatasetError(what, file=file, column="tcp", hint=hint)
-        robot = Robot(robot.description, dataset.tcp)
+        robot = Chain(robot.description, dataset.tcp)
     _check_drivers(dataset, robot, file)
     return robot
 
 
-def check_same_robot(robot: Robot, dataset: Dataset) -> None:
+def check_same_robot(robot: Chain, dataset: Dataset) -> None:
     """Check that a model is of the robot that a dataset names: every use of a model with measured data begins with this.
 
     ``robot``: the model's robot. ``dataset``: the measured data.
@@ -50,7 +50,7 @@ def check_same_robot(robot: Robot, dataset: Dataset) -> None:
     check_alike(robot, robot_of(dataset), "the measured data are", dataset.file, "dataset.toml names")
 
 
-def check_alike(robot: Robot, other: Robot, whose: str, file: Path | None = None, wanted: str = "is meant") -> None:
+def check_alike(robot: Chain, other: Chain, whose: str, file: Path | None = None, wanted: str = "is meant") -> None:
     """Raise `ModelError` where a model's robot and another one have other names, or other driven joints.
 
     ``whose``: what is of the other robot, with its verb, for the message; ``file``: the file of it.
@@ -63,7 +63,7 @@ def check_alike(robot: Robot, other: Robot, whose: str, file: Path | None = None
         raise ModelError(what, file=file, hint=hint)
 
 
-def measuring(robot: Robot, dataset: Dataset) -> Robot:
+def measuring(robot: Chain, dataset: Dataset) -> Chain:
     """The robot with the passive joints measured that the dataset's instruments read.
 
     Raises `DatasetError` for a joint that can't be read; the message says which can.
@@ -78,7 +78,7 @@ def measuring(robot: Robot, dataset: Dataset) -> Robot:
         raise DatasetError(error.what, file=toml, column=f"instrument.{number}.joint", hint=error.hint) from None
 
 
-def _check_drivers(dataset: Dataset, robot: Robot, file: Path | None) -> None:
+def _check_drivers(dataset: Dataset, robot: Chain, file: Path | None) -> None:
     joints = robot.description.tree.moving
     for number, driver in enumerate(dataset.drivers):
         known = (*robot.sites, *robot.rod_sites, *joints, *robot.links, *PLACES)

@@ -18,8 +18,8 @@ from gtpin.errors import ModelError, renamed
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 ROUNDING = 1e-9
@@ -134,7 +134,7 @@ class Model:
         return f"Model of {self.robot.name}: {known} geometry, effects: {effects}"
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         """The robot, with its nominal geometry."""
         return self.geometry.robot
 

@@ -32,10 +32,10 @@ from gtpin.model.model_file import (
     read_model_file,
 )
 from gtpin.output.results import results_folder
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.geometry import Geometry, MeasuredTrack
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
@@ -197,7 +197,7 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
     content = read_model_file(file)
-    robot = Robot(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
+    robot = Chain(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
     instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     try:
         robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
@@ -233,7 +233,7 @@ def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[st
     return tuple(found)
 
 
-def _geometry(robot: Robot, content: ModelFile) -> Geometry:
+def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     # The file gives a tolerance for each parameter; those of the kinds, which a URDF may lack, are not used here.
     tracks = tuple(None if t is None else _track(t) for t in content.tracks)
     if tracks and len(tracks) != len(robot.rod_sites):

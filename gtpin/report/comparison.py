@@ -22,7 +22,7 @@ from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ class ComparisonPresentation(Presentation):
         return alone(made, f"Errors of the Euler angle {angle} on held-out poses")
 
 
-def comparison_page(c: Comparison, dataset: Dataset, robot: Robot) -> str:
+def comparison_page(c: Comparison, dataset: Dataset, robot: Chain) -> str:
     """The whole report of a comparison as one self-contained HTML file."""
     poses = len(c.held[0].position)
     headline, advice = _verdict(c)

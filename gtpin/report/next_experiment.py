@@ -18,7 +18,7 @@ from gtpin.effects.operating_points import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words
 from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 FOLDER = "next_experiment"
 WORTH = 0.5
@@ -89,7 +89,7 @@ def _cell(value: float | str) -> str:
     return value if isinstance(value, str) else whole(f"{value:.4g}")
 
 
-def _apart(e: Experiment, robot: Robot) -> str:
+def _apart(e: Experiment, robot: Chain) -> str:
     first, *others = (known_as(*name.split("@")) if "@" in name else name for name in e.separates)
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
@@ -113,7 +113,7 @@ def _apart(e: Experiment, robot: Robot) -> str:
     return f"{words} {count} such measurements are needed{instead}."
 
 
-def _testable(e: Experiment, lacking: Lacking, robot: Robot) -> str:
+def _testable(e: Experiment, lacking: Lacking, robot: Chain) -> str:
     sites: dict[str, list[str]] = {}
     for effect, site in e.effects:
         name, where = known_as(effect, site).rsplit(" at ", 1)
@@ -137,7 +137,7 @@ def _remedy(lacking: Lacking) -> str:
     return f"{what} {joined(list(lacking.covariates))}: these "
 
 
-def _watch(sites: Sequence[str], robot: Robot) -> str:
+def _watch(sites: Sequence[str], robot: Chain) -> str:
     carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
     links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
     words = []
@@ -154,7 +154,7 @@ def _watch(sites: Sequence[str], robot: Robot) -> str:
     return joined(words)
 
 
-def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
+def _visits(e: Experiment, visits: Visits, robot: Chain) -> str:
     if visits.pattern == "spread":
         return f"Visit {len(e.poses)} poses all over the workspace, at rest, with all other conditions unchanged"
     if visits.pattern == "net":
@@ -168,7 +168,7 @@ def _visits(e: Experiment, visits: Visits, robot: Robot) -> str:
     return f"Visit the same {visits.stations} poses {_repeated(visits, robot)}"
 
 
-def _repeated(visits: Visits, robot: Robot) -> str:
+def _repeated(visits: Visits, robot: Chain) -> str:
     what, times = kind(visits.varied[0]), len(visits.levels)
     if what == "session":
         return f"in {times} sessions"
@@ -186,7 +186,7 @@ def _repeated(visits: Visits, robot: Robot) -> str:
     return f"{times} times with {named} of {joined([f'{level:.3g}' for level in levels])}"
 
 
-def _settings(e: Experiment, robot: Robot) -> str:
+def _settings(e: Experiment, robot: Chain) -> str:
     """Conditions to set in addition to the commands, as the end of a sentence; can be empty."""
     kinds: dict[str, dict[str, Column]] = {}
     for name, values in e.covariates.items():
@@ -194,7 +194,7 @@ def _settings(e: Experiment, robot: Robot) -> str:
     return "".join(f"; {_setting(what, values, robot, e.reference_temperature)}" for what, values in kinds.items())
 
 
-def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, reference: float) -> str:
+def _setting(what: str, covariates: Mapping[str, Column], robot: Chain, reference: float) -> str:
     if what == "session":
         count = len(set(map(str, covariates["session"])))
         return "in a separate session" if count == 1 else f"in {count} separate sessions, as listed"
@@ -222,6 +222,6 @@ def _setting(what: str, covariates: Mapping[str, Column], robot: Robot, referenc
     return f"{what} from {levels[0]:g} to {levels[-1]:g}"
 
 
-def _moved(names: Mapping[str, Column] | Sequence[str], robot: Robot) -> str:
+def _moved(names: Mapping[str, Column] | Sequence[str], robot: Chain) -> str:
     """The actuators that covariates such as ``approach2`` belong to."""
     return joined([robot.sites[int(name.removeprefix(kind(name))) - 1] for name in names])

@@ -14,7 +14,7 @@ from gtpin.effects.sites import joints, tracks
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import WIDE, Estimate
 from gtpin.report.words import SITES, chance, joined, percent, quantity, site_words
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 SURE = 0.95
 """Smallest probability of a certain cause."""
@@ -69,7 +69,7 @@ DOUBTS = {
 """Sentences by reason. For other reasons there is a warning, a question or the headline."""
 
 
-def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
+def clause(effect: Effect, site: str, robot: Chain | None = None) -> str:
     """An effect at a site as a clause, such as ``cart1 has backlash``: from the effect's class, or from its title.
 
     ``robot``: the robot: effects of robots without rods have other words.
@@ -79,17 +79,17 @@ def clause(effect: Effect, site: str, robot: Robot | None = None) -> str:
     return (words or f"{effect.title} at {{site}}").replace("{site}", site_words(site))
 
 
-def remedy(effect: Effect, robot: Robot) -> str:
+def remedy(effect: Effect, robot: Chain) -> str:
     """What an engineer can do about an effect, as a sentence."""
     return _words(effect, robot).remedy
 
 
-def _words(effect: Effect, robot: Robot | None) -> ChainWords:
+def _words(effect: Effect, robot: Chain | None) -> ChainWords:
     own = effect.of_chains if robot is not None and joints(robot) else ChainWords()
     return ChainWords(own.clause or effect.clause, own.plural or effect.plural_clause, own.remedy or effect.remedy)
 
 
-def of_robot(paragraphs: list[str], robot: Robot) -> list[str]:
+def of_robot(paragraphs: list[str], robot: Chain) -> list[str]:
     """The paragraphs of an effect's description that are of a robot.
 
     What begins with robots without rods is for these alone; an equation there takes the place of the one for rods.

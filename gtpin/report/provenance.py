@@ -13,7 +13,7 @@ import pinocchio as pin
 from gtpin.data import Dataset
 from gtpin.output.ownership import MARKER
 from gtpin.report.page import Table
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 PACKAGES = ("numpy", "scipy")
 
@@ -28,7 +28,7 @@ def versions() -> list[list[str]]:
     return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
 
 
-def provenance(dataset: Dataset | None, robot: Robot, seed: int | None = None) -> Table:
+def provenance(dataset: Dataset | None, robot: Chain, seed: int | None = None) -> Table:
     """Versions, seed and sha256 of the dataset's files and of the robot's URDF.
 
     A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes, so that it can

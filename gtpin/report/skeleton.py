@@ -10,9 +10,9 @@ import numpy as np
 
 from gtpin.kinematics.bodies import bodies, index_of
 from gtpin.model.model import Model
-from gtpin.robot.chain import joint_axis
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.moving_links import moving_links
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 Kind = Literal["track", "arm", "bracket", "rod", "link", "fixed"]
@@ -116,7 +116,7 @@ def standing(model: Model) -> Floats:
     return np.asarray(middle) if known and kinematics.forward(middle[None]).reached.all() else robot.home_q
 
 
-def _of_chain(robot: Robot, q: Floats, up: Floats) -> Skeleton | None:
+def _of_chain(robot: Chain, q: Floats, up: Floats) -> Skeleton | None:
     at = bodies(robot, q[None])
     R, T = at.R[0], at.T[0]
     if not np.isfinite(T).all():
@@ -132,7 +132,7 @@ def _of_chain(robot: Robot, q: Floats, up: Floats) -> Skeleton | None:
     return Skeleton((*links, *fixed), tuple(spots), nothing, nothing, T[-1], up)
 
 
-def _bones(robot: Robot, T: Floats) -> Iterator[Floats]:
+def _bones(robot: Chain, T: Floats) -> Iterator[Floats]:
     """(2, 3) lines from each joint's parent to the joint, from the last joint to the TCP, and from joints to loops."""
     parents = [int(robot.model.parents[j]) for j in range(1, robot.model.njoints)]
     ends = [(parent, T[j]) for j, parent in enumerate(parents)]

@@ -6,7 +6,7 @@ import math
 import re
 
 from gtpin.effects.sites import turning_joint
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
 """Prefixes of units, by the power of ten."""
@@ -37,7 +37,7 @@ def site_words(site: str) -> str:
     return SITES.get(site, site)
 
 
-def travel_words(robot: Robot, site: str) -> str:
+def travel_words(robot: Chain, site: str) -> str:
     """The motion of an actuator: ``travel of cart2``, ``angle of elbow_joint``."""
     return f"{'angle' if turning_joint(robot, site) else 'travel'} of {site}"
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from gtpin.robot.chain import Chain, joint_axis
+from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.constraints import constraint_error, constraint_jacobian, is_determined, undetermined
 from gtpin.typing import Floats
 
@@ -48,7 +48,7 @@ class Assembly:
     notes: tuple[str, ...] = ()
 
 
-def assemble(robot: Chain) -> Assembly:
+def assemble(robot: ConstrainedModel) -> Assembly:
     """The assembly of a robot.
 
     The pose in the URDF's ``<home>`` selects it. A floating platform is placed at this pose, and the other passive joints are
@@ -76,7 +76,7 @@ def assemble(robot: Chain) -> Assembly:
     return Assembly(configuration, gap, free, chosen, tuple(notes))
 
 
-def closest(robot: Chain, configuration: Floats, tolerance: float = 1e-15) -> tuple[Floats, float]:
+def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1e-15) -> tuple[Floats, float]:
     """Configuration with the smallest gaps that least squares find from another one at its commands, and the largest gap, m.
 
     ``tolerance``: relative change of the gaps and of the passive coordinates at which the search ends.
@@ -106,7 +106,7 @@ def closest(robot: Chain, configuration: Floats, tolerance: float = 1e-15) -> tu
     return _turned(robot, configuration, every, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
-def _nearest_to_zero(robot: Chain, start: Floats, notes: list[str]) -> Floats:
+def _nearest_to_zero(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats:
     """The closed configuration whose passive coordinates are nearest to those of ``start``, of several that are found.
 
     ``notes`` is told which one it is.
@@ -131,7 +131,7 @@ def _nearest_to_zero(robot: Chain, start: Floats, notes: list[str]) -> Floats:
     return found[0][1]
 
 
-def _within_a_turn(robot: Chain, moved: Floats) -> Floats:
+def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
     """Passive coordinates (p,) with angles between -pi and pi."""
     turning = np.zeros(robot.model.nv, dtype=bool)
     for joint in range(1, robot.model.njoints):
@@ -140,7 +140,7 @@ def _within_a_turn(robot: Chain, moved: Floats) -> Floats:
     return np.where(turning[robot.passive], (moved + np.pi) % (2.0 * np.pi) - np.pi, moved)
 
 
-def _which(robot: Chain, found: list[Floats]) -> str:
+def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
     homes = [_home_element(robot, configuration) for configuration in found[:SHOWN]]
     more = f", and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
     others = f"; others are {', '.join(homes[1:])}{more}" if len(homes) > 1 else ""
@@ -150,13 +150,15 @@ def _which(robot: Chain, found: list[Floats]) -> str:
     )
 
 
-def _home_element(robot: Chain, configuration: Floats) -> str:
+def _home_element(robot: ConstrainedModel, configuration: Floats) -> str:
     numbers = home_attributes(robot, configuration, robot.home_joint, robot.home_placement, digits=6)
     written = " ".join(f'{key}="{value}"' for key, value in numbers.items())
     return f"<home {written}/>"
 
 
-def home_attributes(robot: Chain, configuration: Floats, joint: int, placement: Any, digits: int) -> dict[str, str]:
+def home_attributes(
+    robot: ConstrainedModel, configuration: Floats, joint: int, placement: Any, digits: int
+) -> dict[str, str]:
     """The attributes of a ``<home>`` whose link has this placement on a joint, at a configuration (nq,) at home."""
     pin.forwardKinematics(robot.model, robot.data, configuration)
     pose = robot.data.oMi[joint] * placement
@@ -164,7 +166,7 @@ def home_attributes(robot: Chain, configuration: Floats, joint: int, placement: 
     return {key: " ".join(f"{round(value, digits) + 0.0:g}" for value in x) for key, x in numbers.items()}
 
 
-def _at_declared_home(robot: Chain, start: Floats) -> Floats:
+def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
     """Configuration whose loops are nearly closed with the platform at, or near, the pose of ``<home>``."""
     free = np.arange(robot.model.nv)[robot.passive]
     turned = np.ones(free.size, dtype=bool)
@@ -197,20 +199,20 @@ def _at_declared_home(robot: Chain, start: Floats) -> Floats:
     return _turned(robot, start, turned, best)
 
 
-def _home_of_platform(robot: Chain) -> Any:
+def _home_of_platform(robot: ConstrainedModel) -> Any:
     """Placement in the base frame, at home, of the joint that carries the TCP."""
     home = robot.description.home
     assert home is not None
     return pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
 
 
-def _from(wanted: Any, robot: Chain) -> Floats:
+def _from(wanted: Any, robot: ConstrainedModel) -> Floats:
     """(6,) shift, m, and rotation vector, rad, from the wanted pose of the platform to the one in Pinocchio's data."""
     here = robot.data.oMi[robot.home_joint]
     return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 
 
-def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
+def _with_platform_at_home(robot: ConstrainedModel, configuration: Floats) -> Floats:
     wanted = _home_of_platform(robot)
     pin.forwardKinematics(robot.model, robot.data, configuration)
     joint = robot.home_joint
@@ -221,7 +223,7 @@ def _with_platform_at_home(robot: Chain, configuration: Floats) -> Floats:
     return changed
 
 
-def _turned(robot: Chain, configuration: Floats, which: npt.NDArray[np.bool_], x: Floats) -> Floats:
+def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[np.bool_], x: Floats) -> Floats:
     """Configuration with some of the passive coordinates, a mask (p,), moved by x."""
     passive = np.zeros(robot.n_passive)
     passive[which] = x
@@ -229,10 +231,10 @@ def _turned(robot: Chain, configuration: Floats, which: npt.NDArray[np.bool_], x
     return turned
 
 
-def _gaps(robot: Chain, configuration: Floats) -> Floats:
+def _gaps(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
     return constraint_error(robot)
 
 
-def _largest_gap(robot: Chain, configuration: Floats) -> float:
+def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:
     return float(np.abs(_gaps(robot, configuration)).max(initial=0.0))

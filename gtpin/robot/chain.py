@@ -1,390 +1,172 @@
-"""A robot's chains as a Pinocchio model: a tree of joints, point-anchor constraints that close loops, and actuators."""
+"""The robot: its closed chain, its rods, and the names of its sites."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from types import MappingProxyType
-from typing import Any
+import copy
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, warn
-from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.planar_loops import in_planes, normal_of, postures
-from gtpin.robot.resting import folded, followers, moving_model, neutral, put
+from gtpin.robot.assembly import Assembly, assemble
+from gtpin.robot.commanded import with_actuators
+from gtpin.robot.constrained_model import ConstrainedModel
+from gtpin.robot.description import RobotDescription
+from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
+from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
 
-FARTHEST = 1e5
-"""Distance of a joint from the base, m, from which a robot is refused."""
 
-
-@dataclass(frozen=True)
-class Actuator:
-    """A driven joint of one degree of freedom.
-
-    - ``joint``, ``site``: name of the URDF joint, and of the part that it moves (``cart1``, ``leg3``).
-    - ``joint_id``, ``index_q``, ``index_v``: the joint's index in Pinocchio, and its first index in a configuration and in
-      a velocity.
-    - ``lower``, ``upper``: range of its command, m or rad; infinite where the URDF gives none.
-    - ``revolute``: True for a revolute joint (rad), False for a prismatic one (m).
-    - ``axis``: (3,) direction of the joint's axis with all commands zero, a unit vector in the base frame.
-    - ``origin``: (3,) a point of this axis with all commands zero, base frame, m.
-    - ``scale_unknown``: whether the drive scale (travel per commanded unit) is always a parameter of the geometry:
-      ``scale="unknown"`` in the URDF.
-    """
-
-    joint: str
-    site: str
-    joint_id: int
-    index_q: int
-    index_v: int
-    lower: float
-    upper: float
-    revolute: bool
-    axis: Floats
-    origin: Floats
-    scale_unknown: bool = False
-
-
-class Chain:
-    """A robot's kinematic chains as a Pinocchio model with constraints, built from the URDF alone.
-
-    Every ``<loop_joint>`` is a ``PointAnchorConstraintModel``. The base frame is the frame of the URDF's root link. Commands
-    ``q`` are in the order of the ``<actuator>`` elements; Pinocchio's order may differ. A robot without loops and without a
-    ``<gtpin>`` element works too: every moving joint is then an actuator, in document order. Joints with ``<mimic>`` follow
-    their masters. Moving joints that no command and no loop moves stay at Pinocchio's neutral configuration.
-
-    Parameters
-    ----------
-    description
-        What the URDF says.
-    tcp
-        The link whose pose is the robot's pose; by default the one that ``<platform>`` names, or ``tool0``, or the end of
-        the longest chain: see :class:`~gtpin.robot.tree.Tree`.
+class Chain(ConstrainedModel):
+    """A chain with its rods, its assembly at home and its measured joints, built from the URDF alone.
 
     Attributes
     ----------
-    model : pinocchio.Model
-    constraints : tuple of pinocchio.PointAnchorConstraintModel
-        In the order of the loops.
-    anchors : tuple of (int, pinocchio.SE3)
-        For each of the 2 L anchors of L loops, the joint that carries it and its placement on this joint.
-    actuators : tuple of Actuator
-    driven : list of int
-        Velocity indices of the actuators.
-    passive : slice or int array
-        Velocity indices of the coordinates that the loops alone determine, ``n_passive`` of them.
-    followers : tuple of Follower
-        Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
-    tcp_joint, tcp_placement
-        The joint that carries the TCP frame, and the frame's placement on it.
-    load_placement
-        Placement, on ``tcp_joint``, of the TCP of the URDF. Payloads and tool forces act there, also where the measured target
-        is elsewhere.
-    planes : tuple of (3,) arrays, or None
-        For each loop that is planar, the normal of its plane in the frame of its first anchor; for other loops None.
-    home_joint, home_placement
-        As ``tcp_joint`` and ``tcp_placement``, for the TCP whose pose the URDF's ``<home>`` gives.
-
-    Raises
-    ------
-    RobotError
-        If the URDF does not make a robot.
-
-    Warns
-    -----
-    GtpinWarning
-        If nothing names the TCP, and there are several ends of chains that it can be.
+    rods : tuple of Rod
+        In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
+    measured_joints : tuple of MeasuredJoint
+        Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
     """
 
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
-        self.description = description
-        self.name = description.name
-        self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))
-        elements = self._actuator_elements()
-        self.model: Any = moving_model(description, [element.joint for element in elements])
-        self.model.gravity.linear = np.array(description.gravity)
-        self.data: Any = self.model.createData()
-        """Scratch memory of the kinematics, for one thread at a time."""
-        self.neutral: Floats = neutral(self.model, description)
-        self.followers = followers(self.model, description.tree.mimics)
-        pin.computeJointJacobians(self.model, self.data, self.neutral)
-        self.actuators = tuple(self._actuator(element) for element in elements)
-        driven = [actuator.index_v for actuator in self.actuators]
-        if len(set(driven)) != len(driven):
-            raise description.error("two actuators drive one joint", "name each joint once")
-        if len(set(self.sites)) != len(driven):
-            raise description.error("two actuators have one site", "name each site once")
-        self.driven = driven
-        self._index_q = np.array([actuator.index_q for actuator in self.actuators])
-        self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self._led = [
-            (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
+        super().__init__(description, tcp)
+        self.rods: tuple[Rod, ...] = rods(self)
+        self.measured_joints: tuple[MeasuredJoint, ...] = ()
+        self._nominal: Chain | None = None
+        self._assembly: Assembly | None = None
+
+    @classmethod
+    def from_urdf(cls, path: str | Path, tcp: str | None = None) -> Self:
+        """Build the robot of a URDF file.
+
+        ``tcp``: name of the link that is the TCP; None: as for :class:`~gtpin.robot.constrained_model.ConstrainedModel`.
+        """
+        return cls(with_actuators(RobotDescription.read(Path(path)), ()), tcp)
+
+    @property
+    def nominal(self) -> Chain:
+        """The robot as its URDF describes it: itself, or the one whose joints :meth:`with_placements` displaced."""
+        return self._nominal or self
+
+    @property
+    def rank(self) -> int:
+        """Number of passive motions that the loops determine: ``n_passive`` for most robots."""
+        return self.n_passive - int(self.assembly.free.shape[1])
+
+    @property
+    def assembly(self) -> Assembly:
+        """The assembly at home of the nominal robot; displaced copies share it: see :func:`~gtpin.robot.assembly.assemble`."""
+        nominal = self.nominal
+        if nominal._assembly is None:
+            nominal._assembly = assemble(nominal)
+        return nominal._assembly
+
+    @property
+    def home_coordinates(self) -> dict[str, float]:
+        """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
+        model, configuration = self.model, self.assembly.configuration
+        found = {}
+        for joint in range(1, model.njoints):
+            if model.nvs[joint] == 1:
+                at = int(model.idx_qs[joint])
+                both = configuration[at : at + int(model.nqs[joint])]
+                found[str(model.names[joint])] = float(both[0] if len(both) == 1 else np.arctan2(both[1], both[0]))
+        return found
+
+    @property
+    def rod_sites(self) -> tuple[str, ...]:
+        """Names of the rods' sites (``link2a``), in the order of ``rods``."""
+        return tuple(rod.site for rod in self.rods)
+
+    @property
+    def rod_tips(self) -> dict[str, tuple[str, int, Floats]]:
+        """By site of a rod: its link, the Pinocchio joint that moves it, and (3,) its free end in that joint's frame, m."""
+        ends = ((rod, *self.anchors[rod.tip]) for rod in self.rods)
+        return {rod.site: (rod.link, joint, np.array(tip.translation)) for rod, joint, tip in ends}
+
+    def rods_at(self, site: str) -> list[int]:
+        """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""
+        actuator = self.sites.index(site) if site in self.sites else -1
+        return [
+            i
+            for i, rod in enumerate(self.rods)
+            if site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension)
         ]
-        passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
-        self.passive, self.n_passive = _as_slice(passive), len(passive)
-        self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
-        if tcp is None and description.tcp_guessed:
-            others = [link for link in description.tree.ends if link != self.tcp_frame]
-            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
-            warn(
-                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
-            )
-        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
-        self.load_placement = self.tcp_placement
-        home = description.home.link if description.home else None
-        named = home or description.tcp or description.platform or self.tcp_frame
-        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
-        self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
-        self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
-        """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
-        self._check_size()
-        self._check_home()
-        self.planes = self._planes()
-        self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
-
-    def place_anchors(self, anchors: Sequence[tuple[int, Any]]) -> None:
-        """Set where the loops' anchors are: the joint that carries each, and its placement (``pinocchio.SE3``) on this joint.
-
-        Their order: the first and the second anchor of the first loop, then those of the next loop.
-        """
-        self.anchors = tuple(anchors)
-        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
-        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self.prepare_constraints()
-
-    def anchor_point(self, index: int) -> Floats:
-        """(3,) position of an anchor, base frame, m, at the posture that ``data`` hold."""
-        joint, placement = self.anchors[index]
-        return np.asarray((self.data.oMi[joint] * placement).translation)
 
     @property
-    def _anchor_elements(self) -> list[Anchor]:
-        return [anchor for loop in self.description.loops for anchor in (loop.anchor1, loop.anchor2)]
+    def motion_size(self) -> int:
+        """Number of components of a motion: six of the TCP, then one of each measured joint."""
+        return 6 + len(self.measured_joints)
 
-    @cached_property
-    def anchor_axes(self) -> Floats:
-        """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
-        frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
-        return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
+    def measuring(self, joints: Iterable[str]) -> Self:
+        """A copy of the robot with some measured joints: passive joints whose coordinates are computed with each pose.
 
-    def prepare_constraints(self) -> None:
-        """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
-        self.constraint_pairs = tuple((constraint, constraint.createData()) for constraint in self.constraints)
-        models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-        for constraint in self.constraints:
-            models.append(pin.ConstraintModel(constraint))
-            data.append(models[-1].createData())
-        self.constraint_vectors = (models, data)
-        self.constraint_elements = tuple(zip(models, data, strict=True))
-
-    @property
-    def n_actuators(self) -> int:
-        """Number of commands."""
-        return len(self.actuators)
-
-    @cached_property
-    def sites(self) -> tuple[str, ...]:
-        """Names of the actuators' sites, in the order of q."""
-        return tuple(actuator.site for actuator in self.actuators)
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """Names of its links."""
-        return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
-
-    @property
-    def lower(self) -> Floats:
-        """(n,) lower ends of the commands' ranges, m or rad."""
-        return np.array([actuator.lower for actuator in self.actuators])
-
-    @property
-    def upper(self) -> Floats:
-        """(n,) upper ends of the commands' ranges, m or rad."""
-        return np.array([actuator.upper for actuator in self.actuators])
-
-    @property
-    def revolute(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether each actuator turns instead of sliding."""
-        return np.array([actuator.revolute for actuator in self.actuators])
-
-    @property
-    def moving_joints(self) -> tuple[int, ...]:
-        """Pinocchio's joints that can move the TCP: those that carry it, and those of the loops."""
-        ends = [self.tcp_joint, *(j for c in self.constraints for j in (c.joint1_id, c.joint2_id))]
-        return tuple(sorted({int(j) for end in ends for j in self.model.supports[end]} - {0}))
-
-    @property
-    def home_q(self) -> Floats:
-        """(n,) commands of the home posture; zero where the URDF names none."""
-        home = self.description.home
-        return np.array(home.q) if home else np.zeros(self.n_actuators)
-
-    def with_commands(self, configuration: Floats, q: Floats) -> Floats:
-        """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
-        changed = configuration.copy()
-        changed[self._index_q] = q
-        for i in self._continuous:
-            put(changed, self._index_q[i], q[i], True)
-        for i, follower in self._led:
-            follower.put(changed, q[i])
-        return changed
-
-    def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
-        """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
-        velocity = np.zeros(self.model.nv)
-        if commands is not None:
-            velocity[self.driven] = commands
-        velocity[self.passive] = passive
-        for follower in self.followers:
-            velocity[follower.index_v] = follower.multiplier * velocity[follower.master_v]
-        return velocity
-
-    def folded(self, derivative: Floats) -> Floats:
-        """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
-        return folded(derivative, self.followers)
-
-    def closing(self, gaps: Floats) -> Floats:
-        """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
-
-        Or their derivatives, from those of the vectors. All three components of a vector are equations; for a planar loop,
-        those in its plane: see :mod:`~gtpin.robot.planar_loops`.
-        """
-        return gaps if self._in_planes is None else self._in_planes @ gaps
-
-    def spread(self, multipliers: Floats) -> Floats:
-        """Forces (3 k, ...) at the anchors of k loops, from the Lagrange multipliers (m, ...) of the closure equations.
-
-        The transpose of :meth:`closing`: a planar loop transmits no force across its plane, where its joints have play.
-        """
-        return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
-
-    def check_commands(self, q: Floats) -> None:
-        """Check the shape of commands.
+        Parameters
+        ----------
+        joints
+            Names of these joints in the URDF; a name given twice counts once. They replace the present measured joints.
 
         Raises
         ------
-        ModelError
-            If it is not (N, n).
+        RobotError
+            For a joint that is driven, fixed, follows another, has several coordinates, or does not exist.
         """
-        if q.ndim != 2 or q.shape[1] != self.n_actuators:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.name}", hint=f"give an array of shape (N, {self.n_actuators})"
-            )
+        names = tuple(dict.fromkeys(joints))
+        if names == tuple(joint.name for joint in self.measured_joints):
+            return self
+        other = copy.copy(self)
+        other._nominal = self.nominal
+        other.measured_joints = tuple(measured_joint(self, name) for name in names)
+        return other
 
-    # ------------------------------------------------------------------------------------------------ building
+    def with_placements(self, twists: Floats, platform: Floats | None = None, anchors: Floats | None = None) -> Self:
+        """A copy of the robot with displaced joints, TCP and loops' anchors.
 
-    def _actuator_elements(self) -> tuple[ActuatorElement, ...]:
-        if self.description.actuators:
-            return self.description.actuators
-        if self.description.loops:
-            raise self.description.error(
-                "loops but no actuators", "name them in a <gtpin> element, or as actuators in dataset.toml"
-            )
-        names = self.description.tree.moving
-        if not names:
-            raise self.description.error("nothing moves", "give the robot a moving joint")
-        return tuple(ActuatorElement(name, name) for name in names)
+        Each joint's placement is multiplied from the right by the exponential of its twist: ``twists`` is (njoints, 6),
+        position (m) then rotation (rad), by Pinocchio joint. ``platform`` (6,) is the twist of the TCP on the body that
+        carries it. ``anchors`` (2 L, 3) are displacements, m, of the anchors of L loops, in the frames of their links. None:
+        zero.
+        """
+        other = copy.copy(self)
+        other._nominal = self.nominal
+        other.model = self.model.copy()
+        if platform is not None:
+            other.tcp_placement = self.tcp_placement * pin.exp6(platform)
+        for joint_id in range(1, self.model.njoints):
+            other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
+        if anchors is not None:
+            placed = zip(self.anchors, self.anchor_axes, anchors, strict=True)
+            other.place_anchors([(joint, pin.SE3(M.rotation, M.translation + R @ d)) for (joint, M), R, d in placed])
+        other.data = other.model.createData()
+        other.prepare_constraints()
+        return other
 
-    def _actuator(self, element: ActuatorElement) -> Actuator:
-        model = self.model
-        if not model.existJointName(element.joint):
-            raise self.description.error(f"no moving joint is called {element.joint}", self._known())
-        joint_id = int(model.getJointId(element.joint))
-        if model.nvs[joint_id] != 1:
-            raise self.description.error(
-                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", "drive one"
-            )
-        index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
-        column = joint_jacobian(model, self.data, joint_id)[:, index_v]
-        if not column.any():
-            raise self.description.error(f"actuator {element.joint} has an axis of no length", "mend its <axis>")
-        revolute = bool(np.linalg.norm(column[3:]) > 0.5)
-        continuous = model.nqs[joint_id] == 2
-        lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
-        upper = np.inf if continuous else float(model.upperPositionLimit[index_q])
-        if not lower < upper:
-            lower, upper = -np.inf, np.inf
-        return Actuator(
-            element.joint,
-            element.site,
-            joint_id,
-            index_q,
-            index_v,
-            lower,
-            upper,
-            revolute,
-            column[3:].copy() if revolute else column[:3].copy(),
-            self.data.oMi[joint_id].translation.copy(),
-            element.scale_unknown,
+    def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[list[Any], tuple[str, ...]]]:
+        return (
+            type(self),
+            (self.description, self.tcp_frame),
+            (self._placed(), tuple(j.name for j in self.measured_joints)),
         )
 
-    def _known(self) -> str:
-        names = self.description.tree.moving
-        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
+    def __setstate__(self, state: tuple[list[Any], tuple[str, ...]]) -> None:
+        # Displaced placements and measured joints are not in the URDF.
+        placed, joints = state
+        if placed != self._placed():
+            self._nominal = type(self)(self.description, self.tcp_frame)
+        count = self.model.njoints
+        for joint_id, placement in enumerate(placed[:count]):
+            self.model.jointPlacements[joint_id] = placement
+        self.tcp_placement = placed[count]
+        carriers = (joint for joint, _ in self.anchors)
+        self.place_anchors(list(zip(carriers, placed[count + 1 :], strict=True)))
+        self.measured_joints = tuple(measured_joint(self, name) for name in joints)
 
-    def _placement(self, anchor: Anchor) -> tuple[int, Any]:
-        if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
-            raise self.description.error(f"no link is called {anchor.link}", "mend the loop, platform or TCP")
-        frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
-        local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
-        return int(frame.parentJoint), frame.placement * local
+    def _placed(self) -> list[Any]:
+        """Placements (``pinocchio.SE3``) of every joint, of the TCP on its body, then of the loops' anchors."""
+        moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
+        return [pin.SE3(placement) for placement in moved]
 
-    def _planes(self) -> tuple[Floats | None, ...]:
-        named = self.description.planes
-        if named:
-            return tuple(named.get(loop.name) for loop in self.description.loops)
-        if self.description.rods or not self.constraints:
-            return (None,) * len(self.constraints)
-        found = []
-        for configuration in postures(self.model, self.neutral):
-            pin.computeJointJacobians(self.model, self.data, configuration)
-            for constraint, data in self.constraint_elements:
-                constraint.calc(self.model, self.data, data)
-            jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
-            found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
-        pin.computeJointJacobians(self.model, self.data, self.neutral)
-        motions = np.hstack(found) if found else np.zeros((0, 0))
-        return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
-
-    def _check_size(self) -> None:
-        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
-        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
-            where = np.abs(placement.translation).max()
-            if not where < FARTHEST:
-                raise self.description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
-
-    def _check_home(self) -> None:
-        home = self.description.home
-        if home and len(home.q) != self.n_actuators:
-            raise self.description.error(
-                f"home has {len(home.q)} commands for {self.n_actuators} actuators", "mend <home q>"
-            )
-
-
-def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
-    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
-
-    The joint Jacobians in ``data`` must have been computed.
-    """
-    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
-    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
-
-
-def joint_axis(model: Any, joint_id: int) -> Floats:
-    """(6,) twist of a joint of one degree of freedom by a unit of its velocity, in its placement frame."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    column = pin.getJointJacobian(model, data, joint_id, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[joint_id]]
-    return np.asarray(column, dtype=float)
-
-
-def _as_slice(indices: npt.NDArray[np.int_]) -> slice | npt.NDArray[np.int_]:
-    """Contiguous indices as a slice, with which NumPy selects columns of a matrix without a copy; others as they are."""
-    if len(indices) and indices[-1] - indices[0] + 1 == len(indices):
-        return slice(int(indices[0]), int(indices[-1]) + 1)
-    return indices
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import ConstrainedModel
 from gtpin.typing import Floats
 
 Closing = Callable[[Floats], tuple[Floats, float]]
@@ -28,12 +28,12 @@ NAMED = 8
 """Largest number of joints that are named."""
 
 
-def constraint_error(robot: Chain) -> Floats:
+def constraint_error(robot: ConstrainedModel) -> Floats:
     """(m,) components of the vectors between the anchors of each loop, m, in the first anchor's frame.
 
     They are at the configuration for which ``robot.data`` was computed last.
 
-    For planar loops only the components in their plane: see :meth:`~gtpin.robot.chain.Chain.closing`.
+    For planar loops only the components in their plane: see :meth:`~gtpin.robot.constrained_model.ConstrainedModel.closing`.
     """
     if not robot.constraints:
         return np.zeros(0)
@@ -44,7 +44,7 @@ def constraint_error(robot: Chain) -> Floats:
     return robot.closing(np.concatenate(gaps))
 
 
-def constraint_jacobian(robot: Chain) -> Floats:
+def constraint_jacobian(robot: ConstrainedModel) -> Floats:
     """(m, nv) derivative of :func:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
@@ -54,12 +54,12 @@ def constraint_jacobian(robot: Chain) -> Floats:
     return robot.closing(robot.folded(jacobian.reshape(-1, robot.model.nv)))
 
 
-def is_determined(robot: Chain, configuration: Floats) -> bool:
+def is_determined(robot: ConstrainedModel, configuration: Floats) -> bool:
     """Whether the loops clearly determine all passive motions at a configuration (nq,) whose loops are nearly closed."""
     return not _null_space(_slopes(robot, configuration), CLEAR).shape[1]
 
 
-def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -> Floats:
+def undetermined(robot: ConstrainedModel, home: Floats, close: Closing, notes: list[str]) -> Floats:
     """(n_passive, k) orthonormal basis of the passive motions, m and rad, that leave all loops closed with the commands fixed.
 
     Where they do not move the TCP, ``notes`` is told their joints.
@@ -95,7 +95,7 @@ def undetermined(robot: Chain, home: Floats, close: Closing, notes: list[str]) -
     return free
 
 
-def _slopes(robot: Chain, configuration: Floats) -> Floats:
+def _slopes(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
     return constraint_jacobian(robot)[:, robot.passive]
 
@@ -110,7 +110,7 @@ def _counted(count: int) -> str:
     return "1 passive motion" if count == 1 else f"{count} passive motions"
 
 
-def _named(robot: Chain, free: Floats) -> str:
+def _named(robot: ConstrainedModel, free: Floats) -> str:
     """Names and weights of the joints that take part in some motions: a joint that alone makes one up has a weight of 1."""
     weights = np.linalg.norm(free, axis=1)
     by_velocity = {int(v): joint for joint, v in enumerate(robot.model.idx_vs) if joint}

@@ -9,10 +9,10 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.assembly import home_attributes
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.mjcf_values import exact_text
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -85,7 +85,7 @@ def placements_to_urdf(geometry: Geometry) -> str:
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
-def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
+def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
     for joint in root.findall("joint"):
         if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
             _set_origin(joint, _parent_placement(robot, joint).inverse() * robot.tcp_placement * moved)
@@ -104,7 +104,7 @@ def _move_tcp(robot: Robot, root: Element, moved: pin.SE3) -> None:
     platform.attrib.pop("tcp", None)
 
 
-def _name_what_was_found(robot: Robot, root: Element) -> None:
+def _name_what_was_found(robot: Chain, root: Element) -> None:
     """Write into the URDF what a reader could not find again, because the geometry has deviations: TCP, planes, assembly."""
     description = robot.description
     planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
@@ -134,25 +134,25 @@ def _name_what_was_found(robot: Robot, root: Element) -> None:
             own.append(Element("plane", loop=name, normal=exact_text(normal)))
 
 
-def _own_direction(robot: Robot, link: str, xyz: tuple[float, ...], root: int) -> Floats:
+def _own_direction(robot: Chain, link: str, xyz: tuple[float, ...], root: int) -> Floats:
     """Unit vector along a rod, from its joint on the platform to its own end, in its link's frame."""
     placement = _link_placement(robot, link)
     along = placement.act(np.array(xyz)) - robot.data.oMi[root].translation
     return np.asarray(placement.rotation.T @ (along / np.linalg.norm(along)))
 
 
-def _link_placement(robot: Robot, link: str) -> pin.SE3:
+def _link_placement(robot: Chain, link: str) -> pin.SE3:
     frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
     return robot.data.oMi[frame.parentJoint] * frame.placement
 
 
-def _parent_placement(robot: Robot, joint: Element) -> pin.SE3:
+def _parent_placement(robot: Chain, joint: Element) -> pin.SE3:
     """Placement of a joint's parent link on the Pinocchio joint that carries it."""
     link = _child(joint, "parent").get("link", "")
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
-def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
+def _hang(robot: Chain, joint: Element, joint_id: int, P: Floats) -> None:
     """Move a rod's joint on the platform to P (TCP frame, m); its axes keep their directions."""
     parent = _parent_placement(robot, joint)
     placement = robot.model.jointPlacements[joint_id]
@@ -160,7 +160,7 @@ def _hang(robot: Robot, joint: Element, joint_id: int, P: Floats) -> None:
     _set_origin(joint, parent.inverse() * moved)
 
 
-def _rehome(robot: Robot, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
+def _rehome(robot: Chain, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
     """Write the new home pose. A floating platform whose zero was at the home pose is moved to the new one."""
     own = root.find("gtpin")
     element = None if own is None else own.find("home")

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError
+from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import Kind, Parameter, Per, all_tolerances, placement_parameters, rod_parameters
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -98,7 +98,7 @@ class Geometry:
     0.0001 m
     """
 
-    robot: Robot
+    robot: Chain
     parameters: tuple[Parameter, ...]
     values: Floats
     tracks: tuple[MeasuredTrack | None, ...] = ()
@@ -118,7 +118,7 @@ class Geometry:
 
     @staticmethod
     def nominal(
-        robot: Robot,
+        robot: Chain,
         *,
         directions: Per = "actuator",
         scale: Per | None = None,

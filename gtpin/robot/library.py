@@ -13,9 +13,9 @@ from typing import TypeVar
 
 from gtpin.errors import RobotError, warn
 from gtpin.references import is_path
+from gtpin.robot.chain import Chain
 from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.robot import Robot
 
 PACKAGE = "example-robot-data"
 
@@ -132,7 +132,7 @@ def example_path(name: str) -> Path:
     return path
 
 
-AnyRobot = TypeVar("AnyRobot", bound=Robot)
+AnyRobot = TypeVar("AnyRobot", bound=Chain)
 SHOWN = 12
 """Largest number of joints that a warning names."""
 
@@ -171,9 +171,9 @@ def urdf_path(name: str) -> Path:
     )
 
 
-def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Robot:
+def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Chain:
     """A robot without its kinematics: see :func:`gtpin.load_robot`."""
-    return loaded(Robot, robot, tcp, actuators)
+    return loaded(Chain, robot, tcp, actuators)
 
 
 def loaded(kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: Sequence[str]) -> AnyRobot:
@@ -184,7 +184,7 @@ def loaded(kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: 
     return found
 
 
-def _without_effect(robot: Robot) -> Iterator[str]:
+def _without_effect(robot: Chain) -> Iterator[str]:
     """A note where actuators of a URDF without loops do not move the TCP."""
     model, leading = robot.model, {f.index_v: f.master_v for f in robot.followers}
     on_the_way = [int(model.idx_vs[joint]) for joint in model.supports[robot.tcp_joint] if joint]

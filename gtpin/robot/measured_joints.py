@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.chain import Chain, joint_axis
+from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.typing import Floats
 
 SHOWN = 12
@@ -39,7 +39,7 @@ class MeasuredJoint:
         return float(np.arctan2(configuration[self.index_q + 1], here)) if self.continuous else float(here)
 
 
-def readable(robot: Chain) -> tuple[str, ...]:
+def readable(robot: ConstrainedModel) -> tuple[str, ...]:
     """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
     passive = set(_passive(robot))
     model = robot.model
@@ -48,7 +48,7 @@ def readable(robot: Chain) -> tuple[str, ...]:
     )
 
 
-def measured_joint(robot: Chain, name: str) -> MeasuredJoint:
+def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     """The passive joint of a name.
 
     Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
@@ -67,7 +67,7 @@ def measured_joint(robot: Chain, name: str) -> MeasuredJoint:
     raise RobotError(_why_not(robot, name), column="joint", hint=hint)
 
 
-def _why_not(robot: Chain, name: str) -> str:
+def _why_not(robot: ConstrainedModel, name: str) -> str:
     model = robot.model
     for number, actuator in enumerate(robot.actuators):
         if name == actuator.joint:
@@ -82,6 +82,6 @@ def _why_not(robot: Chain, name: str) -> str:
     return f"{robot.name} has no joint {name!r}"
 
 
-def _passive(robot: Chain) -> list[int]:
+def _passive(robot: ConstrainedModel) -> list[int]:
     """Velocity indices of the passive coordinates."""
     return [int(v) for v in np.arange(robot.model.nv)[robot.passive]]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import ConstrainedModel
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class MovingLink:
     tip: int
 
 
-def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
+def moving_links(robot: ConstrainedModel) -> tuple[MovingLink, ...]:
     """The links of the actuated joints, in the joints' order; those without a joint or TCP beyond them are left out."""
     names: dict[int, str] = {}
     for frame in robot.model.frames:
@@ -36,7 +36,7 @@ def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
     return tuple(found)
 
 
-def _tip(robot: Chain, joint_id: int) -> int | None:
+def _tip(robot: ConstrainedModel, joint_id: int) -> int | None:
     """Index of the frame at a link's tip: the next joint towards the TCP, else its first child joint; None: it has none."""
     model = robot.model
     if joint_id == robot.tcp_joint:

@@ -9,7 +9,7 @@ from typing import Literal, cast
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
@@ -72,7 +72,7 @@ def rotation_axes(direction: Floats) -> Floats:
     return np.array([a, [y * w - z * v, z * u - x * w, x * v - y * u], direction])
 
 
-def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, float]:
+def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, float]:
     """1-sigma tolerances of every kind, m, rad or m/m: the dataset's (``override``), else the robot's, else `TOLERANCE`.
 
     Raises `ModelError` if a kind is not known.
@@ -91,14 +91,14 @@ def all_tolerances(robot: Robot, override: Mapping[str, float]) -> dict[str, flo
     return found
 
 
-def _carrier_kind(robot: Robot, rod: Rod) -> str:
+def _carrier_kind(robot: Chain, rod: Rod) -> str:
     if rod.carrier is None:
         return "base_joint"
     return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
 
 
 def rod_parameters(
-    robot: Robot,
+    robot: Chain,
     tolerances: Mapping[str, float],
     directions: Per,
     scale: Per | None,
@@ -122,7 +122,7 @@ def rod_parameters(
     return found + _scales(robot, tolerances, scale, driven)
 
 
-def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
+def _lengths_and_joints(robot: Chain, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
     if clusters:
         firsts = {rod.carrier: rod for rod in reversed(robot.rods) if rod.carrier is not None}
         owners = [(a, robot.sites[a], firsts[a]) for a in sorted(firsts)]
@@ -146,7 +146,7 @@ def _lengths_and_joints(robot: Robot, tolerances: Mapping[str, float], clusters:
 
 
 def _directions(
-    robot: Robot, tolerances: Mapping[str, float], per: Per, carriers: list[tuple[int, int]], components: str
+    robot: Chain, tolerances: Mapping[str, float], per: Per, carriers: list[tuple[int, int]], components: str
 ) -> list[Parameter]:
     found = []
     for owner, label, actuator in _owners(robot, per, carriers):
@@ -158,7 +158,7 @@ def _directions(
 
 
 def _scales(
-    robot: Robot, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
+    robot: Chain, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
 ) -> list[Parameter]:
     if per is None:  # not asked for: only scales that the URDF declares unknown
         per, driven = "actuator", [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
@@ -168,14 +168,14 @@ def _scales(
     ]
 
 
-def _owners(robot: Robot, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
+def _owners(robot: Chain, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
     """Index and label of each owner of a parameter of the drives, an actuator or a rod, and the index of its actuator."""
     if per == "rod":
         return [(i, robot.rods[i].name, actuator) for i, actuator in sorted(driven)]
     return [(a, robot.sites[a], a) for a in sorted({actuator for _, actuator in driven})]
 
 
-def placement_parameters(robot: Robot, tolerances: Mapping[str, float]) -> list[Parameter]:
+def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[Parameter]:
     """Parameters of a robot without rods: placements of the joints that move its TCP, of the TCP, and of its loops' anchors.
 
     Each joint and the TCP have six, each anchor has the three of its position on its link. They are redundant: a deviation that

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.chain import Chain, joint_jacobian
+from gtpin.robot.constrained_model import ConstrainedModel, joint_jacobian
 from gtpin.robot.description import Loop, RodElement
 from gtpin.typing import Floats
 
@@ -62,7 +62,7 @@ class Rod:
         return 2 * self.loop + 1 - self.rod_end
 
 
-def rods(robot: Chain) -> tuple[Rod, ...]:
+def rods(robot: ConstrainedModel) -> tuple[Rod, ...]:
     """The rods that the URDF names, in document order; none where it names none.
 
     Raises `RobotError` if a rod does not hang on the platform by a universal joint and end at a loop on the base or on the
@@ -85,7 +85,7 @@ def rods(robot: Chain) -> tuple[Rod, ...]:
     return tuple(found)
 
 
-def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
+def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -> Rod:
     model, placements = robot.model, robot.data.oMi
     names = (loop.anchor1.link, loop.anchor2.link)
     if element.link not in names:
@@ -134,7 +134,7 @@ def _rod(robot: Chain, element: RodElement, index: int, loop: Loop) -> Rod:
     )
 
 
-def _error(robot: Chain, element: RodElement, what: str) -> RobotError:
+def _error(robot: ConstrainedModel, element: RodElement, what: str) -> RobotError:
     return robot.description.error(
         f"rod {element.link}: {what}",
         "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",

@@ -12,7 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.report.instrument_places import InstrumentPlaces, patch
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 from gtpin.view.shapes import with_its_meshes
 
@@ -102,7 +102,7 @@ class ChainDisplay:
     is left, lines are drawn.
     """
 
-    def __init__(self, server: Any, robot: Robot) -> None:
+    def __init__(self, server: Any, robot: Chain) -> None:
         self.robot, self.data = robot, robot.model.createData()
         self._server = server
         self._meshes = self._load()

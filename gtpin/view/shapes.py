@@ -15,9 +15,9 @@ import pinocchio as pin
 from gtpin.errors import warn
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.library import package_folder
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 RADIUS = 0.012
@@ -54,7 +54,7 @@ class NamedPart:
         return np.asarray(data.oMi[self.joint].act(self.at))
 
 
-def parts(robot: Robot) -> tuple[NamedPart, ...]:
+def parts(robot: Chain) -> tuple[NamedPart, ...]:
     """The parts of a robot. Their names are drawn at the TCP (the platform), at the actuators' joints, and at the rods'
     middles."""
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
@@ -64,23 +64,23 @@ def parts(robot: Robot) -> tuple[NamedPart, ...]:
     return tuple(NamedPart(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
 
-def platform_name(robot: Robot) -> str:
+def platform_name(robot: Chain) -> str:
     """The name of the link that carries the TCP."""
     bodies = (f for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == robot.tcp_joint)
     return str(next((frame.name for frame in bodies), robot.tcp_frame))
 
 
-def joint_places(robot: Robot, data: Any, names: Iterable[str]) -> dict[str, Floats]:
+def joint_places(robot: Chain, data: Any, names: Iterable[str]) -> dict[str, Floats]:
     """(3,) where joints are in the base frame, m, by their names, from the placements in a ``pinocchio.Data``."""
     return {name: np.array(data.oMi[robot.model.getJointId(name)].translation) for name in names}
 
 
-def robot_as_modelled(model: Model) -> Robot:
+def robot_as_modelled(model: Model) -> Chain:
     """A robot with the model's geometry, as far as a URDF can carry it."""
-    return Robot(RobotDescription.parse(calibrated_urdf(model), model.robot.description.source))
+    return Chain(RobotDescription.parse(calibrated_urdf(model), model.robot.description.source))
 
 
-def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
+def shapes(robot: Chain, share: Mapping[str, float]) -> Any:
     """A ``pinocchio.GeometryModel`` of the shapes to draw.
 
     ``robot``: the robot; its shapes are those of its URDF, and a rod without any becomes a cylinder. ``share``: each rod's
@@ -101,7 +101,7 @@ def shapes(robot: Robot, share: Mapping[str, float]) -> Any:
     return found
 
 
-def _cylinder(robot: Robot, site: str, share: Mapping[str, float]) -> Any:
+def _cylinder(robot: Chain, site: str, share: Mapping[str, float]) -> Any:
     import coal
 
     _, joint, tip = robot.rod_tips[site]

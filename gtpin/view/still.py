@@ -20,7 +20,7 @@ from gtpin.report.figure import ACCENT, FIT, GOOD, WARN, ZERO
 from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.residuals import evenly
 from gtpin.report.skeleton import ELEVATION, Camera, Kind, Skeleton, skeleton, standing
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 from gtpin.view.gap import DrawnGap
 from gtpin.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
@@ -107,7 +107,7 @@ def _joints(model: Model, q: Floats, places: InstrumentPlaces) -> dict[str, Floa
     return joint_places(robot, data, places.encoders.values())
 
 
-def _machine(axes: Any, machine: Skeleton, robot: Robot, share: Mapping[str, float]) -> None:
+def _machine(axes: Any, machine: Skeleton, robot: Chain, share: Mapping[str, float]) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     for line in machine.lines:

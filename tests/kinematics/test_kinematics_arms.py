@@ -17,7 +17,7 @@ from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.statics import joint_loads
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.robot.chain import joint_axis
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.library import urdf_path
 
 Floats = np.ndarray

@@ -20,8 +20,8 @@ from gtpin import Frame, Geometry, Model, load_robot
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
 from gtpin.kinematics.rotations import exp
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.robot import Robot
 from gtpin.view.gap import gap_of, whose
 from gtpin.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
 from gtpin.view.still import still, write_still
@@ -198,7 +198,7 @@ def test_rods_are_coloured_by_their_share_and_keep_their_colour_without():
 
 def test_rods_without_shapes_become_cylinders_from_end_to_end():
     xml = re.sub(r"<visual.*?</visual>", "", NOMINAL.robot.description.xml, flags=re.S)
-    robot = Robot(RobotDescription.parse(xml))
+    robot = Chain(RobotDescription.parse(xml))
     found = shapes(robot, {"link1": 1.0})
     assert [shape.name for shape in found.geometryObjects] == list(robot.rod_sites)
     posture = gtpin.home(robot)

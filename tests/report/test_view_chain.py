@@ -14,9 +14,9 @@ from gtpin.errors import GtpinWarning
 from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 from gtpin.view.shapes import shapes
 from gtpin.view.still import still
 
@@ -115,7 +115,7 @@ def test_shapes_without_their_mesh_are_left_out_in_one_warning() -> None:
     description = load_robot("ur5").description
     text = description.xml.replace("ur5/visual/wrist", "ur5/nowhere/wrist")
     with pytest.warns(GtpinWarning, match=r"nowhere/wrist1.dae and 2 more") as caught:
-        found = shapes(Robot(RobotDescription.parse(text, description.source)), {})
+        found = shapes(Chain(RobotDescription.parse(text, description.source)), {})
     assert len(caught) == 1
     assert found.ngeoms == shapes(load_robot("ur5"), {}).ngeoms - 3
 

@@ -43,3 +43,11 @@ def test_nobody_asks_kinematics_for_its_class() -> None:
 
 def test_only_what_is_about_rods_asks_a_robot_for_its_rods() -> None:
     assert asking(r"robot\.rods\b") == ASKING
+
+
+def test_no_two_classes_have_one_name() -> None:
+    found = [
+        name for file in PACKAGE.rglob("*.py") for name in re.findall(r"^ *class (\w+)", file.read_text("utf-8"), re.M)
+    ]
+    assert len(found) > 300
+    assert sorted({name for name in found if found.count(name) > 1}) == []

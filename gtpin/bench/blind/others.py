@@ -31,10 +31,10 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.results import writing
 from gtpin.references import is_path
+from gtpin.robot.chain import Chain
 from gtpin.robot.closures import SUFFIX
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 
 TRUTH, POSES = ".truth.json", ".truth.csv"
 ROBOT = "robot.urdf"
@@ -108,7 +108,7 @@ def _truth(folder: Path, name: str) -> Truth:
 
 def _check(file: Path, content: _TruthFile, dataset: Path) -> None:
     """Raise an error for known effects at sites that the robot does not have, and for an effect that is listed twice."""
-    robot: Robot | None = None
+    robot: Chain | None = None
     with contextlib.suppress(GtpinError):  # the diagnosis reports a dataset that can't be read
         said, _ = _described(dataset / "dataset.toml")
         robot = load_robot(_path_of(dataset, said.robot) or said.robot, said.tcp, said.actuators)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.tree import TreeFrame, TreeJoint
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats, Mask
 
 TOLERANCE = 5e-4
@@ -34,7 +34,7 @@ class Arm:
     tolerance: Floats  # (6,) standard deviation of the placement of each joint and of the tool, m and rad
 
     @staticmethod
-    def of(robot: Robot, off: Mapping[str, Floats] = MappingProxyType({})) -> Arm:
+    def of(robot: Chain, off: Mapping[str, Floats] = MappingProxyType({})) -> Arm:
         """The arm of a robot without rods. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
 
         ``off``: displacements of its joints and points, as for :meth:`~gtpin.bench.simulator.loops.Loops.of`.

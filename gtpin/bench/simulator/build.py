@@ -25,8 +25,8 @@ from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.references import is_path
+from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Ints
 
 LATER = 600.0
@@ -34,18 +34,18 @@ LATER = 600.0
 
 
 @cache
-def known_robot(robot: str) -> Robot | Arm:
+def known_robot(robot: str) -> Chain | Arm:
     """A robot by its name or path. It is loaded once, because the simulator does not change it."""
     found = load_robot(robot)
     return found if found.rods else Arm.of(found)
 
 
-def capacity(robot: Robot | Arm) -> float:
+def capacity(robot: Chain | Arm) -> float:
     """Payload that a robot may carry, kg; 20 kg for a robot with rods."""
     return robot.capacity if isinstance(robot, Arm) else 20.0
 
 
-def drawn_machine(robot: Robot | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
+def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
     """A machine of a robot, drawn from its tolerances."""
     return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else RodMachine.draw(robot, rng)
 

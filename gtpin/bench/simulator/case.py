@@ -22,7 +22,7 @@ from gtpin.data.files import read_text, refuse_control
 from gtpin.data.names import site_called
 from gtpin.errors import GtpinError, renamed_argument
 from gtpin.references import is_path
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 __all__ = ["Case", "EffectTruth", "make_case"]
 
@@ -34,7 +34,7 @@ POSES = (140, 280)
 """Range from which the number of poses is drawn."""
 
 
-def noncentralities(robot: Robot | Arm) -> tuple[float, float]:
+def noncentralities(robot: Chain | Arm) -> tuple[float, float]:
     """Range from which the energy of an effect on a robot is drawn."""
     return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
 

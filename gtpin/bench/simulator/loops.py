@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, placed, read_urdf, turn
 from gtpin.errors import RobotError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 SHORTEST = 1.0 / 4096.0
@@ -50,7 +50,7 @@ class Loops:
     start: Floats  # (J,) coordinates of the nominal robot at home. They choose the assembly mode.
 
     @staticmethod
-    def of(robot: Robot, off: Mapping[str, Floats]) -> Loops:
+    def of(robot: Chain, off: Mapping[str, Floats]) -> Loops:
         """The tree of a robot, and its loops, whose joints and points deviate.
 
         ``off``: twist (6,), m and rad, of ``placement[JOINT]``, and displacement (6,), m, of ``anchor[END]``, with the names of

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -95,7 +95,7 @@ class Machine(Moved, Protocol):
     """
 
     @property
-    def robot(self) -> Robot | Arm:
+    def robot(self) -> Chain | Arm:
         """The nominal robot."""
 
     @property

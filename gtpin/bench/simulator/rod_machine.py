@@ -13,8 +13,8 @@ from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.bench.simulator.rods import Rods, VirtualRodEnds, closed
 from gtpin.bench.simulator.universal import Universal
 from gtpin.errors import RobotError, UnreachableError
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Ints, Mask
 
 ACROSS = 0.3
@@ -52,7 +52,7 @@ class RodMachine:
             raise RobotError(what, hint="the simulator makes machines of that kind")
 
     @staticmethod
-    def draw(robot: Robot, rng: np.random.Generator) -> RodMachine:
+    def draw(robot: Chain, rng: np.random.Generator) -> RodMachine:
         """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
         geometry = Geometry.nominal(robot)
         built = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
@@ -66,7 +66,7 @@ class RodMachine:
         return Rods(Geometry.nominal(self.robot))
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         return self.geometry.robot
 
     @cached_property
@@ -273,7 +273,7 @@ class RodMachine:
         return np.asarray(along - home_side * root)
 
 
-def _bodies(robot: Robot, rod: int) -> list[int]:
+def _bodies(robot: Chain, rod: int) -> list[int]:
     """The Pinocchio joints of a rod, from the platform to its end."""
     constraint = robot.constraints[robot.rods[rod].loop]
     tip = constraint.joint1_id if robot.rods[rod].rod_end == 0 else constraint.joint2_id
@@ -281,11 +281,11 @@ def _bodies(robot: Robot, rod: int) -> list[int]:
     return chain[chain.index(robot.rods[rod].joint_id) :]
 
 
-def _rod_mass(robot: Robot, rod: int) -> float:
+def _rod_mass(robot: Chain, rod: int) -> float:
     return float(sum(robot.model.inertias[joint].mass for joint in _bodies(robot, rod)))
 
 
-def _centre_and_sliding(robot: Robot, rod: int) -> tuple[float, float]:
+def _centre_and_sliding(robot: Chain, rod: int) -> tuple[float, float]:
     extension = robot.rods[rod].extension
     if extension is None:
         return robot.rods[rod].L / 2.0, 0.0

@@ -17,8 +17,8 @@ from gtpin.bench.simulator.universal import Universal
 from gtpin.bench.simulator.visits import REPEATED, ids
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import GtpinError, ModelError, UnreachableError
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats
 
 
@@ -86,7 +86,7 @@ class Simulation:
     truth: VirtualPoses
 
 
-def draw_machine(robot: Robot, rng: np.random.Generator) -> TrueRobot:
+def draw_machine(robot: Chain, rng: np.random.Generator) -> TrueRobot:
     """A machine whose geometric parameters deviate from nominal by normal draws from their tolerances."""
     geometry = Geometry.nominal(robot)
     drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
@@ -141,7 +141,7 @@ def measure(
 
 
 def simulate(
-    robot: Robot,
+    robot: Chain,
     reference: str,
     *,
     poses: int = 200,

@@ -10,7 +10,7 @@ from gtpin.bench.simulator.poses import VirtualPoses, exp
 from gtpin.bench.simulator.rods import NUDGE, VirtualRodEnds
 from gtpin.bench.simulator.tree import read_urdf
 from gtpin.errors import RobotError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 STRIDES, STEPS = 12, 8
@@ -35,7 +35,7 @@ class Universal:
     t: Floats
 
     @staticmethod
-    def of(robot: Robot) -> Universal:
+    def of(robot: Chain) -> Universal:
         """The joint of the first rod. Names are from ``robot``, numbers from the URDF's text.
 
         Raises RobotError if the rod is not connected to the platform by two revolute joints.

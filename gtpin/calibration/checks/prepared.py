@@ -15,8 +15,8 @@ from gtpin.kinematics.rotations import log
 from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 
 SAME = 1e-12
 """1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
@@ -24,7 +24,7 @@ TURNS = 1e-5
 """Angle, rad, by which the nominal orientation must change; less is rounding error of a robot that keeps its orientation."""
 
 
-def check_actuators(robot: Robot, dataset: Dataset) -> None:
+def check_actuators(robot: Chain, dataset: Dataset) -> None:
     """Check that a dataset has a command for each actuator of its robot.
 
     Raises `DatasetError` if the number of its commands is not the number of actuators.
@@ -54,7 +54,7 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     return replace(dataset, orientation=None)
 
 
-def with_positions(dataset: Dataset, robot: Robot | None = None) -> Dataset:
+def with_positions(dataset: Dataset, robot: Chain | None = None) -> Dataset:
     """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
 
     ``robot``: the nominal robot; None: the one that the dataset names. These positions serve to divide the poses into regions.

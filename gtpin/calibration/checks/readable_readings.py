@@ -17,7 +17,7 @@ from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
 """What the user should do where no usual mistake explains the readings."""
@@ -202,7 +202,7 @@ def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Rea
     return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else found
 
 
-def check_sockets(dataset: Dataset, robot: Robot) -> None:
+def check_sockets(dataset: Dataset, robot: Chain) -> None:
     """Refuse sockets that are visited once each, and warn of some that are.
 
     A visit of a socket whose point is declared, or whose distance from another one is known, says something by itself.

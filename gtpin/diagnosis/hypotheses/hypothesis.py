@@ -11,7 +11,7 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
 """Coordinates that change with time: an effect of one can look like an effect of another."""
@@ -73,15 +73,15 @@ class Hypothesis:
         """Displacements for unit coefficients."""
         return self.effect.basis_of(at, self.site, self.values)
 
-    def covariates(self, robot: Robot) -> tuple[str, ...]:
+    def covariates(self, robot: Chain) -> tuple[str, ...]:
         """Covariates that the effect needs at the site."""
         return self.effect.covariates(robot, self.site)
 
-    def coordinates(self, robot: Robot) -> frozenset[str]:
+    def coordinates(self, robot: Chain) -> frozenset[str]:
         """Names of the covariates and commands that the effect depends on."""
         return frozenset(self.effect.coordinates(robot, self.site))
 
-    def drivers(self, robot: Robot) -> frozenset[str]:
+    def drivers(self, robot: Chain) -> frozenset[str]:
         """Covariates that the effect needs; where it needs none, its coordinates."""
         return frozenset(self.covariates(robot)) or self.coordinates(robot)
 
@@ -104,12 +104,12 @@ class SmoothTerm:
         """Its coordinates, as reports name them."""
         return ",".join(self.over)
 
-    def drivers(self, robot: Robot) -> frozenset[str]:
+    def drivers(self, robot: Chain) -> frozenset[str]:
         """Its coordinates."""
         return frozenset(self.over)
 
 
-def related(robot: Robot, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
+def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
     """Whether a deviation of one explanation from its equation could look like the other explanation.
 
     At the same place: where both depend on commands or load, or both on directions of approach or speeds, or both on
@@ -122,7 +122,7 @@ def related(robot: Robot, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm
     return any(mine & set(kind) and others & set(kind) for kind in (CLOCK, LOAD))
 
 
-def same_place(robot: Robot, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
+def same_place(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
     """Whether two explanations act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
 
@@ -159,7 +159,7 @@ def modulates(at: OperatingPoints, smooth: SmoothTerm, hypothesis: Hypothesis) -
     return ways.get(smooth.motion) is not None and set(smooth.over) <= coordinates | set(late)
 
 
-def _within(robot: Robot, site: str) -> tuple[str, ...]:
+def _within(robot: Chain, site: str) -> tuple[str, ...]:
     """The sites that are parts of a site: the links of a cart or of ``arm``."""
     return tuple(robot.rod_sites[i] for i in robot.rods_at(site))
 
@@ -180,7 +180,7 @@ class Scope:
 
     @staticmethod
     def of(
-        effects: Iterable[Effect], exclude: Collection[str], false_alarm: float, robot: Robot, priors: Priors = PRIORS
+        effects: Iterable[Effect], exclude: Collection[str], false_alarm: float, robot: Chain, priors: Priors = PRIORS
     ) -> Scope:
         """The scope of a user's arguments, checked.
 
@@ -203,7 +203,7 @@ class Scope:
                 raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
         return Scope(known, frozenset(excluded), false_alarm, priors)
 
-    def hypotheses(self, robot: Robot) -> Iterator[Hypothesis]:
+    def hypotheses(self, robot: Chain) -> Iterator[Hypothesis]:
         """Every effect at each of its sites, each once, without those that are excluded."""
         for effect in self.effects:
             for site in dict.fromkeys(effect.sites(robot)):

@@ -34,7 +34,7 @@ from gtpin.effects.operating_points import References
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 from gtpin.noise.estimate import LEAST_CONTRASTS
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def _in_its_place(
     )
 
 
-def estimates(robot: Robot, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
+def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
     """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
 
     Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the

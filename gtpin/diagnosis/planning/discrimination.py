@@ -27,7 +27,7 @@ from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Rows = npt.NDArray[np.intp]
@@ -99,7 +99,7 @@ def discriminate(
     )
 
 
-def concerns(hypothesis: Hypothesis, robot: Robot) -> tuple[str, ...]:
+def concerns(hypothesis: Hypothesis, robot: Chain) -> tuple[str, ...]:
     """Covariates and coordinates that a hypothesis depends on."""
     return (*hypothesis.covariates(robot), *hypothesis.effect.coordinates(robot, hypothesis.site))
 

@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.effects.operating_points import Column
 from gtpin.effects.untestable import Untestable
 from gtpin.output.shown import present
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -88,7 +88,7 @@ class Experiment:
     """
 
     kind: Literal["discriminate", "map_unknown", "make_testable"]
-    robot: Robot
+    robot: Chain
     effects: tuple[tuple[str, str], ...]
     poses: Floats
     covariates: Mapping[str, Column] = field(default_factory=dict)

@@ -16,7 +16,7 @@ from gtpin.diagnosis.planning.measurement_conditions import FORCES, HEAVIER, kin
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable, as_untestable
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 POOL = 48
@@ -142,7 +142,7 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
     return Prediction.of(trials, np.hstack([others, X]))
 
 
-def _efforts(robot: Robot) -> tuple[float, ...]:
+def _efforts(robot: Chain) -> tuple[float, ...]:
     """Multiples of the assumed largest loads that are tried; for a robot without rods one, from its mass."""
     if robot.rods:
         return EFFORTS

@@ -16,7 +16,7 @@ from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.smooth import frame_twist
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 ZERO = 4e-5
@@ -37,7 +37,7 @@ class Known:
     references: References
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Chain:
         """The robot."""
         return self.model.geometry.robot
 

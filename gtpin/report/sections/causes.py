@@ -17,7 +17,7 @@ from gtpin.report.phrases import SURE, clause, named, of_robot, parameter, sente
 from gtpin.report.sections import Reported, section
 from gtpin.report.verdict import verdict
 from gtpin.report.words import chance, joined, percent
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 PROGRAM = Markup("<code>gtpin export DIR/model --commands program.csv -o corrected.csv</code>")
 TABLES = Markup(
@@ -68,7 +68,7 @@ def sure_corrections(d: Diagnosis) -> list[str]:
     return [named(active.effect, active.site) for active in kept]
 
 
-def meaning(effect: Effect, robot: Robot) -> tuple[Markup, ...]:
+def meaning(effect: Effect, robot: Chain) -> tuple[Markup, ...]:
     """Equation, signs and parameters of an effect at a robot, a paragraph each; empty without a docstring.
 
     Paragraphs on typical sizes are omitted, because the data have determined the size.

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.errors import GtpinError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 Cause = Callable[[Any], Any]
 """The error of one machine at its typical size: a function from the machine's situation to its deviation."""
@@ -29,7 +29,7 @@ class Site:
     pin: int = -1
 
     @staticmethod
-    def of(robot: Robot | Arm, name: str) -> Site:
+    def of(robot: Chain | Arm, name: str) -> Site:
         """The site with a name. The index of an arm's link is that of the commanded joint that moves it."""
         if isinstance(robot, Arm):
             if name in robot.sites:
@@ -64,7 +64,7 @@ class CauseKind:
     largest: float = 20.0
     periodic: bool = False  # Whether ``draw`` also takes the numbers of periods a turn of its lines
 
-    def sites(self, robot: Robot | Arm) -> tuple[str, ...]:
+    def sites(self, robot: Chain | Arm) -> tuple[str, ...]:
         """Names of the sites of a robot at which it can occur; empty where there are none."""
         if isinstance(robot, Arm):
             return self._on_arm(robot)
@@ -92,7 +92,7 @@ class CauseKind:
             return links if self.where == "links" else ("arm", *links) if links else ()
         return (self.where,)
 
-    def at(self, robot: Robot | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
+    def at(self, robot: Chain | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
         """Draw the error of one machine at a site.
 
         Raises GtpinError if the error can't occur at the site, or ``periods`` are given and it has none.

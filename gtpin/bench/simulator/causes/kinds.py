@@ -10,7 +10,7 @@ from gtpin.bench.simulator.causes import instrument, with_rods, without_rods
 from gtpin.bench.simulator.causes import unlisted as outside
 from gtpin.bench.simulator.causes.cause import CauseKind
 from gtpin.errors import GtpinError
-from gtpin.robot.robot import Robot
+from gtpin.robot.chain import Chain
 
 CATALOGUE = (
     CauseKind("encoder_scale", "carts", with_rods.encoder_scale, largest=10.0),
@@ -111,28 +111,28 @@ LOOPED_UNLISTED = pushed((*ARM_UNLISTED, CauseKind("worn_pin", "pins", outside.w
 """Unlisted effects of robots whose loops are not rods."""
 
 
-def possible(kinds: tuple[CauseKind, ...], robot: Robot | Arm) -> tuple[CauseKind, ...]:
+def possible(kinds: tuple[CauseKind, ...], robot: Chain | Arm) -> tuple[CauseKind, ...]:
     """Those of some kinds that can occur on a robot."""
     return tuple(kind for kind in kinds if kind.sites(robot))
 
 
-def _known(robot: Robot | Arm) -> tuple[tuple[CauseKind, ...], tuple[CauseKind, ...]]:
+def _known(robot: Chain | Arm) -> tuple[tuple[CauseKind, ...], tuple[CauseKind, ...]]:
     if not isinstance(robot, Arm):
         return CATALOGUE, UNLISTED
     return (LOOPED_CATALOGUE, LOOPED_UNLISTED) if robot.loops.pairs else (ARM_CATALOGUE, ARM_UNLISTED)
 
 
-def listed(robot: Robot | Arm) -> tuple[CauseKind, ...]:
+def listed(robot: Chain | Arm) -> tuple[CauseKind, ...]:
     """Kinds of error of the catalogue that can occur on a robot."""
     return possible(_known(robot)[0], robot)
 
 
-def unlisted(robot: Robot | Arm) -> tuple[CauseKind, ...]:
+def unlisted(robot: Chain | Arm) -> tuple[CauseKind, ...]:
     """Unlisted kinds of error that can occur on a robot."""
     return possible(_known(robot)[1], robot)
 
 
-def kind(name: str, robot: Robot | Arm) -> CauseKind:
+def kind(name: str, robot: Chain | Arm) -> CauseKind:
     """The kind of error with a name, on a robot. Raises GtpinError if the robot has no such kind."""
     known = [one for kinds in _known(robot) for one in kinds]
     for one in known:

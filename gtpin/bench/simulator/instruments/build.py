@@ -36,8 +36,8 @@ from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, InstrumentT
 from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, ids, visited
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.robot import Robot
 from gtpin.typing import Floats, Ints
 
 KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
@@ -134,7 +134,7 @@ def outing(
     kinds: Sequence[str],
     moved: Moved,
     nominal: Moved,
-    robot: Robot | Arm,
+    robot: Chain | Arm,
     pool: Floats,
     poses: int,
     noise: SimulatedNoise,
@@ -266,7 +266,7 @@ def _read(way: Way, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[
 
 
 def simulate_measured(
-    robot: Robot,
+    robot: Chain,
     reference: str,
     instruments: Sequence[str],
     *,
