@@ -9,7 +9,6 @@ README.md beside it says what is frozen and what counts as a difference.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import re
 import sys
@@ -24,6 +23,7 @@ from differences import Json, differences, fitted, told
 from joblib import Parallel, delayed
 
 import gtpin
+from gtpin.bench.blind.truth import digest_of_files
 
 ANSWERS = "answers.jsonl"
 NOT_DATA = (".gtpin.json", "truth.sha256")
@@ -59,14 +59,6 @@ def answered(files: Mapping[str, bytes], diagnosing: bool) -> tuple[Json, float,
         return answer, time.process_time() - cpu, time.perf_counter() - clock
 
 
-def digest(files: Mapping[str, bytes]) -> str:
-    """SHA-256 of a dataset's files with their names, as in ``check.json``."""
-    found = hashlib.sha256()
-    for name, content in sorted(files.items()):
-        found.update(name.encode() + b"\0" + hashlib.sha256(content).hexdigest().encode() + b"\0")
-    return found.hexdigest()
-
-
 def made_by(run: str, check: Json) -> str:
     """The command that makes the datasets of a blind check."""
     if check["seed"] is None:
@@ -85,7 +77,7 @@ def read_run(root: Path) -> Iterator[tuple[Json, dict[str, bytes]]]:
     for case, sha256 in sorted(check["digests"]["dataset"].items()):
         folder = root / "cases" / case
         files = {f.name: f.read_bytes() for f in sorted(folder.iterdir()) if f.is_file() and f.name not in NOT_DATA}
-        if digest(files) != sha256:
+        if digest_of_files(files) != sha256:
             raise gtpin.GtpinError("the dataset was changed since it was diagnosed", file=folder)
         outcome = json.loads((root / "diagnoses" / f"{case}.json").read_text(encoding="utf-8"))
         line = {
@@ -127,7 +119,7 @@ def unpacked(frozen: Path, line: Json) -> dict[str, bytes]:
         raise gtpin.GtpinError("these datasets are not here", file=file, hint=hint)
     with zipfile.ZipFile(file) as archive:
         files = {n.removeprefix(start): archive.read(n) for n in archive.namelist() if n.startswith(start)}
-    if digest(files) != line["sha256"]:
+    if digest_of_files(files) != line["sha256"]:
         raise gtpin.GtpinError(f"{line['case']} is not the dataset that was frozen", file=file)
     return files
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 import json
 import runpy
 import sys
@@ -12,8 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 import gtpin
+from gtpin.bench.blind.truth import digest_of_files
+from gtpin.cli import app
 
 FOLDER = Path(__file__).parents[2] / "examples" / "frozen"
 sys.path.insert(0, str(FOLDER))
@@ -154,8 +156,7 @@ def blind_check(root: Path, message: str | None = None) -> None:
         with pytest.raises(gtpin.GtpinError) as refused:
             gtpin.Dataset.read(root / "cases" / "case00000")
         message = str(refused.value).replace(str(case), "/tmp/elsewhere/dataset")
-    listed = b"".join(n.encode() + b"\0" + hashlib.sha256(c).hexdigest().encode() + b"\0" for n, c in files.items())
-    digests = {"dataset": {"case00000": hashlib.sha256(listed).hexdigest()}}
+    digests = {"dataset": {"case00000": digest_of_files(files)}}
     check = {"cases": 1, "seed": 5, "robot": "gantry_tau", "instruments": "plane,tilt", "digests": digests}
     (root / "check.json").write_text(json.dumps(check), encoding="utf-8")
     (root / "score.json").write_text("{}", encoding="utf-8")
@@ -202,3 +203,13 @@ def test_a_dataset_that_was_changed_is_not_frozen_and_answers_are_frozen_once(tm
     assert code == 2
     assert "changed" in line
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.slow
+def test_what_a_blind_check_wrote_is_frozen_and_differs_in_nothing(tmp_path, run) -> None:
+    assert (
+        CliRunner().invoke(app, ["blind", "-o", str(tmp_path / "mine"), "--cases", "1", "--seed", "3"]).exit_code == 0
+    )
+    assert run("freeze", tmp_path / "mine", "-o", tmp_path / "frozen", "--jobs", 1)[0] == 0
+    code, lines = run("compare", tmp_path / "frozen", "--jobs", 1)
+    assert (code, lines[-1]) == (0, "0 of 1 cases differ")
