@@ -29,51 +29,12 @@ from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Indices
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """The measurement of c numbers at each of N poses."""
-
-    # (N, c, 6) or (c, 6) their derivative by the platform's motion, base frame, in units of the noise
-    by_motion: Floats
-    # (N, c, k) the same by the instruments' unknowns in prior sigmas; None where there are none
-    unknowns: Floats | None = None
-
-    @staticmethod
-    def of_poses(sigma: Floats) -> Seen:
-        """Poses that a tracker measures with the noise (6,) or (N, 6), m and rad; infinite for what is not measured."""
-        return Seen(np.eye(6) / sigma[..., None])
-
-    @staticmethod
-    def of_readings(
-        dataset: Dataset, baseline: Calibration, noise: Mapping[str, Floats]
-    ) -> tuple[Dataset, Indices, Seen]:
-        """The readings of a dataset of schema 2, at its calibration.
-
-        ``noise``: by instrument's name, the noise (M, c) of the numbers in its table, m or rad. Known distances of sockets are
-        left out: they do not depend on the pose, and are not in E.
-
-        Returns the rows, each with one number where the instruments' readings have different lengths; the (N,) index of each
-        row in the dataset as it was read; and how they see motions.
-        """
-        split = single(dataset, baseline.model.robot)
-        row, sigmas = noise_of_rows(dataset, split, noise)
-        kept = np.flatnonzero([len(own) > 0 for own in sigmas])
-        rows, sigma = split.take(kept), np.stack([sigmas[i] for i in kept])[..., None]
-        readings = Readings.of(rows, baseline.model.robot, baseline.u)
-        poses = baseline.model.kinematics.forward(rows.q)
-        unknowns, _ = readings.unknown_columns(baseline.model, poses, False, None)
-        return rows, row[kept], Seen(readings.by_motion(poses) / sigma, unknowns / sigma)
-
-    def whitened(self, motions: Floats) -> Floats:
-        """(N, c, m) change of the numbers in units of their noise, by motions (N, 6, m) of the platform, m and rad."""
-        return np.asarray(self.by_motion @ motions)
-
-
 def noise_of_rows(dataset: Dataset, split: Dataset, noise: Mapping[str, Floats]) -> tuple[Indices, list[Floats]]:
     """For each of the N rows of a dataset ``split`` by :func:`~gtpin.instruments.readings.single`: the index of the row of
     ``dataset`` of which it is a part, and the noise of its numbers, m or rad.
 
-    ``noise`` as in :meth:`Seen.of_readings`. A known distance of sockets, which is in no table, has none.
+    ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad. A known distance of
+    sockets, which is in no table, has none.
     """
     whole, rows = dataset.readings, split.readings
     row, sigma = np.empty(len(split), dtype=np.intp), [np.zeros(0)] * len(split)
@@ -85,6 +46,9 @@ def noise_of_rows(dataset: Dataset, split: Dataset, noise: Mapping[str, Floats])
             sigma[i] = noise[table.name][at] if which < 0 else noise[table.name][at, which : which + 1]
     return row, sigma
 
+
+Values = Sequence[float]
+"""Values of the nonlinear parameter of an effect at one site: none, one, or several periods of a gear."""
 
 SCALES = np.exp(np.linspace(np.log(0.05), np.log(40.0), 24))
 """Scales that are tried."""
@@ -121,8 +85,11 @@ class Best:
 class Difficulty:
     """Computes E and D of displacements at a dataset's rows."""
 
-    operating_points: OperatingPoints  # The poses at which something was measured
-    seen: Seen  # How displacements of these poses change what was measured
+    operating_points: OperatingPoints  # The N poses at which something was measured, c numbers at each
+    # (N, c, 6) or (c, 6) derivative of these numbers by the platform's motion, base frame, in units of the noise
+    by_motion: Floats
+    # (N, c, k) the same by the instruments' unknowns in prior sigmas; None where there are none
+    unknowns: Floats | None = None
     # (N,) index of each pose's row in the dataset; None where the poses are the rows of the dataset
     row: Indices | None = None
 
@@ -130,19 +97,26 @@ class Difficulty:
     def of(dataset: Dataset, sigma: Floats, geometry: Geometry) -> Difficulty:
         """For a tracker's dataset and a geometry, which should be close to the machine's own.
 
-        ``sigma``: (6,) or (N, 6) the instrument's noise, m and rad.
+        ``sigma``: (6,) or (N, 6) the instrument's noise, m and rad; infinite for what is not measured.
         """
         measured = np.where(np.arange(6) < (3 if dataset.orientation is None else 6), sigma, np.inf)
-        return Difficulty(_operating_points(dataset, Model(geometry)), Seen.of_poses(measured))
+        return Difficulty(_operating_points(dataset, Model(geometry)), np.eye(6) / measured[..., None])
 
     @staticmethod
     def of_readings(dataset: Dataset, noise: Mapping[str, Floats], baseline: Calibration) -> Difficulty:
         """For a dataset of schema 2 and its calibration; no encoder may be among the instruments.
 
-        ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad.
+        ``noise``: by the instruments' names, (M, c) sigma of the numbers in the rows of their tables, m or rad. Where the
+        instruments' readings have different lengths, each pose has one number. Known distances of sockets are left out: they do
+        not depend on the pose, and are not in E.
         """
-        rows, row, seen = Seen.of_readings(dataset, baseline, noise)
-        return Difficulty(_operating_points(rows, baseline.model), seen, row)
+        split = single(dataset, baseline.model.robot)
+        row, sigmas = noise_of_rows(dataset, split, noise)
+        kept = np.flatnonzero([len(own) > 0 for own in sigmas])
+        rows, sigma = split.take(kept), np.stack([sigmas[i] for i in kept])[..., None]
+        readings, at = Readings.of(rows, baseline.model.robot, baseline.u), _operating_points(rows, baseline.model)
+        unknowns, _ = readings.unknown_columns(baseline.model, at.poses, False, None)
+        return Difficulty(at, readings.by_motion(at.poses) / sigma, unknowns / sigma, row[kept])
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats]:
@@ -150,13 +124,13 @@ class Difficulty:
         at = self.operating_points
         geometry = at.kinematics.geometry
         B = self.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
-        if (unknowns := self.seen.unknowns) is not None:
-            B = np.hstack([B, unknowns.reshape(len(B), -1)])
+        if self.unknowns is not None:
+            B = np.hstack([B, self.unknowns.reshape(len(B), -1)])
         return B, cholesky(np.eye(B.shape[1]) + B.T @ B, lower=True)
 
     def whitened(self, columns: Floats) -> Floats:
         """(c N, m) whitened displacements (N, 6, m)."""
-        return self.seen.whitened(columns).reshape(-1, columns.shape[2])
+        return np.asarray(self.by_motion @ columns).reshape(-1, columns.shape[2])
 
     def true(self, displacement: Floats) -> Floats:
         """(c N,) whitened displacement from a displacement (rows, 6) at the dataset's rows."""
@@ -175,70 +149,61 @@ class Difficulty:
 
     def left(self, displacement: Floats) -> dict[str, Best]:
         """Energy of a displacement (rows, 6) that every effect at every site leaves, by ``effect@site``."""
-        at = self.operating_points
-        d = self.true(displacement)
-        past = self.orthogonal(d)
-        found = {}
+        at, d = self.operating_points, self.true(displacement)
+        past, found = self.orthogonal(d), {}
         for effect in effects_by_id().values():
             for site in effect.sites(at.robot):
                 if not effect.untestable(at, site):
                     taken, scale, values = self._by(effect, site, past)
-                    one = values[0] if values else None
-                    left = float(d @ past) - taken
+                    one, left = values[0] if values else None, float(d @ past) - taken
                     found[f"{effect.id}@{site}"] = Best(left, scale, one, effect, site, tuple(values[1:]))
         return found
 
     def _by(self, effect: Effect, site: str, past: Floats) -> tuple[float, float, list[float]]:
         """The energy that an effect explains, its scale, and the values of its nonlinear parameter."""
-        at = self.operating_points
-        tried = list(effect.nonlinear_values(at, site))
-        first = self._value(effect, site, tried, [], past) if tried else None
-        if first is None:
-            return *self._together(effect, site, [], past), []
-        found = [first]
-        taken, scale = self._together(effect, site, found, past)
-        while not at.robot.rods and len(found) < effect.most_values:
-            rest = self._less(effect, site, found, scale, past)
+        at, found = self.operating_points, list[float]()
+        tried = np.array(effect.nonlinear_values(at, site))
+        if (first := self._value(effect, site, tried, found, past)) is not None:
+            found = [first]
+        (taken,), (scale,), _ = self.explained(effect, site, [found], past)
+        while found and not at.robot.rods and len(found) < effect.most_values:
+            # (I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements with the values found so far.
+            basis = effect.basis_of(at, site, found)
+            X = scale * self.whitened(basis.displacement(at) * basis.sigma)
+            own = self.orthogonal(X)
+            rest = np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
             value = self._value(effect, site, tried, found, rest)
             if value is None:
                 break
-            more = [*found, value]
-            wider, its_scale = self._together(effect, site, more, past)
+            (wider,), (its_scale,), _ = self.explained(effect, site, [[*found, value]], past)
             if wider < taken + 2.0 * (LINE + np.log(len(tried))):
                 break
-            found, taken, scale = more, wider, its_scale
-        return taken, scale, found
+            found, taken, scale = [*found, value], wider, its_scale
+        return float(taken), float(scale), found
 
-    def _value(self, effect: Effect, site: str, values: list[float], others: list[float], past: Floats) -> float | None:
-        """The value that explains most, of those that the poses can distinguish from ``others``; None where there is no such
-        value."""
-        at = self.operating_points
-        allowed = effect.resolved(at, site, np.array(values), others)
-        kept = [value for value, can in zip(values, allowed, strict=True) if can]
-        if not kept:
+    def _value(self, effect: Effect, site: str, values: Floats, others: list[float], past: Floats) -> float | None:
+        """The value that explains most, of those that the poses can distinguish from ``others``; None where there is none."""
+        if not len(values):
             return None
+        kept = values[effect.resolved(self.operating_points, site, values, others)].tolist()
         tried: dict[int, float] = {}
         for places in (range(0, len(kept), STRIDE), range(len(kept))):
             near = max(tried, key=lambda i: tried[i]) if tried else None
             waiting = [i for i in places if near is None or abs(i - near) < STRIDE]
-            for start in range(0, len(waiting), BATCH):
-                batch = waiting[start : start + BATCH]
-                taken, _, _ = self.by_basis([effect.basis(at, site, kept[i]) for i in batch], past)
-                tried |= {i: float(t) for i, t in zip(batch, taken, strict=True)}
-        return kept[max(tried, key=lambda i: tried[i])]
+            taken, _, _ = self.explained(effect, site, [(kept[i],) for i in waiting], past)
+            tried |= dict(zip(waiting, taken.tolist(), strict=True))
+        return kept[max(tried, key=lambda i: tried[i])] if kept else None
 
-    def _together(self, effect: Effect, site: str, values: list[float], past: Floats) -> tuple[float, float]:
-        """The energy that an effect with some values explains, and its scale."""
-        (taken,), (scale,), _ = self.by_basis([effect.basis_of(self.operating_points, site, values)], past)
-        return float(taken), float(scale)
-
-    def _less(self, effect: Effect, site: str, values: list[float], scale: float, past: Floats) -> Floats:
-        """(I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements of an effect with some values."""
-        basis = effect.basis_of(self.operating_points, site, values)
-        X = scale * self.whitened(basis.displacement(self.operating_points) * basis.sigma)
-        B, lower = self._geometry
-        own = X - B @ cho_solve((lower, True), B.T @ X)
-        return np.asarray(past - own @ np.linalg.solve(np.eye(X.shape[1]) + X.T @ own, X.T @ past))
+    def explained(
+        self, effect: Effect, site: str, trials: Sequence[Values], past: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """As :meth:`by_basis`, of an effect with each of some trials of the values of its nonlinear parameter."""
+        found = [(np.zeros(0),) * 3]
+        for start in range(0, len(trials), BATCH):
+            some = trials[start : start + BATCH]
+            found.append(self.by_basis([effect.basis_of(self.operating_points, site, v) for v in some], past))
+        taken, scale, evidence = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return taken, scale, evidence
 
     def by_basis(self, bases: Sequence[Displacement], past: Floats) -> tuple[Floats, Floats, Floats]:
         """(S,) energy that each basis explains at its scale of largest evidence, the scale, and the log evidence, nats.
@@ -254,7 +219,7 @@ class Difficulty:
         else:
             # Each displacement is the motion by one actuator times one number a pose: sums over N numbers instead of c N.
             actuator = bases[0].command[0]
-            a = self.seen.whitened(self.operating_points.command_jacobian[:, :, actuator, None])[:, :, 0]
+            a = np.asarray(self.by_motion @ self.operating_points.command_jacobian[:, :, actuator, None])[:, :, 0]
             f = np.stack([b.command[1] * b.sigma for b in bases if b.command], axis=1)
             flat = f.reshape(len(f), -1)
             BtX = np.einsum("nci,nc->ni", B.reshape(*a.shape, -1), a, optimize=True).T @ flat
@@ -275,9 +240,6 @@ def _operating_points(dataset: Dataset, model: Model) -> OperatingPoints:
     kinematics, temperature = model.kinematics, dataset.conditions.reference_temperature
     return OperatingPoints(kinematics, dataset.q, kinematics.forward(dataset.q), dataset.covariates, None, temperature)
 
-
-Values = Sequence[float]
-"""Values of the nonlinear parameter of an effect at one site: none, one, or several periods of a gear."""
 
 TRIED, ROUNDS, SWEEPS = 13, 4, 3
 """Values that are tried between the neighbours of the best one of a scan, repetitions with a smaller step, and times that each
@@ -311,29 +273,21 @@ def _values(difficulty: Difficulty, best: Best, past: Floats) -> tuple[Values, f
         return (), best.scale
     tried = np.sort(best.effect.nonlinear_values(difficulty.operating_points, best.site))
     values, scale = list(best.values), best.scale
+
+    def best_of(trials: Sequence[Values]) -> tuple[list[float], float]:
+        _, scales, evidence = difficulty.explained(best.effect, best.site, trials, past)
+        top = int(np.argmax(evidence))
+        return [float(value) for value in trials[top]], float(scales[top])
+
     if len(values) == 1:
-        values = list(_best_trial(difficulty, best, [(value,) for value in tried], past)[0])
+        values, _ = best_of([(value,) for value in tried])
     for _ in range(SWEEPS if len(values) > 1 else 1):
         for i in range(len(values)):
             place = int(np.searchsorted(tried, values[i]))
             low, high = tried[[max(place - 1, 0), min(place + 1, len(tried) - 1)]]
             for _ in range(ROUNDS):
                 near = np.linspace(low, high, TRIED)
-                together, scale = _best_trial(
-                    difficulty, best, [(*values[:i], v, *values[i + 1 :]) for v in near], past
-                )
+                together, scale = best_of([(*values[:i], v, *values[i + 1 :]) for v in near])
                 values[i] = together[i]
                 low, high = values[i] - (near[1] - near[0]), values[i] + (near[1] - near[0])
     return values, scale
-
-
-def _best_trial(difficulty: Difficulty, best: Best, trials: Sequence[Values], past: Floats) -> tuple[Values, float]:
-    """The values of largest evidence, of some trials, and the scale."""
-    found: list[tuple[float, float]] = []
-    for start in range(0, len(trials), BATCH):
-        some = trials[start : start + BATCH]
-        bases = [best.effect.basis_of(difficulty.operating_points, best.site, values) for values in some]
-        _, scales, evidence = difficulty.by_basis(bases, past)
-        found += zip(evidence.tolist(), scales.tolist(), strict=True)
-    top = max(range(len(trials)), key=lambda i: found[i][0])
-    return tuple(map(float, trials[top])), found[top][1]

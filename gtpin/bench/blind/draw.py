@@ -13,7 +13,8 @@ from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
-from gtpin.bench.simulator.instruments.build import TOUCHED, build_measured
+from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.instruments.touch import TOUCHED
 from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth

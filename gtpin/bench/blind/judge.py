@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gtpin.bench.blind.baselines import fit_known_causes, fit_known_causes_to_readings, gaussian_process_positions
 from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
-from gtpin.bench.blind.judged import Judged, Named, Shrunk, Statement
-from gtpin.bench.blind.truth import SealError, TrueEffect, TruePoses, Truth, opened
+from gtpin.bench.blind.judged import Judged, Shrunk, Statement
+from gtpin.bench.blind.truth import SealError, TruePoses, Truth, opened
 from gtpin.bench.blind.worker import Outcome, readings_at
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
@@ -109,93 +110,76 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
         pairs = list(zip(found.truth, lefts, strict=True))
         rivals = [min((n for n in left if n != effect.name), key=lambda n: left[n].left) for effect, left in pairs]
         leaves = [max(left[rival].left, 0.0) for left, rival in zip(lefts, rivals, strict=True)]
-        changes["truth"] = tuple(
-            effect.model_copy(update={"leaves": d}) for effect, d in zip(found.truth, leaves, strict=True)
-        )
+        changes["truth"] = tuple(e.model_copy(update={"leaves": d}) for (e, _), d in zip(pairs, leaves, strict=True))
         if len(lefts) == 1:
-            (effect, left) = pairs[0]
-            members = (found.said.members if found.said else frozenset()) | {effect.name}
-            others = [best.left for best in left.values() if best.effect.id != effect.effect]
+            ((single, left),) = pairs
+            members = (found.said.members if found.said else frozenset()) | {single.name}
+            others = [best.left for best in left.values() if best.effect.id != single.effect]
             changes["rival"] = rivals[0]
             changes["left"] = {name: left[name].left for name in sorted(members) if name in left}
             changes["without_left"] = max(min(others), 0.0)
-        if found.said is not None:
-            effects = zip(truth.effects, lefts, strict=True)
-            rows = (_parameters(difficulty, found.said, effect, left) for effect, left in effects)
-            changes["parameters"] = tuple(row for some in rows for row in some)
-    if outcome.baseline is not None and outcome.model is not None and truth.poses is not None:
+        # Parameters of the correctly named causes, and those of the textbook form that is nearest to the truth.
+        rows = []
+        named = {cause.name: cause for cause in found.said.causes} if found.said else {}
+        for effect, left in zip(truth.effects, lefts, strict=True):
+            if effect.name in named and effect.name in left:
+                true = true_parameters(difficulty, left[effect.name], np.array(effect.displacement))
+                own = named[effect.name].parameters.items()
+                rows += [(name, value, sigma, true[name]) for name, (value, sigma) in own if name in true]
+        changes["parameters"] = tuple(rows)
+    if outcome.model is not None or outcome.model_readings:
         changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
-    elif truth.readings and outcome.model_readings:
-        changes["shrunk"] = _shrunk_readings(folder, dataset, truth, outcome, lefts, baseline)
     return found.model_copy(update=changes)
-
-
-def _parameters(
-    difficulty: Difficulty, statement: Statement, effect: TrueEffect, left: Left
-) -> Iterator[tuple[str, float, float, float]]:
-    """Parameters of a correctly named cause, and those of the textbook form that is nearest to the truth."""
-    cause: Named | None = next((c for c in statement.causes if c.name == effect.name), None)
-    if cause is None or effect.name not in left:
-        return
-    true = true_parameters(difficulty, left[effect.name], np.array(effect.displacement))
-    for name, (value, sigma) in cause.parameters.items():
-        if name in true:
-            yield name, value, sigma, true[name]
 
 
 def _shrunk(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
-) -> Shrunk:
-    commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
-    assert truth.poses is not None
-    T = _true_positions(commands, truth.poses)
-    found = Shrunk(before=_rms(np.array(outcome.baseline) - T), after=_rms(np.array(outcome.model) - T))
-    in_robot = dataset.instrument.frame != "free" and not dataset.readings.names  # both baselines are fitted to poses
-    if baseline is None or truth.kind not in CAUSES_GIVEN or not in_robot:
-        return found
-    changes = {}
-    if causes := _causes(truth, lefts):
-        model = fit_known_causes(dataset, baseline, causes)
-        changes["knowing"] = _rms(model.predict(commands.q, commands.covariates).T - T)
-    if truth.kind in SMOOTHED:
-        changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
+) -> Shrunk | None:
+    """Position errors at the held-out commands, or of all instruments' readings in units of their noise, where these are
+    known and predicted."""
+    before, after, true = outcome.baseline, outcome.model, truth.poses
+    commands, causes = Commands.read(folder / "commands.csv", dataset.n_actuators), _causes(truth, lefts)
+    changes: dict[str, object] = {}
+    if before is not None and after is not None and true is not None:
+        T = _true_positions(commands, true)
+        found = Shrunk(before=_rms(np.array(before) - T), after=_rms(np.array(after) - T))
+        in_robot = (
+            dataset.instrument.frame != "free" and not dataset.readings.names
+        )  # both baselines are fitted to poses
+        if baseline is None or truth.kind not in CAUSES_GIVEN or not in_robot:
+            return found
+        if causes:
+            model = fit_known_causes(dataset, baseline, causes)
+            changes["knowing"] = _rms(model.predict(commands.q, commands.covariates).T - T)
+        if truth.kind in SMOOTHED:
+            changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
+    elif truth.readings and outcome.model_readings:
+        both = (outcome.baseline_readings, outcome.model_readings)
+        before_rms, after_rms = (rms_of_readings(dataset, truth, predicted) for predicted in both)
+        found = Shrunk(before=before_rms, after=after_rms)
+        if baseline is None or truth.kind not in CAUSES_GIVEN or not causes:
+            return found
+        with contextlib.suppress(ConvergenceError):
+            model = fit_known_causes_to_readings(dataset, noise_of(truth), baseline, causes)
+            changes["knowing"] = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
+    else:
+        return None
     return found.model_copy(update=changes)
-
-
-def _shrunk_readings(
-    folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
-) -> Shrunk:
-    """Errors of all instruments' readings in units of their noise, as :func:`_shrunk` of positions."""
-    both = (outcome.baseline_readings, outcome.model_readings)
-    before, after = (rms_of_readings(dataset, truth, predicted) for predicted in both)
-    found, causes = Shrunk(before=before, after=after), _causes(truth, lefts)
-    if baseline is None or truth.kind not in CAUSES_GIVEN or not causes:
-        return found
-    noise = {one.name: np.array(one.sigma) for one in truth.noise}
-    try:
-        model = fit_known_causes_to_readings(dataset, noise, baseline, causes)
-    except ConvergenceError:
-        return found
-    commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
-    knowing = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
-    return found.model_copy(update={"knowing": knowing})
 
 
 def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
     """The true effects in the forms that fit them best; empty where one is not in the catalogue or D can't be computed."""
-    if not lefts:
-        return []
-    found = [left[effect.name] for effect, left in zip(truth.effects, lefts, strict=True) if effect.name in left]
-    return found if len(found) == len(lefts) else []
+    pairs = list(zip(truth.effects, lefts, strict=True)) if lefts else []
+    known = all(effect.name in left for effect, left in pairs)
+    return [left[effect.name] for effect, left in pairs] if known else []
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:
     """(H, 3) true positions in the order of the commands. Raises GtpinError if the poses are not the same."""
     place = {pose: i for i, pose in enumerate(poses.pose)}
     if len(place) != len(commands) or not all(pose in place for pose in commands.pose):
-        raise GtpinError(
-            "true poses and commands are not of the same poses", file=commands.file, hint="correct the truth"
-        )
+        what = "true poses and commands are not of the same poses"
+        raise GtpinError(what, file=commands.file, hint="correct the truth")
     return poses.T[[place[pose] for pose in commands.pose]]
 
 
@@ -216,9 +200,14 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
     return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
 
 
+def noise_of(truth: Truth) -> dict[str, Floats]:
+    """(M, c) noise of each instrument's readings, by name."""
+    return {one.name: np.array(one.sigma) for one in truth.noise}
+
+
 def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
     """The :class:`Difficulty` of a gradable case, from its calibration."""
-    noise = {one.name: np.array(one.sigma) for one in truth.noise}
+    noise = noise_of(truth)
     if dataset.readings.names:
         return Difficulty.of_readings(dataset, noise, baseline)
     if truth.sigma is not None:

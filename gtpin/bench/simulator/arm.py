@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -34,21 +32,18 @@ class Arm:
     tolerance: Floats  # (6,) standard deviation of the placement of each joint and of the tool, m and rad
 
     @staticmethod
-    def of(robot: Chain, off: Mapping[str, Floats] = MappingProxyType({})) -> Arm:
+    def of(robot: Chain) -> Arm:
         """The arm of a robot without rods. Names and the choice of joints are from ``robot``, numbers from the URDF's text.
-
-        ``off``: displacements of its joints and points, as for :meth:`~gtpin.bench.simulator.loops.Loops.of`.
 
         Raises RobotError if a joint mimics another one in a robot with loops.
         """
         told = robot.tolerance
         position, rotation = (told.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))
         gravity = np.array(robot.description.gravity)
-        return Arm(robot.name, Loops.of(robot, off), gravity, np.array([position] * 3 + [rotation] * 3))
+        return Arm(robot.name, Loops.of(robot), gravity, np.array([position] * 3 + [rotation] * 3))
 
     @property
     def joints(self) -> tuple[TreeJoint, ...]:
-        """All its moving joints, parents first."""
         return self.loops.joints
 
     @property
@@ -58,17 +53,14 @@ class Arm:
 
     @property
     def tcp(self) -> TreeFrame:
-        """The TCP frame."""
         return self.loops.tcp
 
     @property
     def n_actuators(self) -> int:
-        """Number of commands."""
         return len(self.counted)
 
     @cached_property
     def sites(self) -> tuple[str, ...]:
-        """Names of the commanded joints."""
         return tuple(self.joints[j].name for j in self.counted)
 
     @cached_property
@@ -83,7 +75,7 @@ class Arm:
 
     @property
     def pin_sites(self) -> tuple[str, ...]:
-        """Names of the passive revolute joints of loops."""
+        """Their names."""
         return tuple(self.joints[j].name for j in self.pins)
 
     @cached_property
@@ -93,7 +85,7 @@ class Arm:
 
     @cached_property
     def upper(self) -> Floats:
-        """(n,) upper ends of the ranges, rad or m."""
+        """(n,) their upper ends."""
         return np.array([self.joints[j].upper for j in self.counted])
 
     @cached_property
@@ -119,6 +111,11 @@ class Arm:
     def placed(self) -> tuple[int, ...]:
         """Indices of the joints whose placements a calibration identifies."""
         return self.moving if self.loops.pairs else self.counted
+
+    @property
+    def placements(self) -> tuple[str, ...]:
+        """Names of these placements, and of the tool's."""
+        return (*(f"placement[{self.joints[j].name}]" for j in self.placed), "platform")
 
     @cached_property
     def acting(self) -> tuple[int, ...]:

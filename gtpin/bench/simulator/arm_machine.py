@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, rounded
-from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.machine import MASS_SPREAD, REACH, Deviation, collected, rounded, well_conditioned
+from gtpin.bench.simulator.poses import AXES, VirtualPoses
 from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Mask
@@ -48,28 +49,30 @@ class ArmMachine:
     """
 
     robot: Arm  # The nominal robot
-    # `twists`, `tool`: (k, 6) twists of the robot's ``placed`` joints, and (6,) twist of the tool: each placement is
-    # the nominal one times the exponential of its twist, m and rad
-    twists: Floats
-    tool: Floats
-    # (2 L, 3) displacement from nominal of the points at which L loops close, m, in the frames of their links
-    ends: Floats
-    # `masses`, `centres`: (J,) masses, kg, and (J, 3) centres of mass, m, in their own frames, of the bodies of all
-    # moving joints
-    masses: Floats
-    centres: Floats
+    # Each placement is the nominal one times the exponential of a twist (6,), m and rad.
+    twists: Floats  # (k, 6) of the robot's ``placed`` joints
+    tool: Floats  # (6,) of the tool
+    ends: Floats  # (2 L, 3) displacement from nominal of the points at which L loops close, their links' frames, m
+    masses: Floats  # (J,) masses of the bodies of all moving joints, kg
+    centres: Floats  # (J, 3) their centres of mass, own frames, m
     target: TreeFrame  # Placement of the measured target in the TCP frame
     # Whether the pose of the instrument's frame is unknown to the user, and whether that of the target is
     free: tuple[bool, bool] = (False, False)
 
     @staticmethod
-    def of(robot: Arm) -> ArmMachine:
-        """The machine that the URDF describes."""
+    def of(robot: Arm, off: Mapping[str, Floats] = MappingProxyType({})) -> ArmMachine:
+        """The machine that the URDF describes.
+
+        ``off``: by the names of the parameters, twist (6,), m and rad, of ``placement[JOINT]`` and ``platform``, and
+        displacement of ``anchor[END]``, of which the first three count.
+        """
+        twists = np.array([off.get(name, np.zeros(6)) for name in robot.placements])
+        ends = [off.get(f"anchor[{name}]", np.zeros(6))[:3] for name in robot.loops.ends]
         return ArmMachine(
             robot=robot,
-            twists=np.zeros((len(robot.placed), 6)),
-            tool=np.zeros(6),
-            ends=np.zeros((len(robot.loops.ends), 3)),
+            twists=twists[:-1],
+            tool=twists[-1],
+            ends=np.array(ends).reshape(-1, 3),
             masses=np.array([j.mass for j in robot.joints]),
             centres=np.array([j.centre for j in robot.joints]),
             target=TreeFrame(-1, np.eye(3), np.zeros(3)),
@@ -110,11 +113,9 @@ class ArmMachine:
 
     @property
     def parameters(self) -> dict[str, float]:
-        places = [*(f"placement[{self.robot.joints[j].name}]" for j in self.robot.placed), "platform"]
-        values = dict(zip(places, [*self.twists, self.tool], strict=True))
+        values = dict(zip(self.robot.placements, [*self.twists, self.tool], strict=True))
         values |= {f"anchor[{name}]": end for name, end in zip(self.robot.loops.ends, self.ends, strict=True)}
-        axes = ("x", "y", "z", "rx", "ry", "rz")
-        return {f"{name}.{axes[i]}": float(x) for name, row in values.items() for i, x in enumerate(row)}
+        return {f"{name}.{AXES[i]}": float(x) for name, row in values.items() for i, x in enumerate(row)}
 
     def usual_load(self, cart: int) -> float:
         """Usual load of a commanded joint, N m or N, as a scale of its stiffness; that of the first joint where the commanded
@@ -215,7 +216,7 @@ class ArmMachine:
         return bodies.at(self.seen).with_joints(self.coordinates_of(bodies, read))
 
     def coordinates_of(self, bodies: Placed, read: tuple[str, ...]) -> dict[str, Floats]:
-        """(N,) coordinate of each of some joints, rad or m, by name."""
+        """(N,) coordinates of some joints, rad or m, by name."""
         names = [joint.name for joint in self.joints]
         return {name: bodies.x[:, names.index(name)] for name in read}
 
@@ -230,10 +231,8 @@ class ArmMachine:
     # ---------------------------------------------------------------------------------------------- derivatives
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        return self._by_command(q, tuple(poses.joints))
-
-    def _by_command(self, q: Floats, read: tuple[str, ...] = ()) -> Floats:
-        steps, near = NUDGE * np.eye(self.n_carts), self.bodies(q)[0]
+        near, read = self.bodies(q)[0], tuple(poses.joints)
+        steps = NUDGE * np.eye(self.n_carts)
         pairs = [(self.predict(q + step, near, read), self.predict(q - step, near, read)) for step in steps]
         return np.stack([one.change(other) / (2.0 * NUDGE) for one, other in pairs], axis=2)
 
@@ -292,38 +291,19 @@ class ArmMachine:
         middle, half = self.region
 
         def drawn() -> Floats:
-            return rounded(middle + half * rng.uniform(-1.0, 1.0, (count, self.n_carts)))
+            return np.asarray(middle + half * rng.uniform(-1.0, 1.0, (count, self.n_carts)))
 
-        if not self.loops.pairs:
-            last = np.zeros((0, self.n_carts))
+        if self.loops.pairs:
+            return well_conditioned(self, self.robot.name, self.robot.loops.home_q, drawn, count)
+        last = np.zeros((0, self.n_carts))
 
-            def in_front() -> Floats:
-                nonlocal last
-                last = drawn()
-                return np.asarray(last[self._in_front(last)])
+        def in_front() -> Floats:
+            nonlocal last
+            last = rounded(drawn())
+            return np.asarray(last[self._in_front(last)])
 
-            found = collected(in_front, count, FOLDED)
-            return last if found is None else found
-        home = self._gain(self.robot.loops.home_q[None])[0]
-        if not np.isfinite(home):
-            what = f"the loops of {self.robot.name} don't close at home with joints that are off by their tolerances"
-            hint = "give a home inside the workspace, smaller tolerances, or loops that space leaves free to close"
-            raise UnreachableError(what, hint=hint)
-
-        def conditioned() -> Floats:
-            q = drawn()
-            return np.asarray(q[self._gain(q) <= CONDITIONED * home])
-
-        found = collected(conditioned, count)
-        if found is None:
-            what = f"{self.robot.name} reaches hardly any of the commands in its range"
-            raise UnreachableError(what, hint="narrow the range in the URDF")
-        return found
-
-    def _gain(self, q: Floats) -> Floats:
-        """(N,) motion of the target by unit commands: the norm of its derivative; infinite out of reach."""
-        found = np.linalg.norm(self._by_command(q), axis=(1, 2))
-        return np.where(np.isfinite(found), found, np.inf)
+        found = collected(in_front, count, FOLDED)
+        return last if found is None else found
 
     def _in_front(self, q: Floats) -> Mask:
         """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,60 +34,47 @@ class Loops:
     """A tree of J joints, some of them driven, with L pairs of points that coincide."""
 
     joints: tuple[TreeJoint, ...]  # The joints with their true placements, parents first
-    # `driven`, `passive`: Indices of the commanded joints, and of the passive ones
-    driven: tuple[int, ...]
+    driven: tuple[int, ...]  # Indices of the commanded joints
     passive: tuple[int, ...]
     pairs: tuple[tuple[TreeFrame, TreeFrame], ...]  # Pairs of points that coincide
-    # `ends`, `axes`: Names (``pin.left_far``: the loop, and the link that has the point) of the 2 L points, first and
-    # second of each pair, and (2 L, 3, 3) the rotations from the frames of these links to the frames of their joints
-    ends: tuple[str, ...]
-    axes: Floats
+    ends: tuple[str, ...]  # Names (``pin.left_far``: loop and link) of the 2 L points, first and second of each pair
+    axes: Floats  # (2 L, 3, 3) rotations from the frames of these links to the frames of their joints
     # (L, 3, 3) projection of each gap, in the first frame of its pair, on the part that closes: the whole gap, or that
     # in the plane of a planar loop
     across: Floats
-    tcp: TreeFrame  # The TCP frame
+    tcp: TreeFrame
     home_q: Floats  # (n,) commands at home
     start: Floats  # (J,) coordinates of the nominal robot at home. They choose the assembly mode.
 
     @staticmethod
-    def of(robot: Chain, off: Mapping[str, Floats]) -> Loops:
-        """The tree of a robot, and its loops, whose joints and points deviate.
-
-        ``off``: twist (6,), m and rad, of ``placement[JOINT]``, and displacement (6,), m, of ``anchor[END]``, with the names of
-        :attr:`ends`; all others are as in the URDF.
-        """
+    def of(robot: Chain) -> Loops:
+        """The tree of a robot, and its loops, as in the URDF."""
         urdf = read_urdf(robot.description.xml)
         if robot.description.loops and any(joint.follows for joint in urdf.joints):
             raise RobotError("a <mimic> joint in a robot with loops", hint="the simulator can't close these")
         names = [joint.name for joint in urdf.joints]
-        twists = [off.get(f"placement[{name}]") for name in names]
-        joints = tuple(
-            joint if twist is None else joint.moved(twist) for joint, twist in zip(urdf.joints, twists, strict=True)
-        )
         driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
         points, ends, axes = [], [], []
         for loop in robot.description.loops:
             for anchor in (loop.anchor1, loop.anchor2):
-                on, name = urdf.links[anchor.link], f"{loop.name}.{anchor.link}"
-                at = np.array(anchor.xyz) + off.get(f"anchor[{name}]", np.zeros(6))[:3]
-                points.append(TreeFrame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ at))
-                ends.append(name)
+                on = urdf.links[anchor.link]
+                points.append(TreeFrame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
+                ends.append(f"{loop.name}.{anchor.link}")
                 axes.append(on.R)
         pairs = list(zip(points[::2], points[1::2], strict=True))
-        tcp = urdf.links[robot.tcp_frame]
-        passive = tuple(sorted(_closing(joints, pairs) - set(driven)))
+        passive = tuple(sorted(_closing(urdf.joints, pairs) - set(driven)))
         # Across the plane of a planar loop the play of bearings closes the gap. `planes`: where the package finds such loops.
         planes = getattr(robot, "planes", (None,) * len(pairs))
         across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
         return Loops(
-            joints=joints,
+            joints=urdf.joints,
             driven=driven,
             passive=passive,
             pairs=tuple(pairs),
             ends=tuple(ends),
             axes=np.array(axes).reshape(-1, 3, 3),
             across=across,
-            tcp=tcp,
+            tcp=urdf.links[robot.tcp_frame],
             home_q=robot.home_q,
             start=np.array([robot.home_coordinates.get(name, 0.0) for name in names]),
         )

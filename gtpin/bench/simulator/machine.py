@@ -10,6 +10,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.errors import UnreachableError
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -18,24 +19,19 @@ from gtpin.typing import Floats
 class Deviation:
     """Changes at N visits of a machine with n drives, and k rods or J joints. Arrays for what it does not have are empty."""
 
-    # (N, n) motions of carts along their tracks, m, of arms and joints about their axes, rad, or changes of legs'
-    # lengths, m
-    travel: Floats
-    # `shift`, `turn`: (N, n, 3) on rods: shifts of the carts, m, and their rotation vectors about the mean of their
-    # joints, rad, base frame
-    shift: Floats
-    turn: Floats
+    travel: (
+        Floats  # (N, n) motions of carts along tracks, m, of arms and joints about axes, rad, or of legs' lengths, m
+    )
+    shift: Floats  # (N, n, 3) on rods: shifts of the carts, base frame, m
+    turn: Floats  # (N, n, 3) on rods: rotation vectors of the carts about the mean of their joints, base frame, rad
     length: Floats  # (N, k) changes of the rods' lengths, m
     joint: Floats  # (N, k, 3) shifts of the joints on the platform, TCP frame, m
-    # (N, n, 6) change of the commanded joints' axes: shift, m, and rotation vector, rad, in the joint's frame
-    axis: Floats
-    # (N, n, 6) change of the ends of the links that these joints move: shift, m, and rotation vector, rad, link's
-    # frame
-    tip: Floats
+    # The next three: shift, m, and rotation vector, rad
+    axis: Floats  # (N, n, 6) of the commanded joints' axes, joint's frame
+    tip: Floats  # (N, n, 6) of the ends of the links that these joints move, link's frame
     seat: Floats  # (N, J, 6) as ``axis``, of all joints, including passive ones
     target: Floats  # (N, 3) shift of the target from its place on the tool, TCP frame (without rods: target's frame), m
-    # (N, 6) motion of everything that the instrument measures, about its station: translation, m, and rotation vector,
-    # rad, base frame
+    # (N, 6) motion of everything that the instrument measures, about its station: as above, base frame
     frame: Floats
     scale: Floats  # (N,) relative change of the distances that the instrument reads from its station
 
@@ -129,10 +125,7 @@ class Machine(Moved, Protocol):
         """(N, n) places of commands (N, n) in their ranges: no unit, from about -REACH to REACH. Effects depend on them."""
 
     def reachable(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, n) random commands all over the workspace, m or rad.
-
-        Raises UnreachableError if hardly any commands can be reached.
-        """
+        """(count, n) random commands all over the workspace, m or rad. Raises UnreachableError if it reaches hardly any."""
 
     def unbent(self, visits: int) -> Deviation:
         """Deviations of zero at a number of visits."""
@@ -162,3 +155,31 @@ def collected(draw: Callable[[], Floats], count: int, tries: int = TRIES) -> Flo
         if sum(map(len, found)) >= count:
             return np.vstack(found)[:count]
     return None
+
+
+def well_conditioned(
+    machine: Moved,
+    name: str,
+    home_q: Floats,
+    draw: Callable[[], Floats],
+    count: int,
+    hint: str = "give a home inside the workspace, smaller tolerances, or loops that space leaves free to close",
+) -> Floats:
+    """(count, n) commands of those that ``draw`` gives, where the machine is as well conditioned as around home (n,).
+
+    Raises UnreachableError if its loops don't close at home, with the ``hint``, or it reaches hardly any commands.
+    """
+    at_home = gain(machine, home_q[None])[0]
+    if not np.isfinite(at_home):
+        what = f"the loops of {name} don't close at home with joints that are off by their tolerances"
+        raise UnreachableError(what, hint=hint)
+
+    def conditioned() -> Floats:
+        q = rounded(draw())
+        return np.asarray(q[gain(machine, q) <= CONDITIONED * at_home])
+
+    found = collected(conditioned, count)
+    if found is None:
+        what = f"{name} reaches hardly any of the commands in its range"
+        raise UnreachableError(what, hint="narrow the range in the URDF")
+    return found

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.causes.kinds import kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
@@ -19,7 +18,7 @@ from gtpin.bench.simulator.machine import Deviation, Machine
 from gtpin.bench.simulator.poses import VirtualPoses, exp
 from gtpin.bench.simulator.recipe import Recipe
 from gtpin.bench.simulator.rod_machine import RodMachine
-from gtpin.bench.simulator.situation import RodSituation
+from gtpin.bench.simulator.situation import ArmSituation, RodSituation
 from gtpin.bench.simulator.truth import EffectTruth
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.errors import ConvergenceError

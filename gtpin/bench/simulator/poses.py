@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.typing import Floats, Mask
 
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 SMALL = 1e-4
 """Angle, rad, below which sines are replaced by their series: the next term is below 1e-18."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.machine import CONDITIONED, collected, gain, rounded
-from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.machine import well_conditioned
+from gtpin.bench.simulator.poses import AXES, VirtualPoses
 from gtpin.bench.simulator.rods import Rods
 from gtpin.bench.simulator.universal import Universal
 from gtpin.bench.simulator.visits import REPEATED, ids
 from gtpin.data import Commands, Dataset, InstrumentSection
-from gtpin.errors import GtpinError, ModelError, UnreachableError
+from gtpin.errors import GtpinError, ModelError
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -40,18 +40,12 @@ class TrueRobot:
             if len(robot.rods) != 6:
                 raise ModelError(f"{robot.name} has {len(robot.rods)} rods", hint="six hold a platform")
             return Rods(self.geometry)
-        axes = ("x", "y", "z", "rx", "ry", "rz")
-        off: dict[str, Floats] = {}  # (6,) m and rad, by ``placement[JOINT]``, ``anchor[END]`` and ``platform``
-        for parameter, value in zip(self.geometry.parameters, self.geometry.deviation, strict=True):
-            place, _, axis = parameter.name.rpartition(".")
-            if axis in axes:
-                off.setdefault(place, np.zeros(6))[axes.index(axis)] = value
-        if robot.description.loops:
-            return ArmMachine.of(Arm.of(robot, off))
-        arm = Arm.of(robot)
-        places = (*(f"placement[{name}]" for name in arm.sites), "platform")
-        twists = np.array([off.get(place, np.zeros(6)) for place in places])
-        return replace(ArmMachine.of(arm), twists=twists[:-1], tool=twists[-1])
+        off: dict[str, Floats] = {}
+        for name, value in zip(self.geometry.names, self.geometry.deviation, strict=True):
+            place, _, axis = name.rpartition(".")
+            if axis in AXES:
+                off.setdefault(place, np.zeros(6))[AXES.index(axis)] = value
+        return ArmMachine.of(Arm.of(robot), off)
 
     def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame; NaN out of reach."""
@@ -103,25 +97,16 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     robot = machine.geometry.robot
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
-    at_home = gain(machine, robot.home_q[None])[0]
-    if not np.isfinite(at_home):
-        equations, passive = 3 * len(robot.constraints), robot.n_passive
-        what = f"the loops of {robot.name} don't close at home with joints that are off by their tolerances"
-        hint = "give a home inside the workspace, or smaller tolerances"
-        if equations > passive:
-            exact = f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone"
-            hint = f"{exact}: give the loops spherical or universal joints"
-        raise UnreachableError(what, hint=hint)
+    equations, passive = 3 * len(robot.constraints), robot.n_passive
+    hint = "give a home inside the workspace, or smaller tolerances"
+    if equations > passive:
+        exact = f"{equations} closure equations for {passive} passive coordinates hold for an exact geometry alone"
+        hint = f"{exact}: give the loops spherical or universal joints"
 
-    def conditioned() -> Floats:
-        q = rounded(rng.uniform(lower, upper, (count, robot.n_actuators)))
-        return np.asarray(q[gain(machine, q) <= CONDITIONED * at_home])
+    def draw() -> Floats:
+        return np.asarray(rng.uniform(lower, upper, (count, robot.n_actuators)))
 
-    found = collected(conditioned, count)
-    if found is None:
-        what = f"{robot.name} reaches hardly any of the commands in its range"
-        raise UnreachableError(what, hint="narrow the range in the URDF")
-    return found
+    return well_conditioned(machine, robot.name, robot.home_q, draw, count, hint)
 
 
 def measure(

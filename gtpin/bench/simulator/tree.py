@@ -21,23 +21,18 @@ MOVING = ("revolute", "continuous", "prismatic")
 class TreeJoint:
     """A moving joint and its body: its child link with everything that is fixed to it."""
 
-    # `name`, `link`: Names of the URDF's joint and of its child link
     name: str
-    link: str
+    link: str  # Name of its child link
     parent: int  # Index of the joint whose body carries it; -1: the base
-    # `R`, `p`: (3, 3) rotation and (3,) position, m, of its frame on that body
-    R: Floats
-    p: Floats
+    R: Floats  # (3, 3) rotation of its frame on that body
+    p: Floats  # (3,) its position there, m
     axis: Floats  # (3,) unit vector, own frame
     slides: bool  # Whether it slides (m) instead of turning (rad)
-    # `lower`, `upper`: Its range, rad or m; infinite where the URDF gives none
-    lower: float
+    lower: float  # Ends of its range, rad or m; infinite where the URDF gives none
     upper: float
-    # (index, factor, offset) of the joint that it mimics: x = factor * x_index + offset; None where it mimics none
-    follows: tuple[int, float, float] | None
-    # `mass`, `centre`: Mass of the body, kg, and (3,) its centre of mass, own frame, m
-    mass: float
-    centre: Floats
+    follows: tuple[int, float, float] | None  # Joint i, factor a, offset b where it mimics one: x = a x_i + b
+    mass: float  # Of the body, kg
+    centre: Floats  # (3,) the body's centre of mass, own frame, m
 
     def moved(self, twist: Floats) -> TreeJoint:
         """The joint, displaced by the exponential of a twist (6,), own frame, m and rad."""
@@ -60,10 +55,6 @@ class Urdf:
 
     joints: tuple[TreeJoint, ...]
     links: dict[str, TreeFrame]
-
-    def index(self, name: str) -> int:
-        """Index of a joint by its name."""
-        return [joint.name for joint in self.joints].index(name)
 
 
 def read_urdf(xml: str, still: Collection[str] = ()) -> Urdf:
@@ -171,13 +162,13 @@ def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:
 class Bending:
     """Deviations inside a tree of J joints at N poses; a field is None where there is no such deviation."""
 
-    # (N, J, 6) shift, m, and rotation vector, rad, of each joint's axis, in the joint's frame at coordinate zero
+    # (N, J, 6) shifts, m, and rotation vectors, rad: of each joint's axis, joint's frame at coordinate zero; of everything
+    # that is fixed to each joint's body, about the body's end, body's frame
     axis: Floats | None = None
-    # (N, J, 6) the same of everything that is fixed to each joint's body: shift, and rotation about the body's end, in
-    # the body's frame
     tip: Floats | None = None
-    # (J, 3) the bodies' ends, own frames, m; None where everything that a body carries is at its end
-    ends: Floats | None = None
+    ends: Floats | None = (
+        None  # (J, 3) the bodies' ends, own frames, m; None where a body carries everything at its end
+    )
 
     def take(self, rows: Ints) -> Bending:
         """The deviations at some of the poses."""
@@ -202,11 +193,9 @@ STRAIGHT = Bending()
 class Placed:
     """Bodies at N poses, base frame."""
 
-    # `R`, `p`: (N, J, 3, 3) rotations and (N, J, 3) positions, m, of the joints' frames, which move with the bodies
-    R: Floats
-    p: Floats
-    # (N, J, 3, 3) rotations of the joints' frames before the joints' own motions: as with coordinates of zero
-    seats: Floats
+    R: Floats  # (N, J, 3, 3) rotations of the joints' frames, which move with the bodies
+    p: Floats  # (N, J, 3) their positions, m
+    seats: Floats  # (N, J, 3, 3) rotations of the joints' frames before the joints' own motions
     x: Floats  # (N, J) the joints' coordinates, rad or m
 
     def at(self, frame: TreeFrame, bending: Bending = STRAIGHT) -> VirtualPoses:

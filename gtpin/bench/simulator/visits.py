@@ -23,10 +23,8 @@ class Day:
     """Temperatures over time, degC. At time 0 everything is at the reference temperature."""
 
     time: Floats  # (M,) times, s, from 0
-    # `frame`, `link`: (M,) readings of the two sensors, degC: the frame follows the air slowly; the links follow the
-    # air and are heated by work
-    frame: Floats
-    link: Floats
+    frame: Floats  # (M,) readings of the frame's sensor, degC: it follows the air slowly
+    link: Floats  # (M,) of the links' sensor: they follow the air and are heated by work
     end: float  # End of the day's work, s: slow changes depend on the time over ``end``
 
     @staticmethod
@@ -45,12 +43,9 @@ class Day:
 
     def continued(self, time: Floats, frame: Floats, link: Floats) -> Day:
         """The day, continued by readings of the sensors (N,), degC, at later times (N,), s, ascending."""
-        return Day(
-            np.concatenate([self.time, time]),
-            np.concatenate([self.frame, frame]),
-            np.concatenate([self.link, link]),
-            self.end,
-        )
+        pairs = ((self.time, time), (self.frame, frame), (self.link, link))
+        times, frames, links = (np.concatenate(pair) for pair in pairs)
+        return Day(times, frames, links, self.end)
 
     def frame_at(self, time: Floats, delay: float = 0.0) -> Floats:
         """Readings of the frame's sensor, degC, at times (N,) less a delay, s."""
@@ -83,18 +78,15 @@ class VirtualVisits:
 
     pose: Ints  # (N,) number of the pose; two visits of one pose share it
     held: Mask  # (N,) mask of visits that are not measured: the held-out commands
-    # `q`, `before`: (N, n) commands, and starts of the actuators' last moves, m or rad
-    q: Floats
-    before: Floats
+    q: Floats  # (N, n) commands, m or rad
+    before: Floats  # (N, n) starts of the actuators' last moves
     time: Floats  # (N,) time, s
     session: Ints  # (N,) number of the session, from 0
     payload: Floats  # (N,) payload, kg
     force: Floats  # (N, 3) force on the tool, base frame, N
-    # `speed`, `acceleration`: (N, n) in m/s and m/s^2, or rad/s and rad/s^2; the acceleration is not recorded in the
-    # dataset
-    speed: Floats
-    acceleration: Floats
-    day: Day  # The temperatures
+    speed: Floats  # (N, n) m/s or rad/s
+    acceleration: Floats  # (N, n) m/s^2 or rad/s^2; not recorded in the dataset
+    day: Day
 
     def __len__(self) -> int:
         return len(self.pose)

@@ -99,10 +99,10 @@ def test_what_an_effect_leaves_of_readings_is_by_the_definition(
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
     assert difficulty.row is not None
-    assert difficulty.seen.unknowns is not None
+    assert difficulty.unknowns is not None
     geometry = at.kinematics.geometry
     by_geometry = difficulty.whitened(at.kinematics.geometry_jacobian(at.q, at.poses) * geometry.tolerance)
-    B = np.hstack([by_geometry, difficulty.seen.unknowns.reshape(len(by_geometry), -1)])
+    B = np.hstack([by_geometry, difficulty.unknowns.reshape(len(by_geometry), -1)])
     X = difficulty.whitened(basis.displacement(at) * basis.sigma)
     d = difficulty.whitened(displacement[difficulty.row][:, :, None])[:, 0]
     best = max(

@@ -1,4 +1,5 @@
-"""Robots that are no rods, with masses: an arm, and loops (planar upright, planar level, spatial, a parallelogram)."""
+"""Robots without rods, with masses: an arm, and loops (planar upright, planar level, spatial, a parallelogram); their plants,
+and that of the Gantry-Tau."""
 
 from functools import cache
 from pathlib import Path
@@ -7,10 +8,13 @@ import numpy as np
 
 import gtpin
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.arm_machine import ArmMachine
+from gtpin.bench.simulator.build import drawn_machine, known_robot
+from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import kind
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.visits import plan
+from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
@@ -98,9 +102,9 @@ JOINTS = (
 def seven() -> str:
     """An arm of six turning joints and a sliding one, in skew places."""
     parts, parent = ['<link name="base"/>'], "base"
-    for name, kind, xyz, rpy, axis, mass, centre, limit in JOINTS:
+    for name, moves, xyz, rpy, axis, mass, centre, limit in JOINTS:
         link = f"{name}_link"
-        parts += [_link(link, mass, centre, "0.3 0 0"), _hinge(name, parent, link, xyz, rpy, axis, kind, limit)]
+        parts += [_link(link, mass, centre, "0.3 0 0"), _hinge(name, parent, link, xyz, rpy, axis, moves, limit)]
         parent = link
     parts += [_link("bracket", 0.5, "0 0.01 0"), _fixed("f", parent, "bracket", "0 0.05 0", "0 0 1")]
     parts += ['<link name="tool0"/>', _fixed("t", "bracket", "tool0", "0 0 0.1")]
@@ -132,11 +136,22 @@ def urdf_file(name: str, folder: Path) -> str:
     return str(file)
 
 
+def plant_robot(name: str) -> Chain | Arm:
+    """The robot as the plant has it."""
+    return known_robot(name) if name == "gantry_tau" else nominal(name)[1]
+
+
 @cache
 def a_plant(name: str, poses: int = 50, warming: float = 1.5) -> Response:
     """A machine drawn from the tolerances on its way through a day."""
     rng = np.random.default_rng(0)
-    machine = ArmMachine.draw(nominal(name)[1], rng)
-    push, payload = (30.0, 2.0) if name == "seven" else (5.0, 0.5)
+    machine = drawn_machine(plant_robot(name), rng)
+    push, payload = {"gantry_tau": (150.0, 10.0), "seven": (30.0, 2.0)}.get(name, (5.0, 0.5))
     conditions = SimulatedConditions(sessions=3, push=push, payloads=(0.0, payload, 2.0 * payload), warming=warming)
-    return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -4.0, 0.3]))
+    return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -7.0, 0.3]))
+
+
+def cause(robot: str, effect: str, site: str, seed: int = 0) -> Cause:
+    """An error of a machine of a robot."""
+    parts = plant_robot(robot)
+    return kind(effect, parts).at(parts, site, np.random.default_rng(seed))

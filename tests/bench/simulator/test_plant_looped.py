@@ -7,11 +7,11 @@ import pytest
 from plant_machines import LOOPED, ROBOTS, a_plant, nominal
 
 import gtpin
-from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, kind, listed, unlisted
 from gtpin.bench.simulator.poses import VirtualPoses
+from gtpin.bench.simulator.simulate import TrueRobot
+from gtpin.bench.simulator.situation import ArmSituation
 from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.chain_kinematics import ChainKinematics
@@ -35,6 +35,15 @@ def by_pinocchio(machine: ArmMachine) -> ChainKinematics:
 
 def gtpin_robot(machine: ArmMachine) -> gtpin.Robot:
     return next(nominal(name)[0] for name in NAMES if nominal(name)[1] is machine.robot)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_machine_without_effects_has_all_deviations_of_its_geometry(name: str) -> None:
+    geometry = gtpin.Geometry.nominal(nominal(name)[0])
+    drawn = geometry.tolerance * np.random.default_rng(1).standard_normal(len(geometry.values))
+    geometry = geometry.with_values(geometry.values + drawn)
+    q = a_plant(name).visits.q[:4]
+    assert off(TrueRobot(geometry).predict(q), ChainKinematics(geometry).forward(q)) < 1e-9
 
 
 def off(found: VirtualPoses, expected: object) -> float:
@@ -160,8 +169,8 @@ def test_deviations_that_open_the_loops_are_one_line() -> None:
     torn.axis[:, 0, :3] = 3.0
     with pytest.raises(UnreachableError, match="open the loops"):
         plant.ideal.settled_by(torn)
-    far = Arm.of(nominal("spatial")[0], {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])})
-    assert not ArmMachine.of(far).predict(np.array([[0.1]])).reached.any()
+    far = {"placement[rocker_joint]": np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0])}
+    assert not ArmMachine.of(nominal("spatial")[1], far).predict(np.array([[0.1]])).reached.any()
 
 
 @pytest.mark.parametrize("name", LOOPED)

@@ -6,66 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plant_machines import FIVE_BAR, LOOPED, ROBOTS, a_plant, nominal, urdf_file
+from plant_machines import FIVE_BAR, LOOPED, a_plant, cause, nominal, urdf_file
 from typer.testing import CliRunner
 
 from gtpin.bench.blind.draw import drafts, made, truth_of
 from gtpin.bench.simulator import draw_case, make_case
 from gtpin.bench.simulator.build import build, known_robot, measure_at
 from gtpin.bench.simulator.case import drawn_recipe
-from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, kind, listed, unlisted
+from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, kind, unlisted
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.cli import app
 from gtpin.data import Commands
-
-NAMES = tuple(ROBOTS)
-PLACES = [
-    (name, k.name, site)
-    for name in NAMES
-    for kinds in ((listed, unlisted) if name in LOOPED else (listed,))
-    for k in kinds(nominal(name)[1])
-    for site in k.sites(nominal(name)[1])
-]
-
-
-def cause(robot: str, effect: str, site: str, seed: int = 0) -> Cause:
-    arm = nominal(robot)[1]
-    return kind(effect, arm).at(arm, site, np.random.default_rng(seed))
-
-
-@pytest.mark.parametrize(("name", "effect", "site"), PLACES)
-def test_each_cause_stays_at_its_site_and_is_repeatable(name: str, effect: str, site: str) -> None:
-    plant, arm = a_plant(name), nominal(name)[1]
-    once, again, other = (cause(name, effect, site, seed)(plant.ideal) for seed in (1, 1, 2))
-    assert all(np.array_equal(getattr(once, f), getattr(again, f)) for f in vars(once))
-    assert any(not np.array_equal(getattr(once, f), getattr(other, f)) for f in vars(once))
-    for c in range(arm.n_actuators):
-        assert site == arm.sites[c] or not (once.travel[:, c].any() or once.axis[:, c].any())
-        assert site in (arm.link_sites[c], "arm") or not once.tip[:, c].any()
-    assert site in ("platform", "frame", *arm.pin_sites) or not (
-        once.target.any() or once.frame.any() or once.seat.any()
-    )
-    moved = plant.displacement([(cause(name, effect, site), 1.0)])
-    assert np.isfinite(moved).all()
-    assert np.abs(moved).max() < 5e-3
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_causes_without_size_move_nothing(name: str) -> None:
-    causes = [(cause(name, effect, site), 0.0) for robot, effect, site in PLACES if robot == name]
-    assert np.abs(a_plant(name).displacement(causes)).max() < 1e-12
-
-
-def test_forces_and_deflections_agree_where_the_machine_comes_to_rest() -> None:
-    plant = a_plant("parallelogram")
-    wanted = (("joint_compliance", "shoulder", 3.0), ("link_compliance", "arm", 2.0))
-    active = [(cause("parallelogram", effect, site), size) for effect, site, size in wanted]
-    now, deviation = plant.settled(active)
-    again = sum((c(now) * a for c, a in active), now.unbent())
-    for name in vars(deviation):
-        np.testing.assert_allclose(getattr(again, name), getattr(deviation, name), atol=1e-11)
 
 
 def test_a_bearing_off_the_way_to_the_tcp_of_a_planar_loop_shows_nothing_whatever_it_does() -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.arm_situation import ArmSituation
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.causes.with_rods import GIVE, STRETCH
 from gtpin.bench.simulator.fields import Field, curve, play
 from gtpin.bench.simulator.machine import REACH, Deviation
 from gtpin.bench.simulator.poses import across
-from gtpin.bench.simulator.situation import Postures, RodSituation
+from gtpin.bench.simulator.situation import ArmSituation, Postures, RodSituation
 from gtpin.typing import Floats
 
 

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot, reference
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
-from gtpin.bench.simulator.instruments.readers import (
-    VirtualCamera,
-    VirtualEncoder,
-    VirtualRange,
-    VirtualTilt,
-    VirtualTracker,
-)
-from gtpin.bench.simulator.instruments.touch import (
-    DayWay,
-    PlainWay,
-    VirtualPlane,
-    VirtualSocket,
-    Way,
-    begun,
-    circles,
-    felt,
-)
+from gtpin.bench.simulator.instruments.readers import READERS, VirtualRange, VirtualTracker
+from gtpin.bench.simulator.instruments.touch import TOUCHED, DayWay, PlainWay, begun, circles, felt
 from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
@@ -38,15 +23,10 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinError
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats
 
 KINDS = ("tracker", "camera", "range", "plane", "socket", "tilt", "encoder", "ballbar")
 """Kinds of instruments: those of a dataset, a camera (a tracker of several targets), and a ball bar (a range)."""
-TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] = {
-    "plane": VirtualPlane.drawn,
-    "socket": VirtualSocket.drawn,
-}
-"""Kinds of touched instruments: the machine moves to them. The others read at any pose."""
 BAR = "ballbar"
 """This kind has its own stops, along circles."""
 
@@ -61,31 +41,9 @@ def checked(kinds: Sequence[str]) -> tuple[str, ...]:
     return tuple(kind for kind in KINDS if kind in kinds)
 
 
-def reading(kinds: Collection[str]) -> tuple[str, ...]:
-    """Those of some kinds that read at any pose."""
-    return tuple(kind for kind in kinds if kind not in (*TOUCHED, BAR))
-
-
 def stream(seed: int, kind: str) -> np.random.Generator:
     """Random stream for the unknowns of an instrument: the same whatever other instruments there are."""
     return np.random.default_rng(np.random.SeedSequence([seed, 6, KINDS.index(kind)]))
-
-
-def drawn(kind: str, layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, seed: int) -> Gauge:
-    """An instrument that reads at ``stops`` (M,), at which the machine has ``poses`` (M), base frame.
-
-    Raises GtpinError if an encoder finds no joint, or a tilt sensor is never near level.
-    """
-    rng = stream(seed, kind)
-    if kind == "tracker":
-        return VirtualTracker.drawn(poses, stops, noise, rng)
-    if kind == "camera":
-        return VirtualCamera.drawn(layout, poses, stops, noise.declared, rng)
-    if kind == "range":
-        return VirtualRange.wires(layout, stops, noise.declared, rng)
-    if kind == "tilt":
-        return VirtualTilt.drawn(layout, poses, stops, noise.declared, rng)
-    return VirtualEncoder.drawn(poses, stops, noise.declared, rng)
 
 
 def errors(gauge: Gauge, noise: SimulatedNoise, seed: int) -> Floats:
@@ -117,17 +75,9 @@ MOST = 0.2
 touches."""
 
 
-@dataclass(frozen=True)
-class OwnStops:
-    """An instrument with its own stops, counted from 0, its kind, and the commands (M, n) there, m or rad.
-
-    ``speed`` (M, n): that of a ball bar's circles, m/s or rad/s.
-    """
-
-    kind: str
-    gauge: Gauge
-    q: Floats
-    speed: Floats | None = None
+Own = tuple[Gauge, Floats, Floats | None]
+"""An instrument with its own stops, counted from 0; the commands (M, n) there, m or rad; and the speeds (M, n) along a ball
+bar's circles, m/s or rad/s."""
 
 
 def outing(
@@ -139,21 +89,22 @@ def outing(
     poses: int,
     noise: SimulatedNoise,
     seed: int,
-) -> tuple[Layout, list[OwnStops]]:
-    """The workspace that the commands ``pool`` (P, n) fill, and the instruments with their own stops.
+) -> tuple[Layout, dict[str, Own]]:
+    """The workspace that the commands ``pool`` (P, n) fill, and the instruments with their own stops, by kind.
 
     Touches are those of the machine ``moved``, without effects; circles those of the ``nominal`` one.
     """
     gravity = robot.gravity if isinstance(robot, Arm) else np.array(robot.description.gravity)
-    layout, ranges, found = Layout.of(moved.predict(pool), gravity, pool.shape[1]), (robot.lower, robot.upper), []
+    layout, ranges = Layout.of(moved.predict(pool), gravity, pool.shape[1]), (robot.lower, robot.upper)
+    found: dict[str, Own] = {}
     for kind in kinds:
         rng = stream(seed, kind)
         if kind in TOUCHED:
             gauge = TOUCHED[kind](layout, np.arange(poses), noise.declared, rng)
-            found.append(OwnStops(kind, gauge, begun(gauge, moved, pool, ranges, rng)))
+            found[kind] = gauge, begun(gauge, moved, pool, ranges, rng), None
         elif kind == BAR:
             q, speed = circles(nominal, layout, pool, ranges, poses)
-            found.append(OwnStops(kind, VirtualRange.bar(layout, np.arange(len(q)), noise.declared, rng), q, speed))
+            found[kind] = VirtualRange.bar(layout, np.arange(len(q)), noise.declared, rng), q, speed
     return layout, found
 
 
@@ -177,24 +128,25 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     machine = drawn_machine(known_robot(recipe.robot), streams[0])
     pool = machine.reachable(POOL, streams[1])
     layout, own = outing(kinds, machine, machine.nominal(), machine.robot, pool, recipe.poses, noise, seed)
-    n_read = recipe.poses if reading(kinds) else 0
+    reading = [kind for kind in kinds if kind in READERS]
+    n_read = recipe.poses if reading else 0
     plain = machine.reachable(n_read + recipe.held_out, streams[1])
-    q = np.vstack([plain[:n_read], *(one.q for one in own), plain[n_read:]])
+    q = np.vstack([plain[:n_read], *(own_q for _, own_q, _ in own.values()), plain[n_read:]])
     visits = visited(machine, q, len(q) - recipe.held_out, n_read, recipe.conditions, streams[1])
-    if own and own[-1].speed is not None:
-        visits = _round(visits, len(q) - recipe.held_out - len(own[-1].q), own[-1].q, own[-1].speed)
+    if BAR in own:
+        visits = _round(visits, len(q) - recipe.held_out, *own[BAR][1:])
     read = machine.readable if "encoder" in kinds else ()
     response = Response(machine, visits, np.array(noise.station), read)
     # The instruments at the stops of a day: those that read, at the first `n_read` poses; then those with their own stops.
     order = np.random.default_rng(np.random.SeedSequence([seed, 7]))
     stops = order.permutation(np.flatnonzero(visits.pose < n_read))
     there = response.there[stops]
-    gauges, first = [drawn(kind, layout, there, stops, noise, seed) for kind in reading(kinds)], n_read
-    by_pose = np.argsort(visits.pose, kind="stable")
-    for one in own:
-        place = by_pose[np.searchsorted(visits.pose[by_pose], first + np.arange(len(one.q)))]
-        gauges.append(replace(one.gauge, stop=place))
-        first += len(one.q)
+    gauges = [READERS[kind](layout, there, stops, noise, stream(seed, kind)) for kind in reading]
+    by_pose, first = np.argsort(visits.pose, kind="stable"), n_read
+    for gauge, own_q, _ in own.values():
+        place = by_pose[np.searchsorted(visits.pose[by_pose], first + np.arange(len(own_q)))]
+        gauges.append(replace(gauge, stop=place))
+        first += len(own_q)
     repeatability, every = noise.repeatability_of(machine, streams[3]), np.arange(len(visits))
     past = _past(response, gauges, repeatability)
     strong, _, weak, _ = effects_of(recipe, response, every, past, streams[2])
@@ -223,7 +175,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
             pose=ids(visits.pose),
             q=visits.q,
             covariates=visits.columns(recipe.conditions),
-            read=_read(way, gauges, missed),
+            read=_read(way.poses, gauges, missed),
         ),
         commands=Commands(ids(np.arange(len(held))), visits.q[held], visits.take(held).columns(recipe.conditions)),
         truth=(tracker.seen(steady, tracker.truth) if tracker else response.settled(active)[0].poses)[held],
@@ -239,13 +191,15 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     )
 
 
-def _round(visits: VirtualVisits, first: int, q: Floats, speed: Floats) -> VirtualVisits:
-    """Visits whose poses from ``first`` on are along circles, in the order of travel."""
-    place = np.flatnonzero((visits.pose >= first) & (visits.pose < first + len(q)))  # in order of time
-    changed = {name: getattr(visits, name).copy() for name in ("pose", "q", "before", "speed", "acceleration")}
-    changed["pose"][place] = first + np.arange(len(q))
-    changed["q"][place], changed["speed"][place], changed["acceleration"][place] = q, speed, 0.0
-    changed["before"][place] = q - speed  # the command one second earlier
+def _round(visits: VirtualVisits, end: int, q: Floats, speed: Floats | None) -> VirtualVisits:
+    """Visits whose last poses before ``end`` are along circles, in the order of travel."""
+    assert speed is not None
+    place = np.flatnonzero((visits.pose >= end - len(q)) & (visits.pose < end))  # in order of time
+    before = q - speed  # the command one second earlier
+    new = {"pose": end - len(q) + np.arange(len(q)), "q": q, "before": before, "speed": speed, "acceleration": 0.0}
+    changed = {name: getattr(visits, name).copy() for name in new}
+    for name, values in new.items():
+        changed[name][place] = values
     return replace(visits, **changed)
 
 
@@ -258,9 +212,9 @@ def _tracker(gauges: Sequence[Gauge]) -> VirtualTracker | None:
     return next((gauge for gauge in gauges if isinstance(gauge, VirtualTracker)), None)
 
 
-def _read(way: Way, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[InstrumentTruth, ...]:
+def _read(poses: VirtualPoses, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[InstrumentTruth, ...]:
     return tuple(
-        InstrumentTruth(gauge.described(), gauge.stop, gauge.columns(way.poses[gauge.stop], error))
+        InstrumentTruth(gauge.described(), gauge.stop, gauge.columns(poses[gauge.stop], error))
         for gauge, error in zip(gauges, missed, strict=True)
     )
 
@@ -295,16 +249,17 @@ def simulate_measured(
     pool = draw_commands(machine, POOL, rng)
     layout, own = outing(kinds, machine, TrueRobot(Geometry.nominal(robot)), robot, pool, poses, noise, seed)
     pose, q = np.zeros(0, dtype=int), np.zeros((0, robot.n_actuators))
-    if reading(kinds):
+    reading = [kind for kind in kinds if kind in READERS]
+    if reading:
         again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
         pose = rng.permutation(np.concatenate([np.arange(poses), again]))
         q = draw_commands(machine, poses, rng)[pose]
     there, stops = machine.predict(q), np.arange(len(q))
-    found = {kind: drawn(kind, layout, there, stops, noise, seed) for kind in reading(kinds)}
-    for one in own:
-        found[one.kind] = replace(one.gauge, stop=len(q) + one.gauge.stop)
-        pose = np.concatenate([pose, (pose.max() + 1 if len(pose) else 0) + one.gauge.stop])
-        q = np.vstack([q, one.q])
+    found = {kind: READERS[kind](layout, there, stops, noise, stream(seed, kind)) for kind in reading}
+    for kind, (gauge, own_q, _) in own.items():
+        found[kind] = replace(gauge, stop=len(q) + gauge.stop)
+        pose = np.concatenate([pose, (pose.max() + 1 if len(pose) else 0) + gauge.stop])
+        q = np.vstack([q, own_q])
     gauges = [found[kind] for kind in kinds]
     missed = [errors(gauge, noise, seed) for gauge in gauges]
     way, _ = felt(PlainWay(machine, q), gauges, missed)
@@ -320,7 +275,7 @@ def simulate_measured(
             pose=ids(pose),
             q=way.q,
             covariates={},
-            read=_read(way, gauges, missed),
+            read=_read(way.poses, gauges, missed),
         ),
         commands=Commands(ids(np.arange(held_out)), held),
         truth=tracker.seen(truth, tracker.truth) if tracker else truth,

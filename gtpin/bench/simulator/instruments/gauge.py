@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from gtpin.bench.simulator.poses import VirtualPoses, across, exp
+from gtpin.bench.simulator.poses import AXES, VirtualPoses, across, exp
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints, Mask
 
@@ -23,7 +23,6 @@ ONE: dict[str, Place] = {"": (0.02, -0.03, 0.05)}
 """A single target, TCP frame, m; its id is empty."""
 THREE: dict[str, Place] = {"A": (0.06, 0.0, 0.01), "B": (-0.03, 0.05, 0.02), "C": (-0.03, -0.05, 0.06)}
 """Three targets, from which the platform's orientation can be determined, TCP frame, m."""
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -32,9 +31,9 @@ class Hidden:
 
     name: str  # Name of the parameter, such as ``wire.station[A].x``
     value: float  # Its true value, m or rad
-    # Its prior standard deviation for the user, m or rad: 0 where it is known exactly, infinite where it is not known
-    # at all
-    prior: float
+    prior: (
+        float  # Its prior standard deviation for the user, m or rad: 0 where known exactly, infinite where not at all
+    )
 
 
 def hidden(stem: str, values: Iterable[float], prior: float, axes: Iterable[str] = AXES) -> list[Hidden]:
@@ -52,24 +51,18 @@ class Gauge(ABC):
     reads: ClassVar[tuple[str, ...]] = ()
     """Columns of the readings in its table."""
     by_row: ClassVar[Mapping[str, str]] = {}
-    """Further fields with one value for each row; for an index, the field with the ids of stations, planes or targets."""
-    noise: ClassVar[tuple[float, int]] = (0.0, 1)
-    """Sigma of the readings, m or rad, where it is constant, and how many numbers a reading has."""
+    """Fields with an index for each row, and the fields with the ids of the stations, planes or targets that are meant."""
 
     name: str  # Its name in dataset.toml
     stop: Ints  # (M,) index of the machine's stop at which each row is read
     hidden: tuple[Hidden, ...]  # Its k unknowns
     declared: bool  # Whether dataset.toml states its sigma
+    sigma: Floats  # (M, c) standard deviation of the readings' noise, m or rad
 
     @property
     def truth(self) -> Floats:
         """(k,) true values of the unknowns."""
         return np.array([one.value for one in self.hidden])
-
-    @property
-    def sigma(self) -> Floats:
-        """(M, c) standard deviation of the readings' noise, m or rad."""
-        return np.full((len(self.stop), self.noise[1]), self.noise[0])
 
     def scattered(self, by_motion: Floats, jitter: Floats) -> Floats:
         """(M, c) sigma of the readings with the scatter of the machine.
@@ -105,15 +98,11 @@ class Gauge(ABC):
 
     def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         """The instrument's columns in its table, with errors (M, c) of the readings."""
-        ids = {name: self.ids(name) for name, of in self.by_row.items() if of}
+        ids = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
         found: dict[str, Column] = {
-            name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != ("",)
+            name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != [""]
         }
         return found | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
-
-    def ids(self, field: str) -> tuple[str, ...]:
-        """Ids of the stations, planes, sockets or targets, of which a field has each row's index."""
-        return tuple(getattr(self, self.by_row[field]))
 
     # --------------------------------------------------------------------------------------------- derivatives
 
@@ -134,33 +123,28 @@ class Gauge(ABC):
 
     def by_hidden(self, poses: VirtualPoses) -> Floats:
         """(M, c, k) derivative of the readings by the unknowns."""
-        steps = NUDGE * np.eye(len(self.hidden))
         u = self.truth
-        found = [self.change(poses, poses, u + step, u - step) / (2.0 * NUDGE) for step in steps]
+        found = [self.change(poses, poses, u + s, u - s) / (2.0 * NUDGE) for s in NUDGE * np.eye(len(u))]
         return np.stack(found, axis=2) if found else np.zeros((*self.sigma.shape, 0))
 
     # ----------------------------------------------------------------------------------------------- other rows
 
-    def in_turn(self, count: int) -> Gauge:
+    def in_turn(self, count: int) -> Self:
         """The instrument with one row at each of ``count`` stops, with its ids in alphabetical order, repeated."""
-        turns: dict[str, Any] = {"stop": np.arange(count)}
-        for name, of in self.by_row.items():
-            if of:
-                order = np.argsort(np.array(self.ids(name)))
-                turns[name] = order[np.arange(count) % len(order)]
-            else:
-                turns[name] = np.tile(np.median(getattr(self, name), axis=0), (count, 1))
-        return type(self)(**{**vars(self), **turns})
+        orders = {name: np.argsort(np.array(list(getattr(self, of)))) for name, of in self.by_row.items()}
+        turns: dict[str, Any] = {name: order[np.arange(count) % len(order)] for name, order in orders.items()}
+        sigma = np.tile(np.median(self.sigma, axis=0), (count, 1))
+        return replace(self, stop=np.arange(count), sigma=sigma, **turns)
 
-    def kept(self, rows: Mask) -> Gauge:
+    def kept(self, rows: Mask) -> Self:
         """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
-        changed = {name: getattr(self, name)[rows] for name in ("stop", *self.by_row)}
-        return type(self)(**{**vars(self), **changed})
+        changed: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("stop", "sigma", *self.by_row)}
+        return replace(self, **changed)
 
-    def all_like(self, row: int, count: int) -> Gauge:
+    def all_like(self, row: int, count: int) -> Self:
         """The instrument with ``count`` rows that all read as row ``row``, each at its own stop."""
-        same = {name: np.full(count, getattr(self, name)[row]) for name in self.by_row}
-        return type(self)(**{**vars(self), **same, "stop": np.arange(count)})
+        same: dict[str, Any] = {name: np.full(count, getattr(self, name)[row]) for name in self.by_row}
+        return replace(self, stop=np.arange(count), sigma=np.tile(self.sigma[row], (count, 1)), **same)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +215,7 @@ class Layout:
         return _rounded(self.centre + (np.array(shares) * self.half) @ self.axes)
 
     def around(self, angle: float, height: float, distance: float) -> Place:
-        """A place, base frame, m, at a horizontal distance from the centre, m, in a direction, rad, and at a height above it,
-        m."""
+        """A place, base frame, in a direction, rad, at a height above the centre and at a horizontal distance from it, m."""
         level = np.cos(angle) * self.axes[0] + np.sin(angle) * self.axes[1]
         return _rounded(self.centre + distance * level + height * self.up)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -41,10 +42,11 @@ BAR_SIGMA, BAR_OFFSET_SIGMA = 1e-6, 1e-4
 """Noise of a ball bar's reading, and standard deviation of its length before it is calibrated, m."""
 PIVOT_SIGMA = 5e-3
 """Standard deviation of the pivot's position, per axis, m: it is set up by the machine's coordinates."""
-ZERO_SIGMA = 1e-2
-"""Standard deviation of an encoder's zero, rad or m: the prior sigma that a dataset has by default."""
-MOUNT_SIGMA = 1e-2
-"""Standard deviation of a tilt sensor's mounting, per axis, rad: the prior sigma that a dataset has by default."""
+READING_SIGMA = 2e-5
+"""Noise of an encoder's reading, rad or m, and of a tilt sensor's."""
+ZERO_SIGMA, MOUNT_SIGMA = 1e-2, 1e-2
+"""Standard deviations of an encoder's zero, rad or m, and of a tilt sensor's mounting, per axis, rad: the prior sigmas that a
+dataset has by default."""
 STEEP = 0.1
 """Smallest absolute third component of the unit vector that a tilt sensor measures. Below it the sensor does not read: the two
 others then hardly depend on the tilt, and noise can make their squares sum to more than 1."""
@@ -55,23 +57,19 @@ class VirtualTracker(Gauge):
     """z: the pose of the TCP in the instrument's frame."""
 
     kind: ClassVar[str] = "tracker"
-    by_row: ClassVar[dict[str, str]] = {"sigmas": ""}
 
-    sigmas: Floats  # (M, 6) noise, m and rad, or (M, 3) where only positions are measured
     free: bool  # Whether the instrument's frame is unknown: ``frame = "free"`` in the dataset
 
     @staticmethod
-    def drawn(poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator) -> VirtualTracker:
-        """A tracker that reads at all ``stops``, with ``poses`` (M), base frame, and with the noise of a tracker's dataset."""
+    def drawn(
+        _: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
+    ) -> VirtualTracker:
+        """A tracker with the noise of a tracker's dataset: of poses, or of positions alone."""
         T, R = noise.elsewhere(rng) if noise.free else (np.zeros(3), np.eye(3))
         frame = hidden("tracker.frame", (*T, *log(R)), np.inf if noise.free else 0.0)
-        sigmas = np.tile(noise.sigma[: 6 if noise.orientations else 3], (len(stops), 1))
-        sigmas[:, :3] *= noise.growth(poses.T)[:, None]
-        return VirtualTracker("tracker", stops, tuple(frame), noise.declared, sigmas, noise.free)
-
-    @property
-    def sigma(self) -> Floats:
-        return self.sigmas
+        sigma = np.tile(noise.sigma[: 6 if noise.orientations else 3], (len(stops), 1))
+        sigma[:, :3] *= noise.growth(poses.T)[:, None]
+        return VirtualTracker("tracker", stops, tuple(frame), noise.declared, sigma, noise.free)
 
     def seen(self, poses: VirtualPoses, u: Floats) -> VirtualPoses:
         """(M) poses in the instrument's frame."""
@@ -82,10 +80,10 @@ class VirtualTracker(Gauge):
         return self.change(poses, VirtualPoses(np.zeros_like(poses.T), np.tile(np.eye(3), (len(poses), 1, 1))), u, u)
 
     def change(self, one: VirtualPoses, other: VirtualPoses, u: Floats, v: Floats) -> Floats:
-        return self.seen(one, u).minus(self.seen(other, v))[:, : self.sigmas.shape[1]]
+        return self.seen(one, u).minus(self.seen(other, v))[:, : self.sigma.shape[1]]
 
     def stated(self) -> dict[str, float]:
-        middle = np.median(self.sigmas, axis=0)
+        middle = np.median(self.sigma, axis=0)
         turns = {"orientation_sigma": float(middle[3])} if len(middle) == 6 else {}
         return {"position_sigma": float(middle[0]), **turns}
 
@@ -107,17 +105,15 @@ class VirtualCamera(Targeted):
 
     kind: ClassVar[str] = "tracker"
     reads = ("x", "y", "z")
-    by_row: ClassVar[dict[str, str]] = {"target": "targets", "sigmas": ""}
+    by_row: ClassVar[dict[str, str]] = {"target": "targets"}
 
     target: Ints  # (M,) index of each row's target
-    sigmas: Floats  # (M, 3) noise along the camera's axes, m: the table states it row by row
 
     @staticmethod
     def drawn(
-        layout: Layout, poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator
+        layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
     ) -> VirtualCamera:
-        """A camera at the side of the workspace that measures three targets at all ``stops``, with ``poses`` (M), base
-        frame."""
+        """A camera at the side of the workspace that measures three targets; its table states the noise row by row."""
         distance = CAMERA_AWAY * layout.radius + CAMERA_CLEAR
         place = np.array(layout.around(rng.uniform(-np.pi, np.pi), 0.3 * layout.radius, distance))
         sight = (layout.centre - place) / np.linalg.norm(layout.centre - place)
@@ -126,13 +122,9 @@ class VirtualCamera(Targeted):
         frame = hidden("camera.frame", (*(-R @ place), *log(R)), np.inf)
         unknown = (*drawn_targets("camera", THREE, rng), *frame)
         far = (np.linalg.norm(poses.T - place, axis=1) / distance) ** 2
-        sigmas = np.repeat(far, len(THREE))[:, None] * np.array([SIDEWAYS, SIDEWAYS, ALONG])
+        sigma = np.repeat(far, len(THREE))[:, None] * np.array([SIDEWAYS, SIDEWAYS, ALONG])
         target = np.tile(np.arange(len(THREE)), len(stops))
-        return VirtualCamera("camera", np.repeat(stops, len(THREE)), unknown, declared, THREE, target, sigmas)
-
-    @property
-    def sigma(self) -> Floats:
-        return self.sigmas
+        return VirtualCamera("camera", np.repeat(stops, len(THREE)), unknown, noise.declared, sigma, THREE, target)
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         frame = self.others(u)
@@ -146,7 +138,7 @@ class VirtualCamera(Targeted):
 
     def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         found = super().columns(poses, errors)
-        return found | dict(zip(("sx", "sy", "sz"), self.sigmas.T, strict=True)) if self.declared else found
+        return found | dict(zip(("sx", "sy", "sz"), self.sigma.T, strict=True)) if self.declared else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,26 +151,26 @@ class VirtualRange(Targeted):
 
     stations: dict[str, Place]  # The stations as the dataset declares them: positions, m, by id
     station: Ints  # (M,) index of each row's station
-    # Noise of the reading, and prior sigmas of the stations' positions, per axis, and of the offsets, m
-    sigmas: tuple[float, float, float]
+    priors: tuple[float, float]  # Prior sigmas of the stations' positions, per axis, and of the offsets, m
 
     @staticmethod
-    def wires(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
-        """Draw wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
+    def wires(
+        layout: Layout, _: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
+    ) -> VirtualRange:
+        """Wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
         away = STATION_AWAY * layout.radius + STATION_CLEAR
         stations = {}
         for i, letter in enumerate("ABCD"):
             stations[letter] = layout.around(np.pi / 4.0 + i * np.pi / 2.0, (-1.0) ** i * 0.4 * layout.radius, away)
         tape = float(np.exp(rng.uniform(*np.log(TAPE))))
-        sigmas = (WIRE_SIGMA, STATION_SIGMA, WIRE_OFFSET_SIGMA)
-        return VirtualRange._of("wire", stops, stations, tape, sigmas, declared, rng)
+        priors = (STATION_SIGMA, WIRE_OFFSET_SIGMA)
+        return VirtualRange._of("wire", stops, stations, tape, WIRE_SIGMA, priors, noise.declared, rng)
 
     @staticmethod
     def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """A ball bar from a pivot at the workspace's centre, which reads at all stops."""
-        sigmas = (BAR_SIGMA, PIVOT_SIGMA, BAR_OFFSET_SIGMA)
-        pivot = {"pivot": layout.at(0.0, 0.0, 0.0)}
-        return VirtualRange._of("ballbar", stops, pivot, PIVOT_SIGMA, sigmas, declared, rng)
+        pivot, priors = {"pivot": layout.at(0.0, 0.0, 0.0)}, (PIVOT_SIGMA, BAR_OFFSET_SIGMA)
+        return VirtualRange._of("ballbar", stops, pivot, PIVOT_SIGMA, BAR_SIGMA, priors, declared, rng)
 
     @staticmethod
     def _of(
@@ -186,23 +178,20 @@ class VirtualRange(Targeted):
         stops: Ints,
         stations: dict[str, Place],
         tape: float,
-        sigmas: tuple[float, float, float],
+        sigma: float,
+        priors: tuple[float, float],
         declared: bool,
         rng: np.random.Generator,
     ) -> VirtualRange:
-        """Stations with random errors of standard deviation ``tape``, m."""
+        """Stations with random errors of standard deviation ``tape``, m, and readings with noise ``sigma``, m."""
         unknown = drawn_targets(name, ONE, rng)
         for one, place in stations.items():
-            unknown += hidden(f"{name}.station[{one}]", place + tape * rng.standard_normal(3), sigmas[1])
+            unknown += hidden(f"{name}.station[{one}]", place + tape * rng.standard_normal(3), priors[0])
         for one in stations:
-            unknown.append(Hidden(f"{name}.offset[{one}]", sigmas[2] * rng.standard_normal(), sigmas[2]))
-        count = len(stations)
-        station = np.tile(np.arange(count), len(stops))
-        return VirtualRange(name, np.repeat(stops, count), tuple(unknown), declared, ONE, stations, station, sigmas)
-
-    @property
-    def sigma(self) -> Floats:
-        return np.full((len(self.stop), 1), self.sigmas[0])
+            unknown.append(Hidden(f"{name}.offset[{one}]", priors[1] * rng.standard_normal(), priors[1]))
+        stop, station = np.repeat(stops, len(stations)), np.tile(np.arange(len(stations)), len(stops))
+        noise = np.full((len(stop), 1), sigma)
+        return VirtualRange(name, stop, tuple(unknown), declared, noise, ONE, stations, station, priors)
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         centres, offsets = np.split(self.others(u), [3 * len(self.stations)])
@@ -211,8 +200,8 @@ class VirtualRange(Targeted):
 
     def table(self) -> dict[str, Any]:
         stations = {name: list(place) for name, place in self.stations.items()}
-        stated = {} if self.sigmas[1] == STATION_SIGMA else {"station_sigma": self.sigmas[1]}
-        return {**super().table(), "stations": stations, **stated, "offset_sigma": self.sigmas[2]}
+        stated = {} if self.priors[0] == STATION_SIGMA else {"station_sigma": self.priors[0]}
+        return {**super().table(), "stations": stations, **stated, "offset_sigma": self.priors[1]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,21 +210,20 @@ class VirtualEncoder(Gauge):
 
     kind: ClassVar[str] = "encoder"
     reads = ("reading",)
-    noise = (2e-5, 1)
 
     joint: str
 
     @staticmethod
-    def drawn(poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualEncoder:
-        """An encoder at the first joint whose coordinates the poses have; it reads at all stops.
-
-        Raises GtpinError if they have none.
-        """
+    def drawn(
+        _: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
+    ) -> VirtualEncoder:
+        """An encoder at the first joint whose coordinates the poses have. Raises GtpinError if they have none."""
         if not poses.joints:
             hint = "the simulator has encoders at joints that follow: of loops, and of rods' universal joints"
             raise GtpinError("no joint of this machine can be read by an encoder", hint=hint)
         zero = Hidden("encoder.zero", ZERO_SIGMA * rng.standard_normal(), ZERO_SIGMA)
-        return VirtualEncoder("encoder", stops, (zero,), declared, next(iter(poses.joints)))
+        sigma = np.full((len(stops), 1), READING_SIGMA)
+        return VirtualEncoder("encoder", stops, (zero,), noise.declared, sigma, next(iter(poses.joints)))
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray(poses.joints[self.joint] + u[0])[:, None]
@@ -259,15 +247,14 @@ class VirtualTilt(Gauge):
 
     kind: ClassVar[str] = "tilt"
     reads = ("tilt_x", "tilt_y")
-    noise = (2e-5, 2)
 
     up: Floats
 
     @staticmethod
     def drawn(
-        layout: Layout, poses: VirtualPoses, stops: Ints, declared: bool, rng: np.random.Generator
+        layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
     ) -> VirtualTilt:
-        """A sensor that reads at those of the ``stops``, with ``poses`` (M), at which its z axis is not too near horizontal.
+        """A sensor that reads at those of the ``stops`` at which its z axis is not too near horizontal.
 
         Raises GtpinError if there are fewer than two such stops.
         """
@@ -278,7 +265,18 @@ class VirtualTilt(Gauge):
             hint = "turn its TCP frame so that z is nearly upright"
             raise GtpinError("a tilt sensor on this robot is never near level", hint=hint)
         mount = hidden("level.mount", MOUNT_SIGMA * rng.standard_normal(3), MOUNT_SIGMA, ("rx", "ry", "rz"))
-        return VirtualTilt("level", stops[level], tuple(mount), declared, layout.up)
+        sigma = np.full((int(level.sum()), 2), READING_SIGMA)
+        return VirtualTilt("level", stops[level], tuple(mount), noise.declared, sigma, layout.up)
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray((np.swapaxes(poses.R @ exp(u), 1, 2) @ self.up)[:, :2])
+
+
+READERS: dict[str, Callable[[Layout, VirtualPoses, Ints, SimulatedNoise, np.random.Generator], Gauge]] = {
+    "tracker": VirtualTracker.drawn,
+    "camera": VirtualCamera.drawn,
+    "range": VirtualRange.wires,
+    "tilt": VirtualTilt.drawn,
+    "encoder": VirtualEncoder.drawn,
+}
+"""Kinds of instruments that read at any pose, and how each is drawn: at stops (M,), with poses (M), base frame."""

@@ -3,10 +3,10 @@ circles."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Ints, Mask
 
+TOUCH_SIGMA, SEAT_SIGMA = 1e-5, 2e-5
+"""Repeatability of a touch probe, and of a ball in its socket per axis, m."""
 HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
 """Standard deviations of planes' errors, m and rad: the prior sigmas that a dataset has by default."""
 APART, TILTED = 0.5, 0.35
@@ -49,7 +51,6 @@ class VirtualPlane(Targeted):
     kind: ClassVar[str] = "plane"
     touches: ClassVar[bool] = True
     by_row: ClassVar[dict[str, str]] = {"plane": "planes"}
-    noise = (1e-5, 1)  # repeatability of a touch probe
 
     planes: dict[str, tuple[Place, Floats]]  # The declared planes by id: a point, m, and a unit normal, base frame
     plane: Ints  # (M,) index of each row's plane
@@ -69,8 +70,8 @@ class VirtualPlane(Targeted):
             for plane in planes
             for what, prior in priors.items()
         ]
-        unknown = (*drawn_targets("bed", ONE, rng), *off)
-        return VirtualPlane("bed", stops, unknown, declared, ONE, planes, np.arange(len(stops)) % len(planes))
+        unknown, sigma = (*drawn_targets("bed", ONE, rng), *off), np.full((len(stops), 1), TOUCH_SIGMA)
+        return VirtualPlane("bed", stops, unknown, declared, sigma, ONE, planes, np.arange(len(stops)) % len(planes))
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         height, a, b = self.others(u).reshape(-1, 3)[self.plane].T
@@ -93,7 +94,6 @@ class VirtualSocket(Targeted):
     kind: ClassVar[str] = "socket"
     touches: ClassVar[bool] = True
     by_row: ClassVar[dict[str, str]] = {"socket": "sockets", "target": "targets"}
-    noise = (2e-5, 3)  # repeatability of a ball in its socket, per axis
 
     sockets: tuple[str, ...]  # Ids of the sockets; their positions are unknown to the user
     distance: float  # Declared distance between the first two sockets, m
@@ -113,8 +113,9 @@ class VirtualSocket(Targeted):
         unknown = drawn_targets("cup", targets, rng)
         for socket, place in zip(sockets, places, strict=True):
             unknown += hidden(f"cup.point[{socket}]", place, np.inf)
-        which, target = np.divmod(np.arange(len(stops)) % (len(sockets) * len(targets)), len(sockets))[::-1]
-        return VirtualSocket("cup", stops, tuple(unknown), declared, targets, sockets, distance, which, target)
+        target, which = np.divmod(np.arange(len(stops)) % (len(sockets) * len(targets)), len(sockets))
+        sigma = np.full((len(stops), 3), SEAT_SIGMA)
+        return VirtualSocket("cup", stops, tuple(unknown), declared, sigma, targets, sockets, distance, which, target)
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
         return np.asarray(self.positions(poses, u, self.target) - self.others(u).reshape(-1, 3)[self.socket])
@@ -123,7 +124,11 @@ class VirtualSocket(Targeted):
         return {**super().table(), "distances": [[*self.sockets[:2], self.distance, DISTANCE_SIGMA]]}
 
 
-AWay = TypeVar("AWay", bound="Way")
+TOUCHED: dict[str, Callable[[Layout, Ints, bool, np.random.Generator], Gauge]] = {
+    "plane": VirtualPlane.drawn,
+    "socket": VirtualSocket.drawn,
+}
+"""Kinds of touched instruments: the machine moves to them. The others read at any pose."""
 
 ROUNDS = 40
 EXACT = 2e-10
@@ -138,48 +143,33 @@ SINGULAR = 1e-3
 """Singular values of the readings' derivative by the commands below this share of the largest count as zero."""
 
 
-class Way(Protocol):
-    """A machine at N stops."""
-
-    @property
-    def q(self) -> Floats:
-        """(N, n) commands."""
-
-    @property
-    def poses(self) -> VirtualPoses:
-        """(N) true poses of the TCP as instruments measure them, base frame; NaN out of reach."""
-
-    def by_command(self) -> Floats:
-        """(N, 6, n) derivative of the poses, position and rotation vector, base frame, by the commands; without effects."""
-
-    def at(self, q: Floats) -> Self:
-        """The same stops with other commands q (N, n), near the present ones."""
-
-
 @dataclass(frozen=True, eq=False)
 class PlainWay:
-    """A machine without effects, as :class:`Way`."""
+    """A machine without effects at N stops with commands q (N, n)."""
 
     machine: Moved
     q: Floats
 
     @cached_property
     def poses(self) -> VirtualPoses:
+        """(N) true poses of the TCP as instruments measure them, base frame; NaN out of reach."""
         return self.machine.predict(self.q)
 
     def by_command(self) -> Floats:
-        found = np.full((*self.poses.T.shape[:1], 6, self.q.shape[1]), np.nan)
+        """(N, 6, n) derivative of the poses, position and rotation vector, base frame, by the commands; without effects."""
+        found = np.full((len(self.q), 6, self.q.shape[1]), np.nan)
         there = self.poses.reached
         found[there] = self.machine.command_jacobian(self.q[there], self.poses[there])
         return found
 
-    def at(self, q: Floats) -> Self:
+    def at(self, q: Floats) -> PlainWay:
+        """The same stops with other commands q (N, n), near the present ones."""
         return replace(self, q=q)
 
 
 @dataclass(frozen=True, eq=False)
 class DayWay:
-    """A machine with effects over a day, as :class:`Way`."""
+    """A machine with effects over a day, as :class:`PlainWay`."""
 
     response: Response  # The machine and its visits, which are the stops, in the order of time
     active: Sequence[tuple[Cause, float]]  # Its effects, with their amplitudes
@@ -196,11 +186,14 @@ class DayWay:
     def by_command(self) -> Floats:
         return self.response.by_command()[:, :6]
 
-    def at(self, q: Floats) -> Self:
+    def at(self, q: Floats) -> DayWay:
         # The starts of the last moves shift with the commands, so that directions of approach do not change.
         visits = self.response.visits
         moved = replace(visits, q=q, before=visits.before + (q - visits.q))
         return replace(self, response=replace(self.response, visits=moved))
+
+
+Way = TypeVar("Way", PlainWay, DayWay)
 
 
 def begun(
@@ -237,7 +230,7 @@ def begun(
     return found
 
 
-def felt(way: AWay, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[AWay, Mask]:
+def felt(way: Way, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[Way, Mask]:
     """The stops of ``way`` with commands solved so that the touched ones of some instruments are touched, and (N,) which of
     them are; other stops are unchanged.
 
@@ -289,69 +282,47 @@ def circles(
     """
     wide = layout.half > FLAT * layout.half.max()
     planes = [plane for plane in PLANES if wide[list(plane)].all()]
-    if not planes:
-        raise _stuck()
-    radius = min(LONGEST, SHARE * float(layout.half[wide].min()))
-    for shorter in SHORTER:
-        try:
-            return _all_round(nominal, layout, planes, pool, ranges, shorter * radius, count)
-        except UnreachableError:
-            continue
-    raise _stuck()
+    points = max(8, -(-count // (2 * max(len(planes), 1))))
+    pivot, at_pool = np.array(layout.at(0.0, 0.0, 0.0)), _target(nominal.predict(pool))
+    for shorter in SHORTER if planes else ():
+        radius = shorter * min(LONGEST, SHARE * float(layout.half[wide].min()))
+        first, second = (np.array([layout.axes[plane[i]] for plane in planes]) for i in (0, 1))
+        # All circles are solved together, each point from the one before, so that an arm keeps its assembly mode.
+        q = pool[[int(np.argmin(np.linalg.norm(at_pool - place, axis=1))) for place in pivot + radius * first]]
+        ways, speeds = [], []
+        for angle in 2.0 * np.pi * np.arange(points) / points:
+            brought = _brought(nominal, q, pivot + radius * (np.cos(angle) * first + np.sin(angle) * second))
+            if brought is None:
+                break
+            q, slope = brought
+            tangent = np.cos(angle) * second - np.sin(angle) * first
+            ways.append(q)
+            speeds.append(FEED * (np.linalg.pinv(slope, rcond=SINGULAR) @ tangent[..., None])[..., 0])
+        if len(ways) == points and ((np.array(ways) >= ranges[0]) & (np.array(ways) <= ranges[1])).all():
+            there, along = np.stack(ways, axis=1), np.stack(speeds, axis=1)
+            both = [np.stack([there, there[:, ::-1]], axis=1), np.stack([along, -along[:, ::-1]], axis=1)]
+            return both[0].reshape(-1, pool.shape[1]), both[1].reshape(-1, pool.shape[1])
+    raise UnreachableError(
+        "the robot can't go round a ball bar's circles",
+        hint="use an instrument that needs no circles, or a robot that moves its target in two directions",
+    )
 
 
-def _all_round(
-    nominal: Moved,
-    layout: Layout,
-    planes: list[tuple[int, int]],
-    pool: Floats,
-    ranges: tuple[Floats, Floats],
-    radius: float,
-    count: int,
-) -> tuple[Floats, Floats]:
-    """Circles of one radius, m; see :func:`circles`."""
-    points = max(8, -(-count // (2 * len(planes))))
-    angles = 2.0 * np.pi * np.arange(points) / points
-    first, second = (np.array([layout.axes[plane[i]] for plane in planes]) for i in (0, 1))
-    pivot = np.array(layout.at(0.0, 0.0, 0.0))
-    # All circles are solved together, each point from the one before, so that an arm keeps its assembly mode.
-    there = nominal.predict(pool)
-    start = pivot + radius * first
-    nearest = [int(np.argmin(np.linalg.norm(_target(there) - place, axis=1))) for place in start]
-    q, found, speeds = pool[nearest], [], []
-    for angle in angles:
-        q, slope = _brought(nominal, q, pivot + radius * (np.cos(angle) * first + np.sin(angle) * second))
-        tangent = np.cos(angle) * second - np.sin(angle) * first
-        found.append(q)
-        speeds.append(FEED * (np.linalg.pinv(slope, rcond=SINGULAR) @ tangent[..., None])[..., 0])
-    ways, along = np.stack(found, axis=1), np.stack(speeds, axis=1)
-    if not ((ways >= ranges[0]) & (ways <= ranges[1])).all():
-        raise _stuck()
-    both = [(way, speed) for w, s in zip(ways, along, strict=True) for way, speed in ((w, s), (w[::-1], -s[::-1]))]
-    return np.vstack([way for way, _ in both]), np.vstack([speed for _, speed in both])
-
-
-def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """(N, n) commands, near ``q``, that bring the target to ``places`` (N, 3), and (N, 3, n) the derivative of its position."""
+def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats] | None:
+    """(N, n) commands, near ``q``, that bring the target to ``places`` (N, 3), and (N, 3, n) the derivative of its position;
+    None where there are none."""
     for _ in range(30):
         way = PlainWay(nominal, q)
         miss = _target(way.poses) - places
         by_command, arm = way.by_command(), way.poses.R @ np.array(ONE[""])
         slope = by_command[:, :3] + np.cross(by_command[:, 3:], arm[:, :, None], axis=1)
         if not np.isfinite(miss).all() or not np.isfinite(slope).all():
-            raise _stuck()
+            return None
         if np.abs(miss).max() < CLOSED:
             return q, slope
         q = q - (np.linalg.pinv(slope, rcond=SINGULAR) @ miss[..., None])[..., 0]
-    raise _stuck()
+    return None
 
 
 def _target(poses: VirtualPoses) -> Floats:
     return np.asarray(poses.T + poses.R @ np.array(ONE[""]))
-
-
-def _stuck() -> UnreachableError:
-    return UnreachableError(
-        "the robot can't go round a ball bar's circles",
-        hint="use an instrument that needs no circles, or a robot that moves its target in two directions",
-    )
