@@ -9,7 +9,8 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.effects.active import ActiveEffect, lasts, part_of_turn, warn_of_extrapolation
+from gtpin.effects.active import ActiveEffect, lasts, warn_of_extrapolation
+from gtpin.effects.operating_points import part_of_turn
 from gtpin.errors import ConvergenceError, ModelError, unheard, warn
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.chain import Chain

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
-from gtpin.effects.operating_points import PARTS, TURN, Column, OperatingPoints, References
+from gtpin.effects.operating_points import PARTS, TURN, Column, OperatingPoints, References, part_of_turn
 from gtpin.errors import ModelError, renamed, warn
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.protocol import Kinematics
@@ -127,11 +126,6 @@ def _displaced(
             twist += basis.twist @ c
     poses = kinematics.displaced(q, plain, commands, twists, lengths)
     return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
-
-
-def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:
-    """Index of the part of a turn that has each angle, rad; whole turns make no difference."""
-    return np.asarray(np.floor(angle / TURN * PARTS).astype(int) % PARTS)
 
 
 def where_measured(at: OperatingPoints, effect: Effect, site: str, values: tuple[float, ...]) -> Displacement:

@@ -72,7 +72,6 @@ class CrossCoupling(Effect):
         return tuple(f"q{i + 1}" for i in range(robot.n_actuators))
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Cosines over the ranges of the other actuators, products of them, and changes of both along the own track."""
         j = at.robot.sites.index(site)
         others = np.delete(at.travel, j, axis=1)
         chosen = _products(others.shape[1], site not in joints(at.robot), j)
@@ -80,7 +79,7 @@ class CrossCoupling(Effect):
             [np.prod([wave(others[:, k], o) for k, o in enumerate(row) if o], axis=0) for row in chosen.rows], axis=1
         )
         lower = np.array(chosen.along)
-        size = chosen.sums**-chosen.decay
+        size = np.array([float(sum(row)) for row in chosen.rows]) ** -chosen.decay
         if not at.robot.constraints:  # in a loop the order of the actuators is no distance
             far = [_distance(k, j) for k in range(others.shape[1])]
             size = size / [np.prod([far[k] for k, order in enumerate(row) if order]) for row in chosen.rows]
@@ -116,11 +115,6 @@ class _CosineProducts:
     rows: tuple[tuple[int, ...], ...]
     along: tuple[bool, ...]
     decay: float
-
-    @property
-    def sums(self) -> Floats:
-        """(m,) sum of the orders of each product."""
-        return np.array([float(sum(row)) for row in self.rows])
 
     @property
     def count(self) -> int:

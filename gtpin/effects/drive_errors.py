@@ -48,7 +48,6 @@ class EncoderScale(Effect):
     }
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Travel in proportion to the command, modulated a little along the track."""
         j = at.robot.sites.index(site)
         columns, size = modulated(at.q[:, j], [at.travel[:, j]], MODULATION.scale)
         return along_track(at, site, columns, unit(size, 1e-4))
@@ -88,7 +87,6 @@ class Linearity(Effect):
     of_own_command = True
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Cosines along the track. Those of long wavelength are larger; the first is nearly a straight line."""
         j = at.robot.sites.index(site)
         columns, size = smooth_cosines(at, j, SMOOTH_ORDERS, SMOOTH_DECAY)
         return along_track(at, site, columns, drive_sizes(at, site, size, 5e-5))
@@ -124,7 +122,6 @@ class ZeroShift(Effect):
     since_a_model = True
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """One column for each session: a constant shift."""
         columns = session_columns(at)
         return along_track(at, site, columns, drive_sizes(at, site, np.ones(columns.shape[1]), 4e-5))
 
@@ -171,7 +168,6 @@ class Backlash(Effect):
         return (f"approach{number(robot, site)}",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """The direction of approach, and its modulation by travel and load."""
         j = at.robot.sites.index(site)
         load = drive_load(at, site)
         approach = at.covariate(f"approach{number(at.robot, site)}")
@@ -217,7 +213,6 @@ class ServoLag(Effect):
         return (f"speed{number(robot, site)}",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Minus the speed, and its modulation by the speed itself and along the track."""
         j = at.robot.sites.index(site)
         speed = at.covariate(f"speed{number(at.robot, site)}")
         columns, size = modulated(-speed, [at.travel[:, j], speed / FAST], MODULATION.lag)

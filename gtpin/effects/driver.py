@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -133,29 +132,19 @@ class DriverEffect(Effect):
         self.clause = f"{{site}} moves with the column {column.name}"
         self.remedy = "Use the corrected model with this column recorded, or take away what it measures."
         self.coefficient = (self.drivers[0].motion, "")
-        counts = {len(self._at(site)) for site in self._places}
+        self.needs = self.depends_on = (column.name,)
+        self._by_site: dict[str, list[Driver]] = {}
+        for driver in self.drivers:
+            self._by_site.setdefault(driver.site, []).append(driver)
+        counts = {len(own) for own in self._by_site.values()}
         # The core's indices are the same at all sites only where all sites have the same number of motions.
         self.core = tuple(range(0, 2 * counts.pop(), 2)) if len(counts) == 1 else ()
 
-    @property
-    def _places(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(driver.site for driver in self.drivers))
-
-    def _at(self, site: str) -> list[Driver]:
-        return [driver for driver in self.drivers if driver.site == site]
-
     def sites(self, robot: Chain) -> tuple[str, ...]:
-        return self._places
-
-    def covariates(self, robot: Chain, site: str) -> tuple[str, ...]:
-        return (self.column.name,)
-
-    def coordinates(self, robot: Chain, site: str) -> tuple[str, ...]:
-        return (self.column.name,)
+        return tuple(self._by_site)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """For each motion the column, and its square as a modulation."""
-        mine = self._at(site)
+        mine = self._by_site[site]
         v = (at.covariate(self.column.name) - self.column.mean) / self.column.range
         columns = np.tile(np.stack([v, 2.0 * v**2], axis=1)[:, None, :], (1, len(mine), 1))
         sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
@@ -163,7 +152,7 @@ class DriverEffect(Effect):
 
     def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         found: Parameters = {}
-        for driver, (linear, curved) in zip(self._at(site), coefficients.reshape(-1, 2), strict=True):
+        for driver, (linear, curved) in zip(self._by_site[site], coefficients.reshape(-1, 2), strict=True):
             angular = driver.motion.startswith("r") or (driver.motion == "q" and turns(robot, site))
             unit = "rad" if angular else "m"
             found |= {driver.motion: (float(linear), unit), f"{driver.motion}_curvature": (float(curved), unit)}
@@ -179,7 +168,7 @@ def driver_effects(
 
     Raises `DatasetError` if a site of this robot can't make the named motion, or the column is not recorded.
     """
-    file: Path | None = None if dataset.path is None else dataset.path / "dataset.toml"
+    file = None if dataset.path is None else dataset.path / "dataset.toml"
     for number, driver in enumerate(dataset.drivers):
         why = refusal(robot, driver.site, driver.motion)
         if why:
@@ -190,15 +179,10 @@ def driver_effects(
             raise DatasetError(
                 what, file=file, column=f"driver.{number}.column", hint="record it, or take the driver out"
             )
-    return tuple(
-        DriverEffect(
-            _column(dataset, name), [driver for driver in dataset.drivers if driver.column == name], instrument
-        )
-        for name in dict.fromkeys(driver.column for driver in dataset.drivers)
-    )
-
-
-def _column(dataset: Dataset, name: str) -> DriverColumn:
-    values = np.asarray(dataset.covariates[name], dtype=float)
-    # The range of a column that does not vary is not used: its effect can't be tested.
-    return DriverColumn(name, float(values.mean()), float(np.ptp(values)) or 1.0)
+    found = []
+    for name in dict.fromkeys(driver.column for driver in dataset.drivers):
+        values = np.asarray(dataset.covariates[name], dtype=float)
+        # The range of a column that does not vary is not used: its effect can't be tested.
+        column = DriverColumn(name, float(values.mean()), float(np.ptp(values)) or 1.0)
+        found.append(DriverEffect(column, [driver for driver in dataset.drivers if driver.column == name], instrument))
+    return tuple(found)

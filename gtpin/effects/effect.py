@@ -160,9 +160,9 @@ class Effect(ABC):
 
     acts_at: ClassVar[staticmethod[[Chain], tuple[str, ...]]] = staticmethod(actuators)
     """The sites of a robot at which it can act, where they are those of a function of :mod:`gtpin.effects.sites`."""
-    needs: ClassVar[tuple[str, ...]] = ()
+    needs: tuple[str, ...] = ()
     """The covariates that it needs at each site."""
-    depends_on: ClassVar[tuple[str, ...]] = ()
+    depends_on: tuple[str, ...] = ()
     """The names that :meth:`coordinates` gives, where they are the same at each site and not the usual ones."""
 
     def __init_subclass__(cls) -> None:

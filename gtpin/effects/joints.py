@@ -52,11 +52,9 @@ class JointCompliance(Effect):
     }
 
     def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
-        """``no_load`` or ``no_masses`` where the joint carries no load, because it then has no deflection."""
         return None if loaded(at, site) else no_load(at)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """The load, its modulation by stiffening, and hysteresis from friction."""
         j = at.robot.sites.index(site)
         load, mean, spread = (values[..., 0] for values in loads_of(at, site))
         usual = max(abs(mean) + spread, 1e-9)
@@ -117,11 +115,9 @@ class BearingCompliance(Effect):
     }
 
     def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
-        """``no_load`` or ``no_masses`` where the joint carries no load, because an unloaded bearing does not tilt."""
         return None if np.abs(at.joint_loads[:, joint_frame(at, site).index]).max() > 1e-9 else no_load(at)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Tilts about a and b, and how they depend on the magnitude of the moment."""
         frame = joint_frame(at, site)
         moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
         mean, spread = (values[frame.index, 3:] for values in at.references.joints)
@@ -175,7 +171,6 @@ class AxisMotion(Effect):
     acts_at = staticmethod(joints)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Five error motions: harmonics of a turning joint's angle, or cosines along a sliding joint's travel."""
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
         ways = np.zeros((6, 5))

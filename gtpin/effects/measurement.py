@@ -8,8 +8,7 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.effects.sites import the_frame, the_platform
-from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, session_columns, span
+from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, session_columns, span, wave
 from gtpin.typing import Floats
 
 DRIFT_ORDERS, DRIFT_DECAY = 8, 1.3
@@ -37,15 +36,12 @@ class TrackerDrift(Effect):
     clause = "{site} drifts over time"
     remedy = "A fault of the measurement: check the tracker's stand and warm-up; measure reference nests in between."
     coefficient = ("shift_x", "m")
-    acts_at = staticmethod(the_frame)
+    acts_at = staticmethod(lambda _: ("frame",))
     needs = ("time",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Cosines over time for the six degrees of freedom of the frame, without the constant, which geometry absorbs."""
         waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
-        twist, freedom = frame_twist(at)
-        columns = np.concatenate([twist * wave[:, None, None] for wave in waves.T], axis=2)
-        return Displacement(np.concatenate([freedom * s for s in size]), twist=columns)
+        return _of_frame(at, waves, size)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)
@@ -80,15 +76,12 @@ class FrameShift(Effect):
     since_a_model = True
     remedy = "A fault of the measurement: tie the sessions together by reference nests."
     coefficient = ("shift_x[1]", "m")
-    acts_at = staticmethod(the_frame)
+    acts_at = staticmethod(lambda _: ("frame",))
     needs = ("session",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """The six degrees of freedom of the frame, for each session."""
-        twist, freedom = frame_twist(at)
         sessions = session_columns(at)
-        columns = np.concatenate([twist * member[:, None, None] for member in sessions.T], axis=2)
-        return Displacement(np.tile(freedom, sessions.shape[1]), twist=columns)
+        return _of_frame(at, sessions, np.ones(sessions.shape[1]))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_session = coefficients.reshape(-1, 6)
@@ -99,6 +92,13 @@ class FrameShift(Effect):
             for k, values in enumerate(by_session - by_session.mean(axis=0))
             for (name, unit), value in zip(FREEDOMS, values, strict=True)
         }
+
+
+def _of_frame(at: OperatingPoints, over: Floats, size: Floats) -> Displacement:
+    """Motions of the frame in its six degrees of freedom, each times the columns ``over`` (N, k); ``size``: (k,) of these."""
+    twist, freedom = frame_twist(at)
+    columns = (twist[:, :, None] * over[:, None, :, None]).reshape(len(at), 6, -1)
+    return Displacement(np.outer(size, freedom).ravel(), twist=columns)
 
 
 SCALE = 3e-5
@@ -123,23 +123,22 @@ class TrackerScale(Effect):
     clause = "the instrument's length scale is off"
     remedy = "A fault of the measurement: check the tracker's weather station and its scale on a calibrated bar."
     coefficient = ("scale", "m/m")
-    acts_at = staticmethod(the_frame)
+    acts_at = staticmethod(lambda _: ("frame",))
     depends_on = ("position",)
     stretches_frame = True
     core = (0,)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Scaling of the measured positions about home, and shifts where the scale varies with time or temperature."""
         waves = []
         if at.has("time"):
             t = np.clip(at.time, -1.0, 1.0)
-            waves += [np.cos(np.pi / 2.0 * k * (t + 1.0)) / k for k in (1, 2, 3)]
+            waves += [wave(t, k) / k for k in (1, 2, 3)]
         if at.has("temp_frame"):
             waves.append((at.covariate("temp_frame") - at.references.temperature) / 3.0)
         twist = np.zeros((len(at), 6, 1 + 3 * len(waves)))
         twist[:, :3, 0] = at.poses.T - at.kinematics.home.T[0]
-        for k, wave in enumerate(waves):
-            twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * wave[:, None, None]
+        for k, over in enumerate(waves):
+            twist[:, :3, 1 + 3 * k : 4 + 3 * k] = np.eye(3) * over[:, None, None]
         return Displacement(np.concatenate([[SCALE], np.full(3 * len(waves), SCALE * MODULATION.wander)]), twist=twist)
 
 
@@ -161,11 +160,10 @@ class TargetOffset(Effect):
     clause = "the target is not where the TCP is assumed to be"
     remedy = "Measure the target's place on the platform."
     coefficient = ("offset_x", "m")
-    acts_at = staticmethod(the_platform)
+    acts_at = staticmethod(lambda _: ("platform",))
     depends_on = ("position",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Offsets along the TCP frame's axes."""
         twist = np.zeros((len(at), 6, 3))
         twist[:, :3] = at.poses.R
         return Displacement(unit(np.ones(3), 1e-3), twist=twist)

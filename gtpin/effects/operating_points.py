@@ -273,10 +273,14 @@ class OperatingPoints:
         return tilts
 
 
+def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:
+    """Index of the part of a turn that has each angle, rad; whole turns make no difference."""
+    return np.asarray(np.floor(angle / TURN * PARTS).astype(int) % PARTS)
+
+
 def _measured_angles(q: Floats, revolute: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """(n, ``PARTS``) whether commands q (N, n) are in each part of a joint's turn; False for sliding joints."""
-    part = np.floor(q / TURN * PARTS).astype(int) % PARTS
-    count = np.stack([np.bincount(column, minlength=PARTS) for column in part.T])
+    count = np.stack([np.bincount(column, minlength=PARTS) for column in part_of_turn(q).T])
     return np.asarray((count >= max(1.0, len(q) / FEW_OF)) & np.asarray(revolute)[:, None])
 
 

@@ -92,13 +92,9 @@ class RackPeriodic(Effect):
         return np.asarray(apart >= APART)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """Cosine and sine of the period, their change along the track, and for robots with rods the second harmonic.
-
-        For robots with rods the change is linear and quadratic in the travel x, so that the coefficients of the cosine and sine
-        remain those of the middle.
-        """
         assert shape_parameter is not None
         j = at.robot.sites.index(site)
+        # The change is linear and quadratic in the travel x, so that the first two coefficients are those of the middle.
         phase, x = 2.0 * np.pi * at.q[:, j] / shape_parameter, at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
@@ -173,7 +169,6 @@ class RackStep(Effect):
         return () if shape_parameter is None else (shape_parameter,)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """The step, a slope beyond it, and ramps less the step, which make its flank wider."""
         assert shape_parameter is not None
         j = at.robot.sites.index(site)
         past = at.q[:, j] - shape_parameter

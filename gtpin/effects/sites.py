@@ -42,16 +42,6 @@ def loaded_along(robot: Chain) -> tuple[str, ...]:
     return links(robot) or joints(robot)
 
 
-def the_frame(robot: Chain) -> tuple[str, ...]:
-    """The measurement frame."""
-    return ("frame",)
-
-
-def the_platform(robot: Chain) -> tuple[str, ...]:
-    """The platform."""
-    return ("platform",)
-
-
 def arm_and_links(robot: Chain) -> tuple[str, ...]:
     """``arm`` and each rod. ``arm`` means all rods together. For a robot without rods, its moving links replace the rods."""
     return ("arm", *(robot.rod_sites or (link.name for link in moving_links(robot))))

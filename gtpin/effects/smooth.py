@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.effects.displacement import rods_of
 from gtpin.effects.operating_points import OperatingPoints
@@ -17,7 +18,7 @@ GRID = np.linspace(-1.0, 1.0, 201)
 """Points at which a curve is evaluated to compute its size."""
 
 
-def wave(x: Floats, order: int) -> Floats:
+def wave(x: Floats, order: int | npt.NDArray[np.intp]) -> Floats:
     """cos(pi order (x + 1) / 2) for x (any shape) in [-1, 1]. For order 1 and higher its mean over the interval is zero."""
     return np.asarray(np.cos(np.pi / 2.0 * order * (x + 1.0)))
 
@@ -30,7 +31,7 @@ def cosines(x: Floats, first: int, last: int, decay: float = 1.0) -> tuple[Float
     """
     orders = np.arange(first, last + 1)
     size = orders**-decay / np.sqrt((orders ** (-2.0 * decay)).sum() / 2.0)
-    return np.cos(np.pi / 2.0 * orders * (x[:, None] + 1.0)), np.asarray(size, dtype=float)
+    return wave(x[:, None], orders), np.asarray(size, dtype=float)
 
 
 def extent(coefficients: Floats) -> tuple[float, float]:
@@ -60,7 +61,7 @@ def modulated(column: Floats, coordinates: list[Floats], share: float, orders: i
     columns, sizes = [column], [1.0]
     for x in coordinates:
         for order in range(1, orders + 1):
-            columns.append(column * np.cos(np.pi / 2.0 * order * (np.clip(x, -3.0, 3.0) + 1.0)))
+            columns.append(column * wave(np.clip(x, -3.0, 3.0), order))
             sizes.append(share / order)
     return np.stack(columns, axis=1), np.array(sizes)
 

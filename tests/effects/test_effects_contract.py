@@ -28,11 +28,11 @@ from effect_places import (
 
 import gtpin
 from gtpin.data import Driver
-from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.driver import DriverColumn, DriverEffect
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.tracks import TIPS
 from gtpin.effects.untestable import Untestable
 from gtpin.kinematics.chain_kinematics import ChainKinematics
 from gtpin.kinematics.rod_kinematics import RodKinematics

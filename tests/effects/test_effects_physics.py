@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, operating_points, some
 
-from gtpin.effects.cart_compliance import TIPS
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import FLANKS
+from gtpin.effects.tracks import TIPS
 from gtpin.robot.parameters import rotation_axes
 
 RODS = {site: i for i, site in enumerate(ROBOT.rod_sites)}
