@@ -211,10 +211,4 @@ def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
 def _range_json(values: Floats) -> dict[str, Any]:
     """Smallest value, median and largest value over the poses (N) or (N, c), as JSON; None for values that are not finite."""
     figures = {"least": values.min(axis=0), "median": np.median(values, axis=0), "most": values.max(axis=0)}
-    return {name: _finite(np.asarray(value).tolist()) for name, value in figures.items()}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return value if np.isfinite(value) else None
+    return {name: np.asarray(np.where(np.isfinite(v), v, None)).tolist() for name, v in figures.items()}

@@ -43,16 +43,7 @@ class Dexterity:
 
     def measures(self) -> dict[str, Floats]:
         """The measures that this robot has, by name."""
-        found = {
-            "position_gain": self.position_gain,
-            "rotation_gain": self.rotation_gain,
-            "condition": self.condition,
-            "position_amplification": self.position_amplification,
-            "rotation_amplification": self.rotation_amplification,
-            "singularity": self.singularity,
-            "limit": self.limit,
-        }
-        return {name: values for name, values in found.items() if values is not None}
+        return {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
 
 
 def dexterity(model: Model, q: Floats, poses: Poses | None = None) -> Dexterity:
@@ -65,26 +56,18 @@ def dexterity(model: Model, q: Floats, poses: Poses | None = None) -> Dexterity:
     kinematics, robot = model.kinematics, model.robot
     poses = reached_poses(kinematics, q) if poses is None else poses
     J = kinematics.command_jacobian(q, poses)[:, :6]
-    gain = _singular_values(J[:, :3])
+    gain, rotation_gain = (np.asarray(np.linalg.svd(part, compute_uv=False)) for part in (J[:, :3], J[:, 3:]))
     by_rods = kinematics.length_response(q, poses)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = gain[:, 0] / gain[:, -1]
     singularity, one_at = kinematics.singularity(q, poses)
     return Dexterity(
         position_gain=gain,
-        rotation_gain=_singular_values(J[:, 3:]),
+        rotation_gain=rotation_gain,
         condition=condition,
-        position_amplification=_largest(by_rods[:, :3]),
-        rotation_amplification=_largest(by_rods[:, 3:6]),
+        position_amplification=np.linalg.norm(by_rods[:, :3], ord=2, axis=(1, 2)) if robot.rod_sites else None,
+        rotation_amplification=np.linalg.norm(by_rods[:, 3:6], ord=2, axis=(1, 2)) if robot.rod_sites else None,
         singularity=singularity,
         one_at=one_at,
         limit=np.minimum(q - robot.lower, robot.upper - q).min(axis=1),
     )
-
-
-def _largest(by_rods: Floats) -> Floats | None:
-    return np.linalg.norm(by_rods, ord=2, axis=(1, 2)) if by_rods.shape[2] else None
-
-
-def _singular_values(matrices: Floats) -> Floats:
-    return np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=np.float64)

@@ -38,7 +38,9 @@ class CompensatedMachine:
         ``approach``: +1 or -1, or (N,), for all actuators: the direction from which they come. By default, the mean of the
         positions for both: a table without directions can correct only that.
         """
-        if approach is None and self._depends_on_approach:
+        if approach is None and any(
+            is_approach(name) for active in self.model.effects for name in _names(self.model, active)
+        ):
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
         return self.model.predict(q, self.columns(len(q), 1.0 if approach is None else approach)).T
 
@@ -49,10 +51,6 @@ class CompensatedMachine:
             name for active in self.model.effects for name in active.effect.covariates(self.model.robot, active.site)
         }
         return tuple(sorted(name for name in names if name.startswith("temp_")))
-
-    @property
-    def _depends_on_approach(self) -> bool:
-        return any(is_approach(name) for active in self.model.effects for name in _names(self.model, active))
 
     def columns(self, count: int, approach: Floats | float = 1.0) -> dict[str, Column]:
         """(count,) values of each covariate that the model's effects need; ``approach``: see :meth:`goes_to`."""
@@ -97,16 +95,12 @@ def check_session(effects: Sequence[ActiveEffect], session: str | None) -> None:
 def parts(machine: CompensatedMachine, controller: Model) -> dict[str, CompensatedMachine]:
     """By name, machines that each have one part of the errors: the model's geometry, or the controller's with one effect."""
     model = machine.model
-    found = {} if _same(model, controller) else {"geometry": replace(machine, model=Model(model.geometry))}
-    for active in model.effects:
-        found[active.name] = replace(machine, model=Model(controller.geometry, effects=(active,)))
-    return found
-
-
-def _same(model: Model, controller: Model) -> bool:
-    """Whether two models have the same geometry."""
     mine, other = model.geometry, controller.geometry
-    return mine.names == other.names and bool((mine.values == other.values).all())
+    same = mine.names == other.names and bool((mine.values == other.values).all())
+    found = {} if same else {"geometry": replace(machine, model=Model(mine))}
+    for active in model.effects:
+        found[active.name] = replace(machine, model=Model(other, effects=(active,)))
+    return found
 
 
 def _names(model: Model, active: ActiveEffect) -> set[str]:

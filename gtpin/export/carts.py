@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.chain_motions import cart_load, of_body, of_carried
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, sliding_actuators
 from gtpin.effects.smooth import approach
-from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line, waves
+from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Body, Coupling, Guide, Joint, Mechanism, Spring
+from gtpin.export.mechanism import Coupling, Guide, Joint, Mechanism, Spring, shaft
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import rotation_axes
@@ -58,10 +57,9 @@ def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[flo
     place could take over a part of it. ``tangent`` is the compliance to use where the load does not vary; ``ends``: the range
     of the cart's commands.
     """
-    one = np.ones(len(q))
     compliance, rest = line(load, moved, tangent)
     simple = Give(compliance, DriveCurve(rest, 0.0), 0.0)
-    place = waves(q, load, ends, one, PLACES)
+    place = fitted(q, load, ends, slope=False, count=PLACES)
     own = load - place(q)
     if np.std(own) > FREE * np.std(load):
         # The load without its fit by place and approach: the slope over it is the compliance of a fit of all three together.
@@ -69,7 +67,7 @@ def give(load: Floats, moved: Floats, tangent: float, q: Floats, ends: tuple[flo
         compliance = float(own @ moved) / float(own @ own)
     left = moved - compliance * load
     slip = float(left @ approach) / max(float(approach @ approach), 1.0)
-    curve = waves(q, left - slip * approach, ends, one, PLACES)
+    curve = fitted(q, left - slip * approach, ends, slope=False, count=PLACES)
     if abs(slip) < WORTHWHILE:
         slip = 0.0
     if np.std(curve(q)) < WORTHWHILE:
@@ -96,9 +94,9 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
         moved, came = _motion(active, at, axes), approach(at, index)
         loads = np.hstack([load @ axes.T for load in cart_load(at, active.site)])
         q, ends = at.q[:, index], (float(robot.lower[index]), float(robot.upper[index]))
-        laws = {
-            k: give(loads[:, k], moved[:, k], tangent, q, ends, came) for k, tangent in enumerate(_tangents(active))
-        }
+        found = active.effect.parameters(active.coefficients, active.shape_parameter)
+        tangents = [found[name][0] if name in found else 0.0 for name in NAMES]  # the compliances at the usual load
+        laws = {k: give(loads[:, k], moved[:, k], tangent, q, ends, came) for k, tangent in enumerate(tangents)}
         laws = {k: law for k, law in laws.items() if law.compliance > STIFFEST}
         if laws:
             weight = _weight(mechanism, robot, active.site, axes)
@@ -119,7 +117,7 @@ def _seated(
     (6,) force, N, and moment, N m, on the springs that the loads of the laws do not contain. ``load``: largest load, N or N
     m, at which friction must hold.
     """
-    driven, name = _driven(mechanism, robot, site), f"{site}_slip"
+    driven, name = mechanism.joint(robot.actuators[robot.sites.index(site)].joint), f"{site}_slip"
     springs, strays, slips, couplings = [], [], [], []
     most = max(abs(law.slip) for law in laws.values())
     for k, law in laws.items():
@@ -140,9 +138,9 @@ def _seated(
     if not most:
         return mechanism
     slip = Joint(name, "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, -most, most, play=True)
-    own = Body(name, mechanism.bodies[0].name, pin.SE3.Identity(), (slip,), pin.Inertia.Zero())
     guide = Guide(site, (driven.name, name), load)
-    return replace(mechanism, bodies=(*mechanism.bodies, own), guides=(*mechanism.guides, guide))
+    bodies = (*mechanism.bodies, shaft(mechanism.bodies[0], slip))
+    return replace(mechanism, bodies=bodies, guides=(*mechanism.guides, guide))
 
 
 def with_guideways(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Mechanism, dict[str, Floats]]:
@@ -178,7 +176,7 @@ def _led(mechanism: Mechanism, robot: Chain, site: str, axes: Floats, total: Seq
     index = robot.sites.index(site)
     there = np.linspace(robot.lower[index], robot.upper[index], 101)
     joints, couplings = [], []
-    driven = _driven(mechanism, robot, site)
+    driven = mechanism.joint(robot.actuators[index].joint)
     for k, curve in enumerate(total):
         if np.abs(curve(there)).max() > STRAIGHT:
             # The loops of the file are closed at home without error motions: the joint is at zero in the file, and the
@@ -190,12 +188,6 @@ def _led(mechanism: Mechanism, robot: Chain, site: str, axes: Floats, total: Seq
         return mechanism
     led = mechanism.on_springs(f"{site}_led", _ends(robot, site), joints)
     return led.with_couplings(couplings)
-
-
-def _driven(mechanism: Mechanism, robot: Chain, site: str) -> Joint:
-    """The joint of a cart's actuator."""
-    name = robot.actuators[robot.sites.index(site)].joint
-    return next(joint for body in mechanism.bodies for joint in body.joints if joint.name == name)
 
 
 def _axes(robot: Chain, site: str) -> Floats:
@@ -245,9 +237,3 @@ def _weight(mechanism: Mechanism, robot: Chain, site: str, axes: Floats) -> Floa
     lever = np.array(seats) - np.mean(seats, axis=0)
     moment = np.cross(lever, weights).sum(axis=0)
     return np.concatenate([axes @ np.sum(weights, axis=0), axes @ moment])
-
-
-def _tangents(active: ActiveEffect) -> list[float]:
-    """The six compliances at the usual load, m/N and rad/(N m), in the order of ``NAMES``."""
-    found = active.effect.parameters(active.coefficients, active.shape_parameter)
-    return [found[name][0] if name in found else 0.0 for name in NAMES]

@@ -79,38 +79,31 @@ SAME = DriveCurve(0.0, 1.0)
 """The curve of a joint that has the coordinate of the other."""
 
 
-def fitted(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats | None = None) -> DriveCurve:
+def fitted(
+    x: Floats,
+    values: Floats,
+    ends: tuple[float, float],
+    weight: Floats | None = None,
+    *,
+    slope: bool = True,
+    count: int = HARMONICS,
+) -> DriveCurve:
     """The curve through values (N,) at coordinates x (N,), by least squares with weights (N,).
 
-    Its harmonics are half waves 1 to ``HARMONICS`` over the range between ``ends``: the functions of the smooth effects.
+    A line or, without ``slope``, a constant; if that is not close enough, with half waves 1 to ``count`` over the range between
+    ``ends``: the functions of the smooth effects.
     """
     weight = np.ones(len(x)) if weight is None else weight
-    proportion, offset = np.polyfit(x, values, 1, w=weight)
+    if slope:
+        proportion, offset = np.polyfit(x, values, 1, w=weight)
+    else:
+        proportion, offset = 0.0, np.average(values, weights=weight**2)
     line = DriveCurve(float(offset), float(proportion))
-    if _off(line, x, values, weight) <= CLOSE:
+    if np.sqrt(np.average((line(x) - values) ** 2, weights=weight**2)) <= CLOSE:
         return line
-    return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), x]), HARMONICS)
-
-
-def waves(x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, count: int) -> DriveCurve:
-    """As :func:`fitted`, but without slope: a constant and, if that is not close enough, half waves 1 to ``count``."""
-    constant = DriveCurve(float(np.average(values, weights=weight**2)), 0.0)
-    if _off(constant, x, values, weight) <= CLOSE:
-        return constant
-    return _with_harmonics(x, values, ends, weight, np.column_stack([np.ones(len(x)), np.zeros(len(x))]), count)
-
-
-def _off(curve: DriveCurve, x: Floats, values: Floats, weight: Floats) -> float:
-    return float(np.sqrt(np.average((curve(x) - values) ** 2, weights=weight**2)))
-
-
-def _with_harmonics(
-    x: Floats, values: Floats, ends: tuple[float, float], weight: Floats, line: Floats, count: int
-) -> DriveCurve:
-    """A curve by least squares; ``line`` (N, 2) has the columns of offset and proportion."""
     lower, upper = ends
     rates = np.pi * np.arange(1, count + 1) / (upper - lower)
-    columns = np.column_stack([line, np.cos(np.outer(x - lower, rates))])
+    columns = np.column_stack([np.ones(len(x)), x if slope else np.zeros(len(x)), np.cos(np.outer(x - lower, rates))])
     found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=SHOWN)[0]
     own = (Harmonic(float(r), float(-r * lower), float(a)) for r, a in zip(rates, found[2:], strict=True))
     return DriveCurve(float(found[0]), float(found[1]), tuple(h for h in own if abs(h.amplitude) > LEAST))

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import loads_of
-from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted, waves
+from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Body, Coupling, Drive, Guide, Joint, Mechanism, Play
+from gtpin.export.mechanism import Coupling, Drive, Guide, Joint, Mechanism, Play, shaft
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -86,8 +85,13 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
     slope, middle = np.polyfit(at.q[:, index], at.travel[:, index], 1)  # the travel is -1 and 1 at its ends
     ends = float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
-    along = fitted(q, (up + down) / 2.0, ends, weight)
-    law = Law(along, _half_width(q, (down - up) / 2.0, ends, weight), _largest_load(at, active.site))
+    half = (down - up) / 2.0
+    width, mean = fitted(q, half, ends, weight, slope=False, count=WIDTHS), float(np.average(half, weights=weight**2))
+    if (np.sign(mean) * width(np.linspace(*ends, 101))).min() <= LEAST_PLAY:  # too small somewhere
+        width = DriveCurve(mean, 0.0)
+    _, load, spread = loads_of(at, active.site)
+    most = float((np.abs(load) + SPREADS * spread).sum())
+    law = Law(fitted(q, (up + down) / 2.0, ends, weight), width, most)
     came = f"approach{index + 1}"
     held = law.at(at.q[:, index], at.covariate(came) if came in at.covariates else 0.0)
     moved = at.command_jacobian[:, :6, index] * held[:, None]
@@ -95,30 +99,12 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
 
 
-def _half_width(q: Floats, half: Floats, ends: tuple[float, float], weight: Floats) -> DriveCurve:
-    """Half the play as a curve, negative for a drive that overshoots; a constant if it is too small somewhere."""
-    curve = waves(q, half, ends, weight, WIDTHS)
-    mean = float(np.average(half, weights=weight**2))
-    if (np.sign(mean) * curve(np.linspace(*ends, 101))).min() > LEAST_PLAY:
-        return curve
-    return DriveCurve(mean, 0.0)
-
-
-def _largest_load(at: OperatingPoints, site: str) -> float:
-    """Bound of the load on a drive in the fit, N or N m: mean plus ``SPREADS`` standard deviations, summed over its rods."""
-    _, mean, spread = loads_of(at, site)
-    return float((np.abs(mean) + SPREADS * spread).sum())
-
-
 def _over_the_range(model: Model, index: int, at: OperatingPoints) -> OperatingPoints:
     """The same conditions with an actuator's commands over its whole range."""
     robot = model.robot
-    lower, upper = (
-        float(end[index]) if np.isfinite(end[index]) else side
-        for end, side in ((robot.lower, -np.pi), (robot.upper, np.pi))
-    )
+    lower, upper = np.where(np.isfinite([robot.lower, robot.upper]), [robot.lower, robot.upper], [[-np.pi], [np.pi]])
     q = at.q.copy()
-    q[:, index] = np.linspace(lower, upper, len(q))
+    q[:, index] = np.linspace(lower[index], upper[index], len(q))
     poses = model.kinematics.forward(q)
     rows = np.flatnonzero(poses.reached)
     known = {name: values[rows] for name, values in at.covariates.items()}
@@ -137,8 +123,7 @@ def _travel(active: ActiveEffect, at: OperatingPoints, index: int, approach: flo
 
 def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law]) -> Mechanism:
     """The mechanism with the scale of one drive and the sum of its laws."""
-    body = mechanism.carrying(drive.joint)
-    joint = next(own for own in body.joints if own.name == drive.joint)
+    joint = mechanism.joint(drive.joint)
     travel, half = SAME, NOTHING
     for law in laws:
         travel, half = travel.plus(law.along), half.plus(law.half_width)
@@ -147,14 +132,13 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
     ends = np.where(np.isfinite(ends), ends, [-np.pi, np.pi])
     gear = float(travel(ends[1]) - travel(ends[0])) / float(ends[1] - ends[0])
     there = np.linspace(ends[0], ends[1], 101)
-    joints = {own.name: own for own in body.joints}
     if np.abs(travel(there) - gear * there).max() <= STRAIGHT and not half.harmonics:
-        joints[joint.name] = replace(joint, lower=joint.lower * gear, upper=joint.upper * gear)
+        driven = [replace(joint, lower=joint.lower * gear, upper=joint.upper * gear)]
         mechanism = _with_drive(mechanism, drive, replace(drive, scale=gear))
     else:
         mechanism = _with_motor(mechanism, drive, joint, travel)
         limits = [float(travel(x)) if np.isfinite(x) else x for x in (joint.lower, joint.upper)]
-        joints[joint.name] = replace(joint, lower=limits[0], upper=limits[1])
+        driven = [replace(joint, lower=limits[0], upper=limits[1])]
     ahead = half.offset < 0.0  # the play is then taken up in the direction of the motion
     if ahead:
         half = half.times(-1.0)
@@ -168,10 +152,8 @@ def _driven(mechanism: Mechanism, drive: Drive, scale: float, laws: Sequence[Law
             )
         guide = Guide(drive.site, (joint.name, play.name), max(law.load for law in laws), ahead)
         mechanism = replace(mechanism, guides=(*mechanism.guides, guide))
-        order = list(joints.values())
-        order.insert(order.index(joints[joint.name]) + 1, play)
-        return mechanism.with_joints(body.name, order)
-    return mechanism.with_joints(body.name, list(joints.values()))
+        driven.append(play)
+    return mechanism.with_joints(joint.name, driven)
 
 
 def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: DriveCurve) -> Mechanism:
@@ -185,10 +167,8 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: DriveC
     for _ in range(NEWTON):
         home -= float(travel(home) - joint.home) / float(travel.slope(home))
     motor = Joint(f"{drive.site}_motor", "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), home)
-    base = mechanism.bodies[0].name
-    body = Body(motor.name, base, pin.SE3.Identity(), (motor,), pin.Inertia.Zero())
     about_home = travel.about(home).plus(DriveCurve(-joint.home, 0.0))
-    mechanism = replace(mechanism, bodies=(*mechanism.bodies, body))
+    mechanism = replace(mechanism, bodies=(*mechanism.bodies, shaft(mechanism.bodies[0], motor)))
     mechanism = mechanism.with_couplings([Coupling(joint.name, motor.name, about_home)])
     return _with_drive(mechanism, drive, replace(drive, joint=motor.name, home=home))
 

@@ -85,7 +85,14 @@ def export(
     file = Path(file)
     if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")
-    made = texts(model, file, form or _format(file), session=session, tables=tables)
+    form = form or SUFFIXES.get(file.suffix.lower())
+    if form is None:
+        raise GtpinError(
+            f"no format has the suffix {file.suffix!r}",
+            file=file,
+            hint=f"use {', '.join(SUFFIXES)}, or say which of {', '.join(get_args(Format))} it shall be",
+        )
+    made = texts(model, file, form, session=session, tables=tables)
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -179,17 +186,6 @@ def _dh(model: Model) -> str:
         known = "yes" if p.determined else "no"
         lines.append(f"{p.site},{p.name},{p.unit},{p.nominal:z.9f},{p.correction:z.9f},{sigma},{known}")
     return "\n".join(lines) + "\n"
-
-
-def _format(file: Path) -> Format:
-    found = SUFFIXES.get(file.suffix.lower())
-    if found is None:
-        raise GtpinError(
-            f"no format has the suffix {file.suffix!r}",
-            file=file,
-            hint=f"use {', '.join(SUFFIXES)}, or say which of {', '.join(get_args(Format))} it shall be",
-        )
-    return found
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

@@ -21,8 +21,6 @@ WARMER = 1.0
 """Difference from the reference temperature, K, for which the loss of a thermal effect is stated."""
 SPEED = 0.1
 """Speed, m/s or rad/s, for which the loss of an effect of speed is stated."""
-
-
 FORCES = ("fx", "fy", "fz")
 """Columns of the force on the tool, N."""
 LEAST = 1e-7
@@ -41,17 +39,14 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
-        moved: Floats | None
-        words: str | None
+        moved, words = None, ""
         if name == "drive scales":
-            moved, words = _by_scales(model, *postures(model)), ""
-        elif name in active:
-            words = _conditions(model, active[name])
-            moved = None if words is None else by_effect(active[name], conditions(model, active[name]))
-        else:
-            moved, words = None, ""
-        size = None if moved is None else rms(moved)
-        found.append(name if size is None else f"{name} ({1e6 * size:.3g} um{words})")
+            q, poses = postures(model)
+            off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
+            moved = np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off)
+        elif name in active and (stated := _conditions(model, active[name])) is not None:
+            moved, words = by_effect(active[name], conditions(model, active[name])), stated
+        found.append(name if moved is None else f"{name} ({1e6 * rms(moved):.3g} um{words})")
     return tuple(found)
 
 
@@ -93,12 +88,6 @@ def postures(model: Model) -> tuple[Floats, Poses]:
     q = lower + (upper - lower) * qmc.Halton(len(lower), scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
     return q[poses.reached], poses[poses.reached]
-
-
-def _by_scales(model: Model, q: Floats, poses: Poses) -> Floats:
-    """(N, 6) motion of the TCP by drive scales, m and rad, base frame, to first order."""
-    off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
-    return np.asarray(np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off))
 
 
 def by_effect(active: ActiveEffect, at: OperatingPoints) -> Floats:

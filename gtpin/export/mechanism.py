@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, indent, tostring
 
@@ -41,7 +42,7 @@ class Shape:
     ``placement`` is its ``pinocchio.SE3`` in its body's frame.
     """
 
-    kind: Literal["box", "cylinder", "sphere"]
+    kind: str
     size: tuple[float, ...]
     placement: Any
     rgba: tuple[float, ...]
@@ -64,19 +65,14 @@ def shapes_of(robot: Chain) -> dict[int, tuple[Shape, ...]]:
     found: dict[int, tuple[Shape, ...]] = {}
     geometry = pin.buildGeomFromUrdfString(robot.model, tostring(root, encoding="unicode"), pin.GeometryType.VISUAL)
     for item in geometry.geometryObjects:
-        shape = _shape(item)
+        solid, kind = item.geometry, type(item.geometry).__name__.lower()
+        if kind == "box":
+            size = tuple(2.0 * float(s) for s in solid.halfSide)
+        else:
+            size = (float(solid.radius), *([2.0 * float(solid.halfLength)] if kind == "cylinder" else []))
+        shape = Shape(kind, size, item.placement, tuple(round(float(c), 6) for c in item.meshColor))
         found[item.parentJoint] = (*found.get(item.parentJoint, ()), shape)
     return found
-
-
-def _shape(item: Any) -> Shape:
-    geometry, rgba = item.geometry, tuple(round(float(c), 6) for c in item.meshColor)
-    name = type(geometry).__name__.lower()
-    if name == "box":
-        return Shape("box", tuple(2.0 * float(s) for s in geometry.halfSide), item.placement, rgba)
-    if name == "cylinder":
-        return Shape("cylinder", (float(geometry.radius), 2.0 * float(geometry.halfLength)), item.placement, rgba)
-    return Shape("sphere", (float(geometry.radius),), item.placement, rgba)
 
 
 @dataclass(frozen=True)
@@ -172,6 +168,11 @@ class Body:
     frames: Mapping[str, Any] = field(default_factory=dict)
 
 
+def shaft(base: Body, joint: Joint) -> Body:
+    """A massless body on the base, with the name of its one joint, that is not a part of the robot."""
+    return Body(joint.name, base.name, pin.SE3.Identity(), (joint,), pin.Inertia.Zero())
+
+
 @dataclass(frozen=True, eq=False)
 class End:
     """A point (3,) of a body, in its frame, m."""
@@ -225,10 +226,18 @@ class Mechanism:
             found[body.name] = found[body.parent] * body.placement
         return found
 
+    def joint(self, name: str) -> Joint:
+        """The joint with this name."""
+        return next(joint for body in self.bodies for joint in body.joints if joint.name == name)
+
     def with_joints(self, name: str, joints: Sequence[Joint]) -> Mechanism:
-        """The mechanism with ``joints`` in place of the joints of the body ``name``."""
-        bodies = tuple(replace(b, joints=tuple(joints)) if b.name == name else b for b in self.bodies)
-        return replace(self, bodies=bodies)
+        """The mechanism with ``joints`` in place of the joint ``name``."""
+
+        def changed(body: Body) -> Body:
+            own = ((*joints,) if joint.name == name else (joint,) for joint in body.joints)
+            return replace(body, joints=tuple(chain.from_iterable(own)))
+
+        return replace(self, bodies=tuple(changed(body) for body in self.bodies))
 
     def with_couplings(self, couplings: Sequence[Coupling]) -> Mechanism:
         """The mechanism with more couplings."""
@@ -272,9 +281,9 @@ def mechanism(robot: Chain) -> Mechanism:
     for i in range(1, model.njoints):
         if i in merged:
             continue
-        chain, parent = [i], int(model.parents[i])
+        merged_joints, parent = [i], int(model.parents[i])
         while parent in merged:
-            chain.insert(0, parent)
+            merged_joints.insert(0, parent)
             parent = int(model.parents[parent])
         kept[i] = frames[i][0][0]
         free = model.nvs[i] == 6
@@ -285,15 +294,15 @@ def mechanism(robot: Chain) -> Mechanism:
                 name=kept[i],
                 parent=kept[parent],
                 placement=data.oMi[parent].inverse() * data.oMi[i],
-                joints=() if free else tuple(_joint(robot, posture, joint, i) for joint in chain),
+                joints=() if free else tuple(_joint(robot, posture, joint, i) for joint in merged_joints),
                 inertia=model.inertias[i],
                 free=str(model.names[i]) if free else None,
                 shapes=shapes.get(i, ()),
                 frames=dict(frames[i][1:]),
             )
         )
-    base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), model.inertias[0], None, shapes.get(0, ()))
-    base = replace(base, frames=dict(frames[0][1:]))
+    shown, fixed = shapes.get(0, ()), dict(frames[0][1:])
+    base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), model.inertias[0], None, shown, fixed)
     rooted = tuple(replace(b, parent=base.name) if b.parent == WORLD and b.free is None else b for b in bodies)
     kept[0] = base.name
     loops = {
@@ -306,10 +315,8 @@ def mechanism(robot: Chain) -> Mechanism:
     drives = tuple(
         Drive(a.site, a.joint, a.lower, a.upper, float(q)) for a, q in zip(robot.actuators, posture.q, strict=True)
     )
-    gravity, names = (
-        robot.description.gravity,
-        {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)},
-    )
+    gravity = robot.description.gravity
+    names = {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)}
     mimics = tuple(Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers)
     closing = zip(robot.description.loops, robot.constraints, robot.planes, strict=True)
     planes = {loop.name: c.joint1_placement.rotation @ n for loop, c, n in closing if n is not None}

@@ -75,7 +75,8 @@ def to_mjcf(mechanism: Mechanism) -> str:
     add_actuators(root, mechanism)
     add_couplings(root, tendons, cranked)
     add_plays(root, tendons, cranked)
-    _keyframe(root, cranked)
+    ctrl = numbers(*(drive.home / drive.scale for drive in cranked.drives))
+    SubElement(SubElement(root, "keyframe"), "key", name="home", qpos=numbers(*_qpos(cranked)), ctrl=ctrl)
     return xml_text(root)
 
 
@@ -127,12 +128,6 @@ def _joint(joint: Joint) -> Element:
         element.set("damping", numbers(DAMPING * joint.spring.stiffness / SPRING))
         element.set("armature", numbers(joint.spring.stiffness / SPRING**2))
     return element
-
-
-def _keyframe(root: Element, mechanism: Mechanism) -> None:
-    keyframe = SubElement(root, "keyframe")
-    ctrl = numbers(*(drive.home / drive.scale for drive in mechanism.drives))
-    SubElement(keyframe, "key", name="home", qpos=numbers(*_qpos(mechanism)), ctrl=ctrl)
 
 
 def _qpos(mechanism: Mechanism) -> list[float]:

@@ -12,10 +12,9 @@ from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.export.curves import SAME, Harmonic
-from gtpin.export.mechanism import Body, Coupling, Joint, Mechanism, numbers
+from gtpin.export.mechanism import Coupling, Joint, Mechanism, numbers, shaft
 
 ROD, RADIUS = 1.0, 1e-3
 """Distance, m, from a crank's axis to the far end of its tendon, and to its pin. RADIUS / (2 ROD) is the relative error of a
@@ -34,11 +33,10 @@ def with_cranks(mechanism: Mechanism) -> Mechanism:
 
     Couplings and plays that follow the same joint with the same rate share a crank.
     """
-    base = mechanism.bodies[0].name
     bodies, couplings = [], []
     for (other, rate), name in _cranks(mechanism).items():
         joint = Joint(name, "hinge", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0)
-        bodies.append(Body(name, base, pin.SE3.Identity(), (joint,), pin.Inertia.Zero()))
+        bodies.append(shaft(mechanism.bodies[0], joint))
         couplings.append(Coupling(name, other, SAME.times(rate)))
     return replace(mechanism, bodies=(*mechanism.bodies, *bodies), couplings=(*mechanism.couplings, *couplings))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -66,31 +65,20 @@ def _with_soft_drive(mechanism: Mechanism, model: Model, active: ActiveEffect) -
     compliance, rest = line(load, command[1] @ active.coefficients, float(active.coefficients[0]))
     if compliance <= STIFFEST:
         return mechanism, None
-    name = model.robot.actuators[index].joint
-    body = mechanism.carrying(name)
-    place = [joint.name for joint in body.joints].index(name)
-    driven = body.joints[place]
-    gives = replace(
-        driven,
-        name=f"{active.site}_gives",
-        home=0.0,
-        lower=-np.inf,
-        upper=np.inf,
-        spring=Spring(1.0 / compliance, rest),
-    )
-    joints = [*body.joints[: place + 1], gives, *body.joints[place + 1 :]]
+    driven = mechanism.joint(model.robot.actuators[index].joint)
+    spring = Spring(1.0 / compliance, rest)
+    gives = Joint(f"{active.site}_gives", driven.kind, driven.axis, driven.point, 0.0, spring=spring)
     moved = at.command_jacobian[:, :6, index] * (rest + compliance * load)[:, None]
-    return mechanism.with_joints(body.name, joints), moved
+    return mechanism.with_joints(driven.name, [driven, gives]), moved
 
 
 def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect) -> tuple[Mechanism, Floats | None]:
-    at, here = conditions(model, active), _home(model, active)
+    at, here = conditions(model, active), _home(model)
     frame = joint_frame(at, active.site)
     moments = at.joint_loads[:, frame.index, 3:] @ frame.across.T
     tilts = (active.basis(at).placements[0][1] @ active.coefficients)[:, 3:] @ frame.across.T
-    name = model.robot.actuators[model.robot.sites.index(active.site)].joint
-    body = mechanism.carrying(name)
-    place = mechanism.placements()[body.name]
+    driven = mechanism.joint(model.robot.actuators[model.robot.sites.index(active.site)].joint)
+    place = mechanism.placements()[mechanism.carrying(driven.name).name]
     twist, joints = np.zeros((len(at), 6)), []
     for k, tangent in enumerate(active.coefficients[::2]):
         compliance, rest = line(moments[:, k], tilts[:, k], float(tangent))
@@ -102,8 +90,7 @@ def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect)
             twist[:, 3:] += np.outer(rest + compliance * moments[:, k], frame.across[k])
     if not joints:
         return mechanism, None
-    first = [joint.name for joint in body.joints].index(name)
-    mechanism = mechanism.with_joints(body.name, [*body.joints[:first], *joints, *body.joints[first:]])
+    mechanism = mechanism.with_joints(driven.name, [*joints, driven])
     return mechanism, at.bodies.by_twist(frame.index, twist[..., None])[:, :6, 0]
 
 
@@ -142,16 +129,13 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     tip = pin.SE3(here.bodies.R[0, link.tip], here.bodies.T[0, link.tip]) * target_at(robot, link).inverse()
     u = along / length
     a, b = rotation_axes(u)[:2]
-    ways: Sequence[tuple[str, Floats, float]] = (
-        ("slide", a, f * length**3 / 12.0),
-        ("slide", b, f * length**3 / 12.0),
-        ("hinge", a, f * length),
-        ("hinge", b, f * length),
-        ("hinge", u, g * length),
-    )
+    compliances = (f * length**3 / 12.0,) * 2 + (f * length,) * 2 + (g * length,)
     joints = tuple(
-        Joint(f"{link.name}_bends_{k + 1}", kind, axis, -along / 2.0, 0.0, spring=Spring(1.0 / compliance))  # type: ignore[arg-type]
-        for k, (kind, axis, compliance) in enumerate(ways)
+        Joint(
+            *(f"{link.name}_bends_{k + 1}", "slide" if k < 2 else "hinge", axis, -along / 2.0, 0.0),
+            spring=Spring(1.0 / compliance),
+        )
+        for k, (axis, compliance) in enumerate(zip((a, b, a, b, u), compliances, strict=True))
         if compliance > STIFFEST
     )
     if not joints:
@@ -181,12 +165,9 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     return replace(mechanism, bodies=tuple(bodies))
 
 
-def _home(model: Model, active: ActiveEffect | None = None) -> OperatingPoints:
+def _home(model: Model) -> OperatingPoints:
     """The robot at home."""
-    kinematics = model.kinematics
-    return OperatingPoints(
-        kinematics, model.robot.home_q[None], kinematics.home, {}, fixed=None if active is None else active.references
-    )
+    return OperatingPoints(model.kinematics, model.robot.home_q[None], model.kinematics.home, {})
 
 
 def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Mechanism, dict[str, Floats]]:
@@ -200,7 +181,14 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
     if not active or not robot.rods:  # links of robots without rods bend: with_joint_springs
         return mechanism, {}
-    laws = {effect.name: _lines(model, effect) for effect in active}
+    conditions_of = {effect.name: conditions(model, effect) for effect in active}
+    laws = {}  # by effect: (k,) compliances of the rods, m/N, and (k,) their stretch without a load, m
+    for effect in active:
+        at = conditions_of[effect.name]
+        length = effect.basis(at).length
+        assert length is not None
+        rods = zip(at.force.T, (length @ effect.coefficients).T, strict=True)
+        laws[effect.name] = np.transpose([line(force, own, 0.0) if own.any() else (0.0, 0.0) for force, own in rods])
     compliance, rest = np.sum(list(laws.values()), axis=0)
     soft = np.flatnonzero(compliance > STIFFEST)
     tcp = home(robot).tcp
@@ -212,22 +200,9 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
     shown = {}  # of rods that stretch by the rest and in proportion to their load
     for e in held:
-        at, (compliance, rest) = conditions(model, e), laws[e.name]
+        at, (compliance, rest) = conditions_of[e.name], laws[e.name]
         shown[e.name] = np.asarray(np.einsum("nik,nk->ni", at.response[:, :6], rest + compliance * at.force))
     return mechanism, shown
-
-
-def _lines(model: Model, active: ActiveEffect) -> tuple[Floats, Floats]:
-    """(k,) compliances of the rods, m/N, and (k,) their stretch without a load, m."""
-    at = conditions(model, active)
-    length = active.basis(at).length
-    assert length is not None
-    stretch = length @ active.coefficients
-    found = [
-        line(force, own, 0.0) if own.any() else (0.0, 0.0) for force, own in zip(at.force.T, stretch.T, strict=True)
-    ]
-    compliance, rest = np.array(found).T
-    return compliance, rest
 
 
 def _sprung(mechanism: Mechanism, robot: Chain, rod: Rod, spring: Spring, root: Floats) -> Mechanism:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtpin.export.curves import DriveCurve, Harmonic, fitted, waves
+from gtpin.export.curves import DriveCurve, Harmonic, fitted
 
 CURVE = DriveCurve(0.1, 0.9, (Harmonic(3.0, 0.4, 2e-3), Harmonic(7.0, -1.0, -5e-4)))
 X = np.linspace(-0.6, 0.7, 40)
@@ -29,7 +29,7 @@ def test_sums_and_multiples_are_those_of_the_values() -> None:
 
 def test_a_line_needs_no_harmonics() -> None:
     assert fitted(X, 2e-5 + 3e-4 * X, (-0.65, 0.7)).harmonics == ()
-    assert waves(X, np.full(40, 2e-5), (-0.65, 0.7), np.ones(40), 4).harmonics == ()
+    assert fitted(X, np.full(40, 2e-5), (-0.65, 0.7), slope=False, count=4).harmonics == ()
 
 
 def test_half_waves_of_the_range_are_found_between_the_points_too() -> None:
