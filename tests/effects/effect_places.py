@@ -1,6 +1,8 @@
-"""Effects at their sites on a Gantry-Tau drawn from its tolerances, in circumstances in which each of them shows."""
+"""Effects at their sites on a Gantry-Tau and an arm drawn from their tolerances, under conditions in which all of them show."""
 
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.protocol import Kinematics
 
 Floats = np.ndarray
 EFFECTS = effects_by_id()
@@ -18,17 +20,21 @@ SETTINGS = {"rack_periodic": 0.0314, "rack_step": 0.051}
 """Nonlinear parameters, m."""
 TURNING = {**SETTINGS, "rack_periodic": 0.52}
 """Of joints of arms, rad."""
+MIDDLE, HALF = np.array([0.1, 0.4, 1.2, 0.3, 0.5, 0.2]), np.array([1.5, 0.7, 0.7, 1.0, 1.0, 2.0])
+"""Ranges of commands of arms, rad."""
 
 
-def drawn(name: str = "gantry_tau", seed: int = 0) -> gtpin.Geometry:
-    nominal = gtpin.Geometry.nominal(gtpin.load_robot(name))
-    rng = np.random.default_rng(seed)
-    return nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
+def drawn(robot: str | gtpin.Robot = "gantry_tau", seed: int = 0) -> Kinematics:
+    nominal = gtpin.Geometry.nominal(gtpin.load_robot(robot) if isinstance(robot, str) else robot)
+    off = nominal.tolerance * np.random.default_rng(seed).standard_normal(len(nominal.values))
+    return gtpin.Model(nominal.with_values(nominal.values + off)).kinematics
 
 
-GEOMETRY = drawn()
-KINEMATICS = RodKinematics(GEOMETRY)
+KINEMATICS = drawn()
+GEOMETRY = KINEMATICS.geometry
 ROBOT = GEOMETRY.robot
+ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
+ARM = gtpin.load_robot(ARM_FILE)
 PLACES = [(name, site) for name, effect in EFFECTS.items() for site in effect.sites(ROBOT)]
 SEEN = [place for place in PLACES if place != ("cart_rotation", "cart1")]
 """All but a cart that turns about its only joint."""
@@ -52,21 +58,26 @@ def covariates(count: int, actuators: int = 3, seed: int = 0) -> dict[str, Colum
 def operating_points(
     count: int = 30,
     seed: int = 0,
-    kinematics: RodKinematics = KINEMATICS,
+    kinematics: Kinematics = KINEMATICS,
     fixed: References | None = None,
+    without: tuple[str, ...] = (),
     **changed: Column,
 ) -> OperatingPoints:
     """Commands all over the range that the robot reaches, with everything that an effect may ask for."""
     robot = kinematics.geometry.robot
-    rng = np.random.default_rng(seed + 1)
-    middle, half = robot.home_q, (robot.upper - robot.lower) / 2.0
-    # Together over most of the range, and apart by less, as the carts of a Gantry-Tau must stay.
-    q = middle + half * (0.5 * rng.uniform(-1.0, 1.0, (count, 1)) + 0.3 * rng.uniform(-1.0, 1.0, (count, len(middle))))
-    columns = {**covariates(count, robot.n_actuators, seed), **changed}
-    return OperatingPoints(kinematics, q, kinematics.forward(q), columns, fixed)
+    rng, n = np.random.default_rng(seed + 1), robot.n_actuators
+    if robot.rods:
+        # Together over most of the range, and apart by less, as the carts of a Gantry-Tau must stay.
+        apart = 0.5 * rng.uniform(-1.0, 1.0, (count, 1)) + 0.3 * rng.uniform(-1.0, 1.0, (count, n))
+        q = robot.home_q + (robot.upper - robot.lower) / 2.0 * apart
+    else:
+        q = MIDDLE[:n] + HALF[:n] * rng.uniform(-1.0, 1.0, (count, n))
+    told = {name: v for name, v in {**covariates(count, n, seed), **changed}.items() if name not in without}
+    return OperatingPoints(kinematics, q, kinematics.forward(q), told, fixed)
 
 
-FIT = operating_points(120, seed=7)
+arm_points = partial(operating_points, kinematics=drawn(ARM))
+FIT, ARM_FIT = operating_points(120, seed=7), arm_points(120, seed=7)
 """What the effects were fitted to, as it were."""
 
 
@@ -114,6 +125,13 @@ def displaced(at: OperatingPoints, name: str, site: str, coefficients: Floats) -
         np.zeros((n, k)) if found.length is None else found.length @ coefficients,
         np.zeros((n, 6)) if found.twist is None else found.twist @ coefficients,
     )
+
+
+def given(name: str, site: str, values: dict[int, float], at: OperatingPoints = FIT) -> Floats:
+    """Coefficients of these values at their indices, else zero."""
+    coefficients = np.zeros(len(basis(name, site, at)))
+    coefficients[[*values]] = [*values.values()]
+    return coefficients
 
 
 def some(name: str, site: str, at: OperatingPoints, seed: int = 3) -> Floats:

@@ -6,87 +6,101 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from chain_places import ARM, ARM_FILE, FIT, beam, drawn, operating_points, robot_of
-from effect_places import EFFECTS, active, basis, moved, setting, some
+from effect_places import (
+    ARM,
+    ARM_FILE,
+    ARM_FIT,
+    EFFECTS,
+    active,
+    arm_points,
+    basis,
+    drawn,
+    given,
+    moved,
+    operating_points,
+    setting,
+    some,
+)
+from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.effects.chain_motions import joint_frame
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable
-from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.robot.description import RobotDescription
 
-G = 9.81
-
-
-def of_beam(length: float, axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0) -> OperatingPoints:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(length, axis, mass)))
-    q = np.zeros((2, 1))
-    return OperatingPoints(kinematics, q, kinematics.forward(q), {"payload": np.array([payload, 2.0 * payload])})
+G, LENGTH = 9.81, 0.8
 
 
-def test_a_payload_pulls_a_horizontal_arm_down_by_compliance_moment_and_lever() -> None:
-    length, payload, compliance = 0.8, 5.0, 2e-5
-    at = of_beam(length, "0 1 0", payload)
-    c = np.array([compliance, 0.0, 0.0])
-    down = moved(at, active("joint_compliance", "hinge", c, at.references))[:, 2]
-    turn = compliance * np.array([payload, 2.0 * payload]) * G * length
-    np.testing.assert_allclose(down, -length * np.sin(turn), rtol=1e-4)
+def arm_with(old: str, new: str) -> gtpin.Robot:
+    """The arm with a part of its URDF replaced, by a regular expression."""
+    return gtpin.Robot(RobotDescription.parse(re.sub(old, new, ARM_FILE.read_text(encoding="utf-8"))))
 
 
-def test_the_sign_of_a_compliance_does_not_depend_on_the_direction_of_the_axis() -> None:
-    c = np.array([2e-5, 0.0, 0.0])
-    downs = []
-    for axis in ("0 1 0", "0 -1 0"):
-        at = of_beam(0.8, axis, 5.0)
-        downs.append(moved(at, active("joint_compliance", "hinge", c, at.references))[:, 2])
-    np.testing.assert_allclose(downs[0], downs[1], rtol=1e-9)
+def of_beam(axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0, warmer: float = 0.0) -> OperatingPoints:
+    """One turning joint at the base's origin that carries a horizontal link along x, tool at its end; at two poses.
+
+    The payload is twice as large at the second pose, and the link warmer.
+    """
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    heavy = f'<inertial><origin xyz="{LENGTH / 2.0} 0 0"/><mass value="{mass}"/>{inertia}</inertial>'
+    hinge = joint("hinge", "base", "rod", axis=axis, limit=3.0, body=heavy if mass else "")
+    robot = robot_of("beam", hinge, joint("end", "rod", "tool0", f"{LENGTH} 0 0", kind="fixed"))
+    kinematics, q = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics, np.zeros((2, 1))
+    told = {"payload": np.array([payload, 2.0 * payload]), "temp_link": np.array([20.0, 20.0 + warmer])}
+    return OperatingPoints(kinematics, q, kinematics.forward(q), told)
 
 
-def test_a_bearing_of_a_vertical_axis_lets_a_payload_tilt_the_arm_down() -> None:
-    length, payload, tilt = 0.8, 5.0, 4e-6
-    at = of_beam(length, "0 0 1", payload)
-    c = np.array([tilt, 0.0, tilt, 0.0])
-    down = moved(at, active("bearing_compliance", "hinge", c, at.references))[:, 2]
-    angle = tilt * np.array([payload, 2.0 * payload]) * G * length
-    np.testing.assert_allclose(down, -length * angle, rtol=1e-4)
+@pytest.mark.parametrize(
+    ("effect", "axis", "columns"),
+    [
+        ("joint_compliance", "0 1 0", [0]),
+        ("joint_compliance", "0 -1 0", [0]),
+        ("bearing_compliance", "0 0 1", [0, 2]),
+    ],
+)
+def test_a_payload_pulls_a_horizontal_arm_down_by_compliance_moment_and_lever(
+    effect: str, axis: str, columns: list[int]
+) -> None:
+    """Whatever the direction of a horizontal axis; about a vertical axis it is the bearing that tilts."""
+    payload, compliance = 5.0, 2e-5
+    at = of_beam(axis, payload)
+    c = given(effect, "hinge", dict.fromkeys(columns, compliance), at)
+    turn = compliance * np.array([payload, 2.0 * payload]) * G * LENGTH
+    down = moved(at, active(effect, "hinge", c, at.references))[:, 2]
+    np.testing.assert_allclose(down, -LENGTH * np.sin(turn), rtol=1e-4)
 
 
 def test_the_last_link_bends_under_a_payload_as_a_cantilever_does() -> None:
-    length, payload, flexibility = 0.8, 5.0, 1.2e-5
-    at = of_beam(length, "0 0 1", payload)
-    c = np.array([flexibility, 0.0, 0.0])
-    found = moved(at, active("link_compliance", "rod", c, at.references))
+    payload, flexibility = 5.0, 1.2e-5
+    at = of_beam(payload=payload)
+    found = moved(at, active("link_compliance", "rod", np.array([flexibility, 0.0, 0.0]), at.references))
     force = G * np.array([payload, 2.0 * payload])
-    np.testing.assert_allclose(found[:, 2], -force * length**3 / 3.0 * flexibility, rtol=1e-6)  # F l^3 / (3 E I)
+    np.testing.assert_allclose(found[:, 2], -force * LENGTH**3 / 3.0 * flexibility, rtol=1e-6)  # F l^3 / (3 E I)
     # A tip that hangs down along -z is turned about +y where the beam is along +x.
-    np.testing.assert_allclose(found[:, 4], force * length**2 / 2.0 * flexibility, rtol=1e-6)  # F l^2 / (2 E I)
+    np.testing.assert_allclose(found[:, 4], force * LENGTH**2 / 2.0 * flexibility, rtol=1e-6)  # F l^2 / (2 E I)
 
 
 def test_a_beams_own_weight_bends_it_as_an_evenly_spread_load_does() -> None:
-    length, mass, flexibility = 0.8, 4.0, 1.2e-5
-    at = of_beam(length, "0 0 1", mass=mass)
+    mass, flexibility = 4.0, 1.2e-5
+    at = of_beam(mass=mass)
     found = moved(at, active("link_compliance", "rod", np.array([flexibility, 0.0, 0.0]), at.references))[:, 2]
-    np.testing.assert_allclose(
-        found, -(mass * G / length) * length**4 / 8.0 * flexibility, rtol=1e-6
-    )  # w l^4 / (8 E I)
+    expected = -(mass * G / LENGTH) * LENGTH**4 / 8.0 * flexibility  # w l^4 / (8 E I)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_a_warm_link_is_longer_by_its_expansion() -> None:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(beam(0.8)))
-    q = np.zeros((2, 1))
-    at = OperatingPoints(kinematics, q, kinematics.forward(q), {"temp_link": np.array([20.0, 30.0])})
-    c = np.zeros(len(EFFECTS["thermal_links"].basis(at, "rod")))
-    c[0] = 1.2e-5
-    found = moved(at, active("thermal_links", "rod", c, at.references))
-    np.testing.assert_allclose(found[:, 0], [0.0, 0.8 * 1.2e-5 * 10.0], rtol=1e-9, atol=1e-15)
+    at = of_beam(warmer=10.0)
+    found = moved(at, active("thermal_links", "rod", given("thermal_links", "rod", {0: 1.2e-5}, at), at.references))
+    np.testing.assert_allclose(found[:, 0], [0.0, LENGTH * 1.2e-5 * 10.0], rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("site", ARM.sites)
 def test_the_motion_of_an_axis_is_the_same_after_a_turn(site: str) -> None:
-    at = operating_points(5, seed=2, fixed=FIT.references)
+    at = arm_points(5, seed=2, fixed=ARM_FIT.references)
     turned = at.q.copy()
     turned[:, ARM.sites.index(site)] += 2.0 * np.pi
-    again = OperatingPoints(at.kinematics, turned, at.poses, at.covariates, FIT.references)
+    again = OperatingPoints(at.kinematics, turned, at.poses, at.covariates, ARM_FIT.references)
     c = some("axis_motion", site, at)
     one, other = (basis("axis_motion", site, where).displacement(where) @ c for where in (at, again))
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-12)
@@ -94,7 +108,7 @@ def test_the_motion_of_an_axis_is_the_same_after_a_turn(site: str) -> None:
 
 
 def test_the_axis_of_a_joint_does_not_turn_the_joint_itself() -> None:
-    at = operating_points(5, seed=2, fixed=FIT.references)
+    at = arm_points(5, seed=2, fixed=ARM_FIT.references)
     for site in ARM.sites:
         frame = joint_frame(at, site)
         ((index, twist),) = basis("axis_motion", site, at).placements
@@ -106,14 +120,12 @@ def test_the_axis_of_a_joint_does_not_turn_the_joint_itself() -> None:
     "name", ["encoder_scale", "linearity", "zero_shift", "backlash", "joint_clearance", "cross_coupling"]
 )
 def test_travel_of_a_turning_joint_is_told_in_radians(name: str) -> None:
-    found = EFFECTS[name].parameters_at(ARM, "elbow", some(name, "elbow", FIT), setting(name, FIT.references))
+    found = EFFECTS[name].parameters_at(ARM, "elbow", some(name, "elbow", ARM_FIT), setting(name, ARM_FIT.references))
     assert {unit for _, unit in found.values()} <= {"rad", "rad/rad"}
 
 
 def test_sliding_joints_have_units_of_length_and_motions_of_a_slide() -> None:
-    slide = robot_of(
-        ARM_FILE.read_text(encoding="utf-8").replace('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
-    )
+    slide = arm_with('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
     at = operating_points(30, kinematics=drawn(slide))
     units = {
         name: EFFECTS[name].parameters_at(slide, "elbow", some(name, "elbow", at), None)
@@ -126,7 +138,7 @@ def test_sliding_joints_have_units_of_length_and_motions_of_a_slide() -> None:
 
 @pytest.mark.parametrize("name", ["joint_compliance", "joint_clearance"])
 def test_a_vertical_first_joint_carries_nothing_under_gravity_alone(name: str) -> None:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(ARM))
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(ARM)).kinematics
     alone = operating_points(20, kinematics=kinematics, without=("fx", "fy", "fz"))
     assert EFFECTS[name].untestable(alone, "waist") == Untestable("no_load")
     assert EFFECTS[name].untestable(alone, "shoulder") in (None, Untestable("one_sign"))
@@ -134,7 +146,7 @@ def test_a_vertical_first_joint_carries_nothing_under_gravity_alone(name: str) -
 
 
 def test_without_masses_and_loads_no_effect_of_loads_can_be_tested() -> None:
-    light = robot_of(re.sub(r"<inertial>.*?</inertial>", "", ARM_FILE.read_text(encoding="utf-8")))
+    light = arm_with(r"<inertial>.*?</inertial>", "")
     at = operating_points(20, kinematics=drawn(light), without=("fx", "fy", "fz", "payload"))
     for name in ("joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"):
         for site in EFFECTS[name].sites(light):
@@ -142,14 +154,13 @@ def test_without_masses_and_loads_no_effect_of_loads_can_be_tested() -> None:
 
 
 def test_a_load_that_keeps_its_sign_shows_no_play() -> None:
-    at = of_beam(0.8, "0 1 0", 5.0)
+    at = of_beam("0 1 0", 5.0)
     assert EFFECTS["joint_clearance"].untestable(at, "hinge") == Untestable("one_sign")
 
 
 def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -> None:
-    kinematics = drawn()
-    references = operating_points(120, seed=7, kinematics=kinematics).references
-    at = operating_points(9, seed=3, kinematics=kinematics, fixed=references)
+    references = ARM_FIT.references
+    at = arm_points(9, seed=3, fixed=references)
     effects = tuple(
         active(name, site, some(name, site, at), references)
         for name, site in (
@@ -161,7 +172,7 @@ def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -
             ("thermal_links", "forearm"),
         )
     )
-    model = gtpin.Model(kinematics.geometry, effects=effects)
+    model = gtpin.Model(at.kinematics.geometry, effects=effects)
     gtpin.write_model(model, tmp_path / "model")
     again = gtpin.read_model(tmp_path / "model")
     one, other = (m.predict(at.q, at.covariates) for m in (model, again))
@@ -170,7 +181,7 @@ def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -
 
 def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
     robot = gtpin.load_robot("panda")
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(robot))
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(3).uniform(robot.lower, robot.upper, (5, robot.n_actuators))
     poses = kinematics.forward(q)
     at = OperatingPoints(kinematics, q, poses, {})

@@ -34,8 +34,6 @@ from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.tracks import TIPS
 from gtpin.effects.untestable import Untestable
-from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.rod_kinematics import RodKinematics
 
 CARTS = ("cart1", "cart2", "cart3")
 LINKS = ("link1", "link2a", "link2b", "link3a", "link3b", "link3c")
@@ -231,8 +229,7 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
     assert found.failed == 0
 
 
-MACHINES = [operating_points(10, kinematics=RodKinematics(drawn(name))) for name in ("gantry_tau", "stewart")]
-MACHINES.append(operating_points(10, kinematics=ChainKinematics(drawn("ur5"))))
+MACHINES = [operating_points(10, kinematics=drawn(name)) for name in ("gantry_tau", "stewart", "ur5")]
 DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
 WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
 

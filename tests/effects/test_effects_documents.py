@@ -6,10 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import chain_places
 import pytest
-from chain_places import ARM
-from effect_places import EFFECTS, FIT, ROBOT, SETTINGS, some
+from effect_places import ARM, ARM_FIT, EFFECTS, FIT, ROBOT, SETTINGS, some
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "effects"
@@ -22,7 +20,7 @@ def told(name: str) -> dict[str, str]:
     """Units of all parameters at all sites of the Gantry-Tau; of an arm where it has none."""
     effect = EFFECTS[name]
     if not effect.sites(ROBOT):
-        found = [effect.parameters(some(name, s, chain_places.FIT), None) for s in effect.sites(ARM)]
+        found = [effect.parameters(some(name, s, ARM_FIT), None) for s in effect.sites(ARM)]
     else:
         found = [effect.parameters(some(name, s, FIT), SETTINGS.get(name)) for s in effect.sites(ROBOT)]
     return {re.sub(r"\[\d+\]", "[k]", parameter): unit for one in found for parameter, (_, unit) in one.items()}

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, operating_points, some
+from effect_places import EFFECTS, FIT, KINEMATICS, ROBOT, SETTINGS, basis, displaced, given, operating_points, some
 
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import FLANKS
@@ -13,12 +13,6 @@ from gtpin.robot.parameters import rotation_axes
 
 RODS = {site: i for i, site in enumerate(ROBOT.rod_sites)}
 STEP = 1.0  # N, by which the tool's force is changed; the energy is quadratic in it
-
-
-def only(name: str, site: str, at: OperatingPoints, column: int, value: float = 1.0) -> np.ndarray:
-    coefficients = np.zeros(len(basis(name, site, at)))
-    coefficients[column] = value
-    return coefficients
 
 
 def parameters(name: str, coefficients: np.ndarray) -> dict[str, float]:
@@ -51,7 +45,7 @@ def gives_way(
 ) -> None:
     """A coefficient moves the tool as the derivative of give / 2 times the sum of squares (N, k) by the tool's force."""
     at = operating_points(10, seed=1)
-    moved = (basis(name, site, at).displacement(at) @ only(name, site, at, column, give))[:, :3]
+    moved = (basis(name, site, at).displacement(at) @ given(name, site, {column: give}))[:, :3]
     expected = rising_energy(at, lambda now: give / 2.0 * (stretched(now) ** 2).sum(axis=1))
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
@@ -87,7 +81,7 @@ def test_carts_give_way_as_castigliano_says(site: str, direction: int) -> None:
 def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> None:
     mine, axis = of_cart(site, direction)
     columns = range(len(basis("cart_compliance", site, FIT)))
-    named = [k for k in columns if parameters("cart_compliance", only("cart_compliance", site, FIT, k))[tip]]
+    named = [k for k in columns if parameters("cart_compliance", given("cart_compliance", site, {k: 1.0}))[tip]]
 
     def moment(now: OperatingPoints) -> np.ndarray:
         arms = now.carrier_joints[:, mine] - now.carrier_joints[:, mine].mean(axis=1, keepdims=True)
@@ -103,14 +97,14 @@ def test_a_tool_that_pulls_along_a_rod_puts_it_in_tension_and_lengthens_it(site:
     at = OperatingPoints(at.kinematics, at.q, at.poses, {**at.covariates, **along})
     assert (at.force[:, i] > 0.0).all()
     for name in ("link_compliance", "joint_clearance"):
-        longer = displaced(at, name, site, only(name, site, at, 0, 1e-5)).length
+        longer = displaced(at, name, site, given(name, site, {0: 1e-5})).length
         assert (longer[:, i] > 0.0).all()
         assert not np.delete(longer, i, axis=1).any()
 
 
 def test_play_is_the_difference_between_tension_and_compression() -> None:
     at = operating_points(60, seed=5)
-    c = only("joint_clearance", "link2a", at, 0, 2e-5)
+    c = given("joint_clearance", "link2a", {0: 2e-5})
     longer, force = displaced(at, "joint_clearance", "link2a", c).length[:, 1], at.force[:, 1]
     assert (force > 0.0).any()
     assert (force < 0.0).any()
@@ -136,22 +130,21 @@ def test_play_is_testable_where_two_poses_have_the_rarer_sign_of_force(pulled: i
 
 def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> None:
     at = operating_points(10, seed=7, temp_link=np.full(10, 23.0))
-    longer = displaced(at, "thermal_links", "link3a", only("thermal_links", "link3a", at, 0, 12e-6)).length
+    longer = displaced(at, "thermal_links", "link3a", given("thermal_links", "link3a", {0: 12e-6})).length
     np.testing.assert_allclose(longer[:, RODS["link3a"]], 3.0 * 12e-6 * KINEMATICS.L0[RODS["link3a"]], rtol=1e-9)
-    arm = displaced(at, "thermal_links", "arm", only("thermal_links", "arm", at, 0, 12e-6)).length
+    arm = displaced(at, "thermal_links", "arm", given("thermal_links", "arm", {0: 12e-6})).length
     np.testing.assert_allclose(arm, 3.0 * 12e-6 * np.tile(KINEMATICS.L0, (10, 1)), rtol=1e-9)
 
 
 def test_temperatures_are_counted_from_the_reference() -> None:
     q = operating_points(4).q
     at = OperatingPoints(KINEMATICS, q, KINEMATICS.forward(q), {"temp_link": np.full(4, 26.0)}, temperature=25.0)
-    longer = displaced(at, "thermal_links", "link1", only("thermal_links", "link1", at, 0, 1e-5)).length[:, 0]
+    longer = displaced(at, "thermal_links", "link1", given("thermal_links", "link1", {0: 1e-5})).length[:, 0]
     np.testing.assert_allclose(longer, 1e-5 * KINEMATICS.L0[0], rtol=1e-9)
 
 
 def test_a_track_grows_from_its_fixed_point() -> None:
-    c = np.zeros(len(basis("thermal_track", "cart2", FIT)))
-    c[:2] = 12e-6, 12e-6 * 0.4
+    c = given("thermal_track", "cart2", {0: 12e-6, 1: 12e-6 * 0.4})
     told = parameters("thermal_track", c)
     assert told["fixed_point"] == pytest.approx(-0.4)
     q = np.array([-0.4, -0.3, 0.1])
@@ -181,12 +174,12 @@ def test_straightness_and_rotation_lie_across_and_about_the_track() -> None:
     a, b = rotation_axes(v)[:2]
     n = len(basis("straightness", "cart2", at)) // 2
     for half, axis in ((0, a), (1, b)):
-        seat = displaced(at, "straightness", "cart2", only("straightness", "cart2", at, half * n, 1e-5)).seat[:, 1]
+        seat = displaced(at, "straightness", "cart2", given("straightness", "cart2", {half * n: 1e-5})).seat[:, 1]
         np.testing.assert_allclose(seat, (seat @ axis)[:, None] * axis, rtol=0, atol=1e-18)
     m = len(basis("cart_rotation", "cart2", at)) // 3
     mean = at.carrier_joints[:, 1:3].mean(axis=1)
     for third, axis in ((0, v), (1, a), (2, b)):
-        seat = displaced(at, "cart_rotation", "cart2", only("cart_rotation", "cart2", at, third * m, 1e-5)).seat
+        seat = displaced(at, "cart_rotation", "cart2", given("cart_rotation", "cart2", {third * m: 1e-5})).seat
         angle = 1e-5 * np.cos(np.pi * (at.q[:, 1] - ROBOT.lower[1]) / (ROBOT.upper[1] - ROBOT.lower[1]))
         for i in (1, 2):
             np.testing.assert_allclose(
@@ -196,8 +189,7 @@ def test_straightness_and_rotation_lie_across_and_about_the_track() -> None:
 
 def test_rack_errors_repeat_with_the_period_and_crest_at_the_phase() -> None:
     period = SETTINGS["rack_periodic"]
-    c = np.zeros(len(basis("rack_periodic", "cart2", FIT)))
-    c[:2] = 2e-5, -1.4e-5
+    c = given("rack_periodic", "cart2", {0: 2e-5, 1: -1.4e-5})
     told = parameters("rack_periodic", c)
     assert told["period"] == period
     q = np.linspace(-0.2, 0.2, 50)
@@ -219,8 +211,7 @@ def test_no_period_between_two_that_are_tried_is_missed() -> None:
 
 def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
     place = SETTINGS["rack_step"]
-    c = np.zeros(len(basis("rack_step", "cart2", FIT)))
-    c[:2] = 4e-5, 1e-4
+    c = given("rack_step", "cart2", {0: 4e-5, 1: 1e-4})
     np.testing.assert_allclose(
         travel("rack_step", place + np.array([-0.1, -1e-6, 1e-6, 0.1]), c),
         [0.0, 0.0, 4e-5 + 1e-10, 5e-5],
@@ -233,8 +224,7 @@ def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
 @pytest.mark.parametrize("width", [0.01, 0.03])
 def test_a_step_whose_flank_is_a_ramp_rises_from_zero_to_its_height_over_the_ramp(width: float) -> None:
     place = SETTINGS["rack_step"]
-    c = np.zeros(len(basis("rack_step", "cart2", FIT)))
-    c[0] = c[2 + FLANKS.index(width)] = 4e-5
+    c = given("rack_step", "cart2", {0: 4e-5, 2 + FLANKS.index(width): 4e-5})
     at = width * np.array([-3.0, -0.5, -0.25, 0.0, 0.25, 0.5, 3.0])
     expected = 4e-5 * np.array([0.0, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0])
     np.testing.assert_allclose(travel("rack_step", place + at, c), expected, rtol=0, atol=1e-15)
@@ -244,8 +234,7 @@ def test_a_step_whose_flank_is_a_ramp_rises_from_zero_to_its_height_over_the_ram
 def test_a_harmonic_has_its_amplitude_in_the_middle_of_the_range_however_it_changes_towards_the_ends() -> None:
     middle = (ROBOT.lower[1] + ROBOT.upper[1]) / 2.0
     near = middle + SETTINGS["rack_periodic"] * np.linspace(-0.5, 0.5, 201)
-    c = np.zeros(len(basis("rack_periodic", "cart2", FIT)))
-    c[:6] = 2e-5, 0.0, 1e-5, 0.0, -1.5e-5, 0.0
+    c = given("rack_periodic", "cart2", {0: 2e-5, 2: 1e-5, 4: -1.5e-5})
     assert np.ptp(travel("rack_periodic", near, c)) == pytest.approx(4e-5, rel=0.05)
     assert parameters("rack_periodic", c)["amplitude"] == 2e-5
     assert parameters("rack_periodic", c)["harmonic"] == 0.0
@@ -256,8 +245,7 @@ def test_a_cart_with_a_dead_zone_hardly_moves_under_small_forces_and_as_a_linear
     at, give = operating_points(200, seed=4), 5e-8
     mine, axis = of_cart("cart3", direction)
     force = np.einsum("nk,nki->ni", at.force[:, mine], at.along[:, mine]) @ axis
-    c = np.zeros(len(basis("cart_compliance", "cart3", at)))
-    c[direction], c[TIPS - 3 + direction] = give, -give
+    c = given("cart_compliance", "cart3", {direction: give, TIPS - 3 + direction: -give})
     moved = basis("cart_compliance", "cart3", at).shifts(mine[:1])[:, 0] @ c @ axis
     assert np.all(np.abs(moved) < give * np.abs(force))  # never farther than without a dead zone
     assert np.all(np.sign(moved) == np.sign(force))
@@ -281,7 +269,7 @@ def test_a_scale_is_travel_for_every_unit_of_command() -> None:
 
 
 def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
-    c = only("backlash", "cart2", FIT, 0, -2e-5)
+    c = given("backlash", "cart2", {0: -2e-5})
     q = np.array([-0.1, 0.2])
     up, down = (travel("backlash", q, c, approach2=np.full(2, side)) for side in (1.0, -1.0))
     np.testing.assert_allclose(up - down, parameters("backlash", c)["reversal"], rtol=1e-12)
@@ -289,7 +277,7 @@ def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
 
 
 def test_a_drive_that_lags_is_behind_its_command() -> None:
-    c = only("servo_lag", "cart2", FIT, 0, 3e-4)
+    c = given("servo_lag", "cart2", {0: 3e-4})
     np.testing.assert_allclose(
         travel("servo_lag", np.zeros(2), c, speed2=np.array([0.2, -0.1])), [-6e-5, 3e-5], rtol=1e-12
     )
@@ -356,9 +344,7 @@ def test_a_drift_is_from_the_first_pose_to_the_last() -> None:
 
 def test_an_instrument_that_reads_too_long_puts_points_farther_apart() -> None:
     at = operating_points(5, seed=9, fixed=FIT.references)
-    seen = (
-        at.poses.T + displaced(at, "tracker_scale", "frame", only("tracker_scale", "frame", at, 0, 1e-4)).twist[:, :3]
-    )
+    seen = at.poses.T + displaced(at, "tracker_scale", "frame", given("tracker_scale", "frame", {0: 1e-4})).twist[:, :3]
     apart, true = (np.linalg.norm(T[1:] - T[0], axis=1) for T in (seen, at.poses.T))
     np.testing.assert_allclose(apart / true, 1.0 + 1e-4, rtol=1e-9)
 

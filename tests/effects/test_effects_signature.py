@@ -2,17 +2,17 @@
 
 from functools import cache
 
-import chain_places
 import numpy as np
 import pytest
-import test_effects_loops
 from effect_places import (
+    ARM_FIT,
     EFFECTS,
     FIT,
     GEOMETRY,
     ROBOT,
     active,
     applied,
+    arm_points,
     basis,
     displaced,
     drawn,
@@ -21,10 +21,10 @@ from effect_places import (
     some,
 )
 from scipy.spatial.transform import Rotation
+from test_effects_loops import parallelogram
 
 import gtpin
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import RobotDescription
 
@@ -36,12 +36,10 @@ slow = pytest.mark.slow
 def machine(name: str) -> OperatingPoints:
     """Commands of a machine at which effects show."""
     if name == "arm":
-        return chain_places.operating_points(6, seed=1, fixed=chain_places.FIT.references)
-    if name == "parallelogram":
-        return test_effects_loops.operating_points(chain_places.drawn(test_effects_loops.parallelogram()))
+        return arm_points(6, seed=1, fixed=ARM_FIT.references)
     if name == "gantry_tau":
         return operating_points(8, seed=1, fixed=FIT.references)
-    return operating_points(6, seed=1, kinematics=RodKinematics(drawn(name)))
+    return operating_points(6, seed=1, kinematics=drawn(parallelogram() if name == "parallelogram" else name))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
