@@ -10,6 +10,7 @@ from scipy.ndimage import median
 
 from gtpin.accuracy.dexterity import Dexterity, dexterity
 from gtpin.errors import ModelError, UnreachableError
+from gtpin.kinematics.closures import halton
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -205,13 +206,9 @@ def _gain(model: Model, q: Floats, poses: Poses) -> Floats:
 
 def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floats:
     """At most ``count`` commands of a box that can be reached and are well conditioned, out of ``TRIES`` times as many."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Halton(model.robot.n_actuators, scramble=False)
-    sequence.fast_forward(1)  # its first point is the corner of the box
     found = np.zeros((0, model.robot.n_actuators))
-    for _ in range(TRIES):
-        q = lower + sequence.random(count) * (upper - lower)
+    for shares in np.split(halton(model.robot.n_actuators, TRIES * count + 1)[1:], TRIES):  # the first is a corner
+        q = lower + shares * (upper - lower)
         poses = model.kinematics.forward(q)
         q, poses = q[poses.reached], poses[poses.reached]
         sound = model.kinematics.singularity(q, poses)[0] >= SOUND

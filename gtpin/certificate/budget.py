@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 
 from gtpin.accuracy.expected import ErrorResponse, expected_of
-from gtpin.certificate.held_against import At, ModelPosterior, by_commands
+from gtpin.certificate.held_against import ModelPosterior, by_commands
 from gtpin.certificate.quantity import Missing
 from gtpin.distributions import norm, t, truncated
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import turning_joint
 from gtpin.model.model import root_of
 from gtpin.typing import Floats
@@ -163,7 +164,7 @@ class Budget:
 
 def budget(
     posterior: ModelPosterior,
-    at: At,
+    at: OperatingPoints,
     repeatability: float | Missing,
     left: tuple[float, float],
     instrument: float | None,

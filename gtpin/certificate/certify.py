@@ -9,13 +9,14 @@ from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.robust_fit import Progress
 from gtpin.certificate.budget import budget
 from gtpin.certificate.evaluate import Evaluation
-from gtpin.certificate.held_against import At, HeldAgainst, ModelPosterior
+from gtpin.certificate.held_against import HeldAgainst, ModelPosterior
 from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
@@ -163,7 +164,7 @@ def _noise(dataset: Dataset, model: Model) -> Noise:
     return known_noise(dataset, position, turns, 0.0 if known is None else known.drives)
 
 
-def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int = POSES) -> At:
+def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int = POSES) -> OperatingPoints:
     """``count`` commands drawn on straight lines between two measured commands, each with the covariates of a measured row.
 
     They are in the convex hull of the measured commands, so that the certificate does not extrapolate.
@@ -182,4 +183,5 @@ def between(dataset: Dataset, model: Model, rng: np.random.Generator, count: int
         raise UnreachableError("no pose between the measured ones can be reached", hint="check the model")
     q = q[kept]
     rows = rng.integers(0, len(dataset), len(q))
-    return At(q, {name: values[rows] for name, values in dataset.covariates.items()}, poses[kept])
+    covariates = {name: values[rows] for name, values in dataset.covariates.items()}
+    return OperatingPoints(model.kinematics, q, poses[kept], covariates)

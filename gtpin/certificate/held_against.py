@@ -13,7 +13,6 @@ from gtpin.calibration.left_out import of_poses
 from gtpin.calibration.problem import Measured, measured_poses, rough_frame
 from gtpin.data import Dataset
 from gtpin.effects.operating_points import Column, OperatingPoints
-from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, frame_motions
 from gtpin.model.model import Frame, Model, in_frame, joined, root_of
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest
@@ -30,38 +29,24 @@ SMALL = 0.2
 poses; for ten directions it is then below 0.2 in 4 of 1,000 cases (chi-square)."""
 
 
-@dataclass(frozen=True)
-class At:
-    """N commands with covariates, at which a model is compared with the machine.
-
-    ``q``: (N, n) commands, m or rad. ``covariates``: (N,) values of each covariate, by name. ``plain``: the N poses of the
-    model's geometry without effects, base frame.
-    """
-
-    q: Floats
-    covariates: Mapping[str, Column]
-    plain: Poses
-
-    @staticmethod
-    def of(model: Model, q: Floats, covariates: Mapping[str, Column]) -> At:
-        """N commands that the model can reach, with their poses."""
-        return At(q, covariates, model.kinematics.forward(q))
+def at_commands(model: Model, q: Floats, covariates: Mapping[str, Column]) -> OperatingPoints:
+    """N commands (N, n), m or rad, with covariates, and the poses there of the model's geometry without effects."""
+    return OperatingPoints(model.kinematics, q, model.kinematics.forward(q), covariates)
 
 
-def by_unknowns(model: Model, at: At) -> Floats:
+def by_unknowns(model: Model, at: OperatingPoints) -> Floats:
     """(N, 6, p + m) derivative of the poses, instrument's frame, m and rad, by the p geometric parameters and the effects' m
     coefficients."""
-    kinematics = model.kinematics
-    columns = [kinematics.geometry_jacobian(at.q, at.plain)[:, :6]]
+    columns = [model.kinematics.geometry_jacobian(at.q, at.poses)[:, :6]]
     for active in model.effects:
-        operating_points = OperatingPoints(kinematics, at.q, at.plain, at.covariates, fixed=active.references)
-        columns.append(active.basis(operating_points).displacement(operating_points)[:, :6])
+        own = replace(at, fixed=active.references)
+        columns.append(active.basis(own).displacement(own)[:, :6])
     return in_frame(np.concatenate(columns, axis=2), model.frame)
 
 
-def by_commands(model: Model, at: At) -> Floats:
+def by_commands(model: Model, at: OperatingPoints) -> Floats:
     """(N, 6, n) derivative of the poses by the commands, instrument's frame, m and rad."""
-    return in_frame(model.kinematics.command_jacobian(at.q, at.plain)[:, :6], model.frame)
+    return in_frame(model.kinematics.command_jacobian(at.q, at.poses)[:, :6], model.frame)
 
 
 @dataclass(frozen=True)
@@ -81,19 +66,19 @@ class FreeFrame:
     covariance: Floats
 
     @staticmethod
-    def of(model: Model, fitted: At, whitening: Floats) -> FreeFrame:
+    def of(model: Model, fitted: OperatingPoints, whitening: Floats) -> FreeFrame:
         """The frame's posterior from the poses of a fit; whitening (N, c, c) of their c = 3 or 6 components."""
         c = whitening.shape[1]
-        seen = model.in_instrument_frame(fitted.plain).T
+        seen = model.in_instrument_frame(fitted.poses).T
         pivot = seen.mean(axis=0)
         F = (whitening @ frame_motions(seen - pivot)[:, :c]).reshape(-1, 6)
         D = whitening @ by_unknowns(model, fitted)[:, :c]
         covariance = np.asarray(np.linalg.inv(F.T @ F))
         return FreeFrame(pivot, np.asarray(covariance @ (F.T @ D.reshape(len(F), -1))), covariance)
 
-    def motions(self, model: Model, at: At) -> Floats:
+    def motions(self, model: Model, at: OperatingPoints) -> Floats:
         """(N, 6, 6) derivative of the measured poses by the frame's shift (m) and rotation (rad)."""
-        return frame_motions(model.in_instrument_frame(at.plain).T - self.pivot)
+        return frame_motions(model.in_instrument_frame(at.poses).T - self.pivot)
 
 
 @dataclass(frozen=True)
@@ -119,13 +104,13 @@ class ModelPosterior:
         """(p + m, p + m) F with F F' the covariance."""
         return root_of(self.covariance)
 
-    def derivatives(self, at: At) -> Floats:
+    def derivatives(self, at: OperatingPoints) -> Floats:
         """(N, 6, p + m) derivative of the measured poses by the unknowns, instrument's frame. A free frame moves by -K times
         the unknowns' change."""
         D = by_unknowns(self.model, at)
         return D if self.frame is None else D - self.frame.motions(self.model, at) @ self.frame.gain
 
-    def poses(self, at: At) -> Floats:
+    def poses(self, at: OperatingPoints) -> Floats:
         """(N, 6, 6) covariance of the poses, m and rad."""
         half = self.derivatives(at) @ self.root
         covariance = half @ np.swapaxes(half, 1, 2)
@@ -149,14 +134,14 @@ class HeldAgainst:
     model: Model
     measured: Measured
     errors: Floats
-    at: At
+    at: OperatingPoints
     noise: Noise
 
     @staticmethod
     def of(model: Model, dataset: Dataset, noise: Noise, *, align: bool) -> HeldAgainst:
         """Compare a model with the rows of a dataset; ``align``: fit the instrument's frame to these rows first."""
         measured = measured_poses(replace(dataset, orientation=None) if model.geometry.reduced else dataset)
-        at = At.of(model, dataset.q, dataset.covariates)
+        at = at_commands(model, dataset.q, dataset.covariates)
         if align:
             base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)
             model = replace(model, frame=rough_frame(base, measured))
@@ -239,16 +224,14 @@ class HeldAgainst:
         return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(J[:, :components]), errors[:, :components]))
 
 
-def prior_sizes(model: Model, at: At) -> Floats:
+def prior_sizes(model: Model, at: OperatingPoints) -> Floats:
     """(p + m,) prior standard deviations of the geometry's parameters and the effects' coefficients.
 
     The scale of an effect's coefficients is not in the model: that of the fitted ones takes its place, and at least 1.
     """
     found = [model.geometry.tolerance]
     for active in model.effects:
-        sigma = active.basis(
-            OperatingPoints(model.kinematics, at.q, at.plain, at.covariates, fixed=active.references)
-        ).sigma
+        sigma = active.basis(replace(at, fixed=active.references)).sigma
         found.append(sigma * max(1.0, float(np.sqrt(((active.coefficients / sigma) ** 2).mean()))))
     return np.concatenate(found)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import GtpinError, UnreachableError
+from gtpin.kinematics.closures import halton
 from gtpin.kinematics.inverse import commands_for
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -60,9 +61,7 @@ class Box:
 
 def spread(low: Floats, high: Floats, count: int) -> Floats:
     """(count, n) points of Halton's sequence between (n,) corners, without the first, which is a corner."""
-    from scipy.stats import qmc
-
-    return np.asarray(low + (high - low) * qmc.Halton(len(low), scramble=False).random(count + 1)[1:])
+    return np.asarray(low + (high - low) * halton(len(low), count + 1)[1:])
 
 
 Controller = Callable[[Floats], Floats]

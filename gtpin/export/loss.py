@@ -82,7 +82,7 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
 
 def postures(model: Model) -> tuple[Floats, Poses]:
     """Commands that fill the ranges, and their poses by geometry alone, base frame."""
-    from scipy.stats import qmc
+    from scipy.stats import qmc  # its sequence has any number of coordinates
 
     lower, upper = ranges(model)
     q = lower + (upper - lower) * qmc.Halton(len(lower), scramble=False).random(POSES)

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.accuracy.expected import placed_best
-from gtpin.certificate.held_against import At, ModelPosterior, by_unknowns, prior_sizes
+from gtpin.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
 from gtpin.compensation.controller import Box
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.data.instrument_tables import PlaneTable
+from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.loss import postures
 from gtpin.kinematics.rotations import frame_motions
@@ -80,8 +81,8 @@ def open_directions(
     at, unexplained = _at(machine, q), whole.unexplained
     moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
     if not whole.frame.is_base:
-        moved = placed_best(moved, at.plain)
-    moved = on_the_bed(moved[:, :3], at.plain.T) if standing else moved[:, :3]
+        moved = placed_best(moved, at.poses)
+    moved = on_the_bed(moved[:, :3], at.poses.T) if standing else moved[:, :3]
     return OpenDirections(moved, unexplained.position if unexplained is not None and unexplained.noise_known else 0.0)
 
 
@@ -137,8 +138,8 @@ def changed_dimensions(
     return (f"changes {', '.join(words)}{'' if sigma is None else ' (1 sigma)'}",) if words else ()
 
 
-def _at(machine: CompensatedMachine, q: Floats) -> At:
-    return At.of(machine.model, q, machine.columns(len(q)))
+def _at(machine: CompensatedMachine, q: Floats) -> OperatingPoints:
+    return at_commands(machine.model, q, machine.columns(len(q)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
 from gtpin.certificate.certify import between
-from gtpin.certificate.held_against import At, ModelPosterior
+from gtpin.certificate.held_against import ModelPosterior, at_commands
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
 if not EXAMPLES.is_dir():
@@ -87,7 +87,7 @@ def test_the_propagated_posterior_is_the_spread_of_machines_drawn_from_it(free):
     case, model = machine(21 if free else 20, free)
     at = between(case.dataset, model, np.random.default_rng(0), 20)
     posterior = ModelPosterior(replace(model, frame=gtpin.Frame()))
-    found = np.sqrt(np.diagonal(posterior.poses(At.of(posterior.model, at.q, {})), axis1=1, axis2=2)[:, :3])
+    found = np.sqrt(np.diagonal(posterior.poses(at_commands(posterior.model, at.q, {})), axis1=1, axis2=2)[:, :3])
     drawn = [m.kinematics.forward(at.q).T for m in model.sample(300, np.random.default_rng(1))]
     assert np.std(drawn, axis=0) == pytest.approx(found, rel=0.2)
 
@@ -96,7 +96,7 @@ def test_the_propagated_posterior_is_the_spread_of_machines_drawn_from_it(free):
 def test_a_free_frame_takes_away_what_moves_all_poses_alike():
     (_, _, certificate), (_, model) = certified(21), machine(21, True)
     base = ModelPosterior(replace(model, frame=gtpin.Frame()))
-    at = At.of(model, certificate.budget.q, {})
+    at = at_commands(model, certificate.budget.q, {})
     alone = float(np.sqrt(np.trace(base.poses(at)[:, :3, :3], axis1=1, axis2=2).mean()))
     rows = {row.source: row for row in certificate.budget.rows}
     assert rows["geometry"].position < 0.5 * alone
