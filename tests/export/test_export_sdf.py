@@ -11,9 +11,12 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pytest
+from closures import Closures
 from drawn_machines import Drawn
-from rod_graph import GraphRod, Moves, Placed, solve, worst
+from placed import Placed
+from scipy.spatial.transform import Rotation
 
+import gtpin
 from gtpin.export import export
 
 
@@ -34,24 +37,24 @@ class Graph:
     def place(self, joint: Element) -> Placed:
         return self.links[told(joint, "child")] @ Placed.of(told(joint, "pose"))
 
-    def moves(self, joint: Element) -> Moves:
-        place = self.place(joint)
-        axis = np.array([float(word) for word in told(joint, "axis/xyz").split()])
-        return Moves("slide" if joint.get("type") == "prismatic" else "hinge", place.R @ axis, place.T)
-
-    def rods(self, drives: list[str], platform: str) -> list[GraphRod]:
-        """One for each ball joint, by following joints from its links to the platform and to the base."""
-        found = []
+    def closures(self, robot: gtpin.Robot) -> Closures:
+        """A rod for each ball joint, by following joints from its links to the platform and to the base; travel from home."""
+        drives, platform = [a.joint for a in robot.actuators], robot.description.platform
+        kind, rods = "", []
         for ball in self.joints.values():
             if ball.get("type") != "ball":
                 continue
             one, other = (list(self.chain(told(ball, end))) for end in ("child", "parent"))
             rod, carried = (one, other) if one and told(one[-1], "parent") == platform else (other, one)
-            moved = [(drives.index(j.get("name", "")), self.moves(j)) for j in carried if j.get("name") in drives]
-            stretch = [drives.index(j.get("name", "")) for j in rod if j.get("name") in drives]
-            seat = self.place(ball).T
-            found.append(GraphRod(self.place(rod[-1]).T, seat, *(moved or [None]), *(stretch or [None])))
-        return found
+            (moved,) = (joint for joint in (*rod, *carried) if joint.get("name") in drives)
+            kind = "leg" if moved in rod else "track" if moved.get("type") == "prismatic" else "arm"
+            place, axis = self.place(moved), np.array([float(word) for word in told(moved, "axis/xyz").split()])
+            ends = self.place(rod[-1]).T, self.place(ball).T
+            rods.append((drives.index(moved.get("name", "")), *ends, place.R @ axis, place.T))
+        driver, hangs, seats, axes, origins = (np.array(values) for values in zip(*rods, strict=True))
+        tcp, lengths = self.links[robot.tcp_frame], np.linalg.norm(hangs - seats, axis=1)
+        own, still = (hangs - tcp.T) @ tcp.R, np.zeros(len(drives))
+        return Closures("", "", kind, driver, own, seats, lengths, axes, origins, still, tcp.T, tcp.R)
 
     def chain(self, link: str) -> Iterator[Element]:
         """The joints that carry a link, up to the base or the platform."""
@@ -70,10 +73,11 @@ def told(element: Element, path: str) -> str:
 @pytest.mark.slow
 def test_the_graph_closes_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
     graph, robot = Graph(exported(".sdf")), drawn.model.robot
-    rods = graph.rods([a.joint for a in robot.actuators], robot.description.platform or "")
-    assert len(rods) == 6
-    found = solve(graph.links[robot.tcp_frame], rods, drawn.q - robot.home_q)
-    assert max(worst(found, drawn.poses.T, drawn.poses.R)) < 1e-9
+    closures = graph.closures(robot)
+    assert len(closures.L0) == 6
+    T, R = closures.follow(drawn.q - robot.home_q, 0.05)
+    assert np.abs(T - drawn.poses.T).max() < 1e-9
+    assert Rotation.from_matrix(R @ np.swapaxes(drawn.poses.R, 1, 2)).magnitude().max() < 1e-9
 
 
 def test_every_loop_is_a_joint_and_nothing_else_holds_the_platform(

@@ -14,7 +14,7 @@ import pytest
 import yourdfpy
 from drawn_machines import Drawn
 from pinocchio_loops import Loops, anchor
-from rod_graph import Placed
+from placed import Placed
 
 import gtpin
 from gtpin.export import export
