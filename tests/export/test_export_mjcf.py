@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,30 +11,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn_machines import Drawn
-from scipy.spatial.transform import Rotation
 from with_effects import active
 
 import gtpin
 from gtpin.errors import GtpinWarning
 from gtpin.export import export
 
-mujoco = pytest.importorskip("mujoco")
-from at_rest import Rest  # noqa: E402
+pytest.importorskip("mujoco")
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "simulator"))
+import mujoco
+from mujoco_machine import MujocoMachine
 
 
-def apart(T: np.ndarray, R: np.ndarray, poses: gtpin.Poses) -> tuple[float, float]:
-    turn = Rotation.from_matrix(R @ np.swapaxes(poses.R, 1, 2)).magnitude()
-    return float(np.linalg.norm(T - poses.T, axis=1).max()), float(turn.max())
+def apart(poses: gtpin.Poses, expected: gtpin.Poses) -> tuple[float, float]:
+    """Largest distance, m, and angle, rad."""
+    off = poses.minus(expected)
+    return tuple(float(np.linalg.norm(part, axis=1).max()) for part in (off[:, :3], off[:, 3:]))
 
 
 @pytest.mark.slow
 def test_at_rest_the_platform_is_where_the_model_is(drawn: Drawn, exported: Callable[[str], Path]) -> None:
-    rest = Rest(exported(".xml"), drawn.model.robot.tcp_frame)
-    assert max(apart(*rest.poses(drawn.q), drawn.poses)) < 1e-5
+    rest = MujocoMachine(exported(".xml"), drawn.model.robot.tcp_frame)
+    assert max(apart(rest.poses(drawn.q, {}), drawn.poses)) < 1e-5
 
 
 def test_a_file_starts_at_home_with_its_loops_closed(drawn: Drawn, exported: Callable[[str], Path]) -> None:
-    rest = Rest(exported(".xml"), drawn.model.robot.tcp_frame)
+    rest = MujocoMachine(exported(".xml"), drawn.model.robot.tcp_frame)
     mujoco.mj_forward(rest.model, rest.data)
     assert rest.model.neq == 6
     np.testing.assert_allclose(rest.model.key_qpos[0], rest.model.qpos0, rtol=0, atol=1e-15)
@@ -46,17 +49,15 @@ def test_a_file_starts_at_home_with_its_loops_closed(drawn: Drawn, exported: Cal
 
 
 def test_names_are_the_sites(drawn: Drawn, exported: Callable[[str], Path]) -> None:
-    rest, robot = Rest(exported(".xml"), drawn.model.robot.tcp_frame), drawn.model.robot
+    rest, robot = MujocoMachine(exported(".xml"), drawn.model.robot.tcp_frame), drawn.model.robot
     bodies = {rest.model.body(i).name for i in range(rest.model.nbody)}
     assert {*robot.sites, *(rod.link for rod in robot.rods), "platform"} <= bodies
     assert [rest.model.actuator(i).name for i in range(rest.model.nu)] == list(robot.sites)
 
 
-def at_rest(
-    model: gtpin.Model, folder: Path, q: np.ndarray, load: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> tuple[np.ndarray, np.ndarray]:
+def at_rest(model: gtpin.Model, folder: Path, q: np.ndarray, force: dict[str, np.ndarray] | None = None) -> gtpin.Poses:
     export(model, folder / "robot.xml", force=True)
-    return Rest(folder / "robot.xml", model.robot.tcp_frame, load).poses(q)
+    return MujocoMachine(folder / "robot.xml", model.robot.tcp_frame).poses(q, force or {})
 
 
 def with_scales(robot: gtpin.Robot, off: float) -> gtpin.Geometry:
@@ -89,20 +90,18 @@ def test_soft_parts_give_way_as_the_model_says(
     predicted = model.predict(q)
     shift = np.linalg.norm(predicted.T - gantry.model.predict(q).T, axis=1)
     assert shift.min() > 2e-5
-    assert apart(*at_rest(model, tmp_path, q), predicted)[0] < within * shift.max()
+    assert apart(at_rest(model, tmp_path, q), predicted)[0] < within * shift.max()
 
 
 @pytest.mark.slow
 def test_a_soft_arm_gives_way_under_a_push_on_the_tool(gantry: Drawn, tmp_path: Path) -> None:
-    push = (150.0, -200.0, 100.0)
     soft = active(gantry.model, gantry.q, "link_compliance", "arm", compliance=2e-7)
-    model = replace(gantry.model, effects=(soft,))
-    q = gantry.q[:6]
-    pushed, unpushed = (at_rest(model, tmp_path, q, load)[0] for load in (push, (0.0, 0.0, 0.0)))
-    told = {f"f{axis}": np.full(len(q), value) for axis, value in zip("xyz", push, strict=True)}
-    predicted = model.predict(q, told).T - model.predict(q).T
+    model, q = replace(gantry.model, effects=(soft,)), gantry.q[:6]
+    push = {"fx": np.full(6, 150.0), "fy": np.full(6, -200.0), "fz": np.full(6, 100.0)}
+    found = at_rest(model, tmp_path, q, push).T - at_rest(model, tmp_path, q).T
+    predicted = model.predict(q, push).T - model.predict(q).T
     assert np.linalg.norm(predicted, axis=1).min() > 1e-5
-    assert np.abs(pushed - unpushed - predicted).max() < 0.02 * np.abs(predicted).max()
+    assert np.abs(found - predicted).max() < 0.02 * np.abs(predicted).max()
 
 
 def test_drive_scales_are_held(gantry: Drawn, tmp_path: Path) -> None:
@@ -113,8 +112,8 @@ def test_drive_scales_are_held(gantry: Drawn, tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", GtpinWarning)
         there = at_rest(model, tmp_path, q)
-    assert apart(*there, model.predict(q))[0] < 1e-5
-    assert apart(*there, gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q))[0] > 1e-4
+    assert apart(there, model.predict(q))[0] < 1e-5
+    assert apart(there, gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q))[0] > 1e-4
 
 
 def test_ranges_are_those_of_the_commands_where_drives_are_scaled(
@@ -123,7 +122,7 @@ def test_ranges_are_those_of_the_commands_where_drives_are_scaled(
     """A leg that goes six per cent too far goes beyond the range of its joint in the URDF."""
     robot = drawn_of("stewart").model.robot
     model, q = gtpin.Model(with_scales(robot, 0.06)), np.array([robot.upper, robot.home_q])
-    assert max(apart(*at_rest(model, tmp_path, q), model.predict(q))) < 1e-5
+    assert max(apart(at_rest(model, tmp_path, q), model.predict(q))) < 1e-5
 
 
 def test_what_it_can_not_hold_is_named(gantry: Drawn, tmp_path: Path) -> None:
