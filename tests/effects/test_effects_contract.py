@@ -71,6 +71,11 @@ NEEDED = {
 UNITS = {"m", "rad", "s", "m/m", "m/N", "rad/(N m)", "1/K", "m/K"}
 
 
+def of_rows(at: OperatingPoints, rows: Floats) -> OperatingPoints:
+    covariates = {name: values[rows] for name, values in at.covariates.items()}
+    return replace(at, q=at.q[rows], poses=at.poses[rows], covariates=covariates)
+
+
 def second(name: str) -> str:
     sites = EFFECTS[name].sites(ROBOT)
     return sites[min(1, len(sites) - 1)]
@@ -87,10 +92,10 @@ def test_an_effect_needs_the_covariate_that_it_goes_with_and_is_untestable_witho
     assert effect.untestable(FIT, site) is None
     if name in NEEDED:
         rest = {n: values for n, values in FIT.covariates.items() if n != NEEDED[name]}
-        missing = OperatingPoints(FIT.kinematics, FIT.q, FIT.poses, rest)
+        missing = replace(FIT, covariates=rest)
         assert effect.untestable(missing, site) == Untestable("missing", NEEDED[name])
         constant = {**FIT.covariates, NEEDED[name]: FIT.covariates[NEEDED[name]][[0] * len(FIT)]}
-        still = OperatingPoints(FIT.kinematics, FIT.q, FIT.poses, constant)
+        still = replace(FIT, covariates=constant)
         assert effect.untestable(still, site) == Untestable("constant", NEEDED[name])
 
 
@@ -135,18 +140,14 @@ def test_rows_may_come_in_any_order_and_company(name: str, site: str) -> None:
     at = operating_points(7, seed=6, fixed=FIT.references)
     whole = moved(at, active(name, site, c))
     rows = np.array([5, 2, 6])
-    few = OperatingPoints(
-        at.kinematics, at.q[rows], at.poses[rows], {n: v[rows] for n, v in at.covariates.items()}, at.fixed
-    )
+    few = of_rows(at, rows)
     np.testing.assert_allclose(moved(few, active(name, site, c)), whole[rows], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(("name", "site"), PLACES)
 def test_columns_do_not_depend_on_the_order_of_the_rows_of_the_fit(name: str, site: str) -> None:
     rows = np.random.default_rng(0).permutation(len(FIT))
-    mixed = OperatingPoints(
-        FIT.kinematics, FIT.q[rows], FIT.poses[rows], {n: v[rows] for n, v in FIT.covariates.items()}
-    )
+    mixed = of_rows(FIT, rows)
     one, other = basis(name, site, FIT).displacement(FIT)[rows], basis(name, site, mixed).displacement(mixed)
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
 

@@ -1,6 +1,7 @@
 """Signs, units and meaning of the effects, by arguments that don't use their code."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,9 +21,7 @@ def parameters(name: str, coefficients: np.ndarray) -> dict[str, float]:
 
 
 def pushed(at: OperatingPoints, axis: str, by: float) -> OperatingPoints:
-    return OperatingPoints(
-        at.kinematics, at.q, at.poses, {**at.covariates, f"f{axis}": at.covariates[f"f{axis}"] + by}, at.fixed
-    )
+    return replace(at, covariates={**at.covariates, f"f{axis}": at.covariates[f"f{axis}"] + by})
 
 
 def travel(name: str, q: np.ndarray, coefficients: np.ndarray, **columns: np.ndarray) -> np.ndarray:
@@ -94,7 +93,7 @@ def test_carts_tip_as_castigliano_says(site: str, tip: str, direction: int) -> N
 def test_a_tool_that_pulls_along_a_rod_puts_it_in_tension_and_lengthens_it(site: str) -> None:
     at, i = operating_points(6, seed=4), RODS[site]
     along = {f"f{axis}": 1e5 * at.along[:, i, c] for c, axis in enumerate("xyz")}
-    at = OperatingPoints(at.kinematics, at.q, at.poses, {**at.covariates, **along})
+    at = replace(at, covariates={**at.covariates, **along})
     assert (at.force[:, i] > 0.0).all()
     for name in ("link_compliance", "joint_clearance"):
         longer = displaced(at, name, site, given(name, site, {0: 1e-5})).length
@@ -115,32 +114,22 @@ def test_play_is_the_difference_between_tension_and_compression() -> None:
 @pytest.mark.parametrize("pulled", [0, 1, 2, 58, 59, 60])
 def test_play_is_testable_where_two_poses_have_the_rarer_sign_of_force(pulled: int) -> None:
     # A dead weight on the tool, and a lift that turns the sign of the force in link 1.
-    q = operating_points(60, seed=6).q
-    poses = KINEMATICS.forward(q)
-    still = OperatingPoints(KINEMATICS, q, poses, {f"f{axis}": np.zeros(60) for axis in "xyz"})
+    still = replace(operating_points(60, seed=6), covariates={f"f{axis}": np.zeros(60) for axis in "xyz"})
     sign = np.where(np.arange(60) < pulled, 1.0, -1.0)
     wanted = 100.0 * sign - still.force[:, 0]
-    per_newton = (
-        OperatingPoints(KINEMATICS, q, poses, {**still.covariates, "fz": np.ones(60)}).force[:, 0] - still.force[:, 0]
-    )
-    at = OperatingPoints(KINEMATICS, q, poses, {**still.covariates, "fz": wanted / per_newton})
+    per_newton = pushed(still, "z", 1.0).force[:, 0] - still.force[:, 0]
+    at = replace(still, covariates={**still.covariates, "fz": wanted / per_newton})
     np.testing.assert_allclose(at.force[:, 0], 100.0 * sign, rtol=1e-9)
     assert (EFFECTS["joint_clearance"].untestable(at, "link1") is None) == (2 <= pulled <= 58)
 
 
-def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin() -> None:
-    at = operating_points(10, seed=7, temp_link=np.full(10, 23.0))
+@pytest.mark.parametrize("reference", [20.0, 25.0])
+def test_a_warm_link_is_longer_by_alpha_times_its_length_for_every_kelvin_above_the_reference(reference: float) -> None:
+    at = replace(operating_points(10, seed=7, temp_link=np.full(10, reference + 3.0)), temperature=reference)
     longer = displaced(at, "thermal_links", "link3a", given("thermal_links", "link3a", {0: 12e-6})).length
     np.testing.assert_allclose(longer[:, RODS["link3a"]], 3.0 * 12e-6 * KINEMATICS.L0[RODS["link3a"]], rtol=1e-9)
     arm = displaced(at, "thermal_links", "arm", given("thermal_links", "arm", {0: 12e-6})).length
     np.testing.assert_allclose(arm, 3.0 * 12e-6 * np.tile(KINEMATICS.L0, (10, 1)), rtol=1e-9)
-
-
-def test_temperatures_are_counted_from_the_reference() -> None:
-    q = operating_points(4).q
-    at = OperatingPoints(KINEMATICS, q, KINEMATICS.forward(q), {"temp_link": np.full(4, 26.0)}, temperature=25.0)
-    longer = displaced(at, "thermal_links", "link1", given("thermal_links", "link1", {0: 1e-5})).length[:, 0]
-    np.testing.assert_allclose(longer, 1e-5 * KINEMATICS.L0[0], rtol=1e-9)
 
 
 def test_a_track_grows_from_its_fixed_point() -> None:
@@ -195,9 +184,8 @@ def test_rack_errors_repeat_with_the_period_and_crest_at_the_phase() -> None:
     q = np.linspace(-0.2, 0.2, 50)
     wave = travel("rack_periodic", q, c)
     np.testing.assert_allclose(travel("rack_periodic", q + 3.0 * period, c), wave, rtol=0, atol=1e-17)
-    np.testing.assert_allclose(
-        wave, told["amplitude"] * np.cos(2.0 * np.pi * q / period - told["phase"]), rtol=0, atol=1e-17
-    )
+    expected = told["amplitude"] * np.cos(2.0 * np.pi * q / period - told["phase"])
+    np.testing.assert_allclose(wave, expected, rtol=0, atol=1e-17)
 
 
 def test_no_period_between_two_that_are_tried_is_missed() -> None:
@@ -212,12 +200,8 @@ def test_no_period_between_two_that_are_tried_is_missed() -> None:
 def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
     place = SETTINGS["rack_step"]
     c = given("rack_step", "cart2", {0: 4e-5, 1: 1e-4})
-    np.testing.assert_allclose(
-        travel("rack_step", place + np.array([-0.1, -1e-6, 1e-6, 0.1]), c),
-        [0.0, 0.0, 4e-5 + 1e-10, 5e-5],
-        rtol=0,
-        atol=1e-15,
-    )
+    moved = travel("rack_step", place + np.array([-0.1, -1e-6, 1e-6, 0.1]), c)
+    np.testing.assert_allclose(moved, [0.0, 0.0, 4e-5 + 1e-10, 5e-5], rtol=0, atol=1e-15)
     assert parameters("rack_step", c) == {"place": place, "step": 4e-5, "slope": 1e-4}
 
 
@@ -278,9 +262,8 @@ def test_backlash_is_what_approaches_from_either_side_differ_by() -> None:
 
 def test_a_drive_that_lags_is_behind_its_command() -> None:
     c = given("servo_lag", "cart2", {0: 3e-4})
-    np.testing.assert_allclose(
-        travel("servo_lag", np.zeros(2), c, speed2=np.array([0.2, -0.1])), [-6e-5, 3e-5], rtol=1e-12
-    )
+    moved = travel("servo_lag", np.zeros(2), c, speed2=np.array([0.2, -0.1]))
+    np.testing.assert_allclose(moved, [-6e-5, 3e-5], rtol=1e-12)
     assert parameters("servo_lag", c)["lag"] == 3e-4
 
 
@@ -290,9 +273,8 @@ def test_a_coupling_takes_a_cart_from_end_to_end_by_what_it_says_in_the_mean_ove
     told = parameters("cross_coupling", c)
     assert list(told) == ["end_to_end[1]", "end_to_end[2]"]
     low, high = ROBOT.lower, ROBOT.upper
-    middles = (
-        low + (high - low) * (np.arange(8)[:, None] + 0.5) / 8.0
-    )  # of eighths: waves up to order 5 have mean zero there
+    # Of eighths: waves up to order 5 have mean zero there.
+    middles = low + (high - low) * (np.arange(8)[:, None] + 0.5) / 8.0
     for k, other in ((0, 0), (1, 2)):
         rest = [i for i in range(3) if i != other]
         q = np.stack([np.insert(middles[[a, b], rest], other, low[other]) for a in range(8) for b in range(8)])
