@@ -72,17 +72,15 @@ class CompensatedMachine:
         return known
 
 
-def machine_at(
-    model: Model, session: str | None = None, temperatures: Mapping[str, float] | None = None
-) -> tuple[CompensatedMachine, tuple[str, ...]]:
-    """The machine of a model under conditions, without effects whose conditions are not known, and the names of these.
+def machine_at(model: Model, session: str | None = None) -> tuple[CompensatedMachine, tuple[str, ...]]:
+    """The machine of a model in a session, without effects whose conditions are not known, and the names of these.
 
     Raises `ModelError` if the session is not one of the model's.
     """
     check_session(model.effects, session)
     machine = machine_of(model)
     unknown = tuple(active.name for active in machine.effects if not _is_known(machine, active, session))
-    return CompensatedMachine(machine.without(unknown), session, temperatures or {}), unknown
+    return CompensatedMachine(machine.without(unknown), session), unknown
 
 
 def check_session(effects: Sequence[ActiveEffect], session: str | None) -> None:

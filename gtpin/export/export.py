@@ -138,12 +138,13 @@ def texts(
     if form == "sdf":
         machine, shown = with_link_springs(plain, model, robot)
         return Export({file.name: to_sdf(machine)}, left_out(model, shown), inexact=with_remainders(model, shown))
-    machine, by_guideways = with_guideways(plain, model, robot)
-    machine, by_carts = with_cart_springs(machine, model, robot)
-    machine, by_links = with_link_springs(machine, model, robot)
+    machine, shown = with_guideways(plain, model, robot)
+    for parts in (with_cart_springs, with_link_springs):
+        machine, more = parts(machine, model, robot)
+        shown |= more
     machine, by_joints = with_joint_springs(machine, model)
     machine, by_drives = with_drives(machine, model, session)
-    shown = {**by_guideways, **by_carts, **by_links, **by_joints, **by_drives}
+    shown |= by_joints | by_drives
     missing = left_out(model, {*shown, "drive scales"})
     return Export({file.name: to_mjcf(machine)}, missing, inexact=with_remainders(model, shown, session))
 
@@ -165,11 +166,11 @@ def _doubt(model: Model) -> tuple[str, ...]:
     unexplained = model.unexplained
     if unexplained is None or unexplained.none:
         return ()
-    size = (
-        f"{1e6 * unexplained.position:.3g} um" if unexplained.position else f"{1e6 * unexplained.orientation:.3g} urad"
-    )
+    left, unit = (unexplained.position, "um") if unexplained.position else (unexplained.orientation, "urad")
     kind = "beyond noise, so" if unexplained.noise_known else "an axis: if these are no noise,"
-    return (f"is of a model that leaves {size} {kind} corrections may be off by more than their sigmas",)
+    return (
+        f"is of a model that leaves {1e6 * left:.3g} {unit} {kind} corrections may be off by more than their sigmas",
+    )
 
 
 def _dh(model: Model) -> str:

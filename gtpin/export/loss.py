@@ -90,6 +90,11 @@ def postures(model: Model) -> tuple[Floats, Poses]:
     return q[poses.reached], poses[poses.reached]
 
 
+def both_approaches(count: int) -> Floats:
+    """(count,) alternating directions of approach, +1 and -1."""
+    return np.where(np.arange(count) % 2, 1.0, -1.0)
+
+
 def by_effect(active: ActiveEffect, at: OperatingPoints) -> Floats:
     """(N, 6) motion of the measured TCP by an effect, m and rad, to first order."""
     return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
@@ -117,7 +122,7 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
         elif name.startswith("speed"):
             known[name] = np.full(count, SPEED)
         elif is_approach(name):
-            known[name] = np.where(np.arange(count) % 2, 1.0, -1.0)
+            known[name] = both_approaches(count)
         else:
             known[name] = np.zeros(count)
     at = OperatingPoints(model.kinematics, q, poses, known, fixed=references, temperature=references.temperature)

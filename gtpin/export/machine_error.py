@@ -15,7 +15,7 @@ from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
-from gtpin.export.loss import postures
+from gtpin.export.loss import both_approaches, postures
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
@@ -203,11 +203,6 @@ def check_any(left: Sequence[Left]) -> None:
     if all(some.is_nothing for some in left):
         hint = "give a calibrated or diagnosed model, and --temperature for effects of temperatures"
         raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
-
-
-def both_approaches(count: int) -> Floats:
-    """(count,) alternating directions of approach, +1 and -1."""
-    return np.where(np.arange(count) % 2, 1.0, -1.0)
 
 
 def by_parts(

@@ -16,9 +16,9 @@ from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts
 from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
 from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers, drives_of
 from gtpin.errors import GtpinError, ModelError
+from gtpin.export.loss import both_approaches
 from gtpin.export.machine_error import (
     Left,
-    both_approaches,
     by_parts,
     changed_dimensions,
     check_any,

@@ -1,7 +1,7 @@
 """What the command writes, and the figures."""
 
-import builtins
 import json
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -50,14 +50,8 @@ def test_same_seed_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_without_matplotlib_there_is_a_warning_and_no_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def missing(name: str, *rest: object) -> object:
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(builtins, "__import__", missing)
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)  # type: ignore[arg-type]
     with pytest.warns(GtpinWarning, match="matplotlib"):
         figures.write_accuracy(analyse(MODEL, commands(3)), tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {"sensitivity.csv", "accuracy.json"}

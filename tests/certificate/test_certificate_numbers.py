@@ -14,45 +14,46 @@ from gtpin.certificate.pose_accuracy import (
     standard_repeatability,
 )
 from gtpin.certificate.positioning import MeasuredLine, mean_reversal, positioning
+from gtpin.certificate.quantity import Quantity
 
 TRIALS = 200
 COVARIANCE = np.array([[9.0, 2.0, 0.0], [2.0, 4.0, 1.0], [0.0, 1.0, 16.0]]) * 1e-12
 """Of a visit, m^2."""
 
 
-def lengths(rng: np.random.Generator) -> np.ndarray:
-    return np.linalg.norm(rng.multivariate_normal(np.zeros(3), COVARIANCE, 400_000), axis=1)
+def repeatability(rng: np.random.Generator) -> float:
+    """That of very many visits."""
+    far = np.linalg.norm(rng.multivariate_normal(np.zeros(3), COVARIANCE, 400_000), axis=1)
+    return float(far.mean() + 3.0 * far.std())
 
 
-def inside(values: list[float], sigmas: list[float], truth: float) -> float:
+def inside(found: list[Quantity], truth: float) -> float:
     """Share of estimates that agree with the truth within two of their standard uncertainties."""
-    return float((np.abs(np.array(values) - truth) <= 2.0 * np.array(sigmas)).mean())
+    return float(np.mean([abs(one.value - truth) <= 2.0 * one.sigma for one in found]))
 
 
 def test_repeatability_from_few_visits_of_many_poses_agrees_with_that_of_very_many_visits():
     rng = np.random.default_rng(0)
-    far = lengths(rng)
-    truth = far.mean() + 3.0 * far.std()
+    truth = repeatability(rng)
     visits = np.repeat(np.arange(20), 2)
     found = []
     for _ in range(TRIALS):
         where = rng.uniform(-1.0, 1.0, (20, 3))[visits]
         position = where + rng.multivariate_normal(np.zeros(3), COVARIANCE, len(visits))
         found.append(pooled_repeatability(visits, position, 1e-9)[0])
-    assert 0.88 <= inside([q.value for q in found], [q.sigma for q in found], truth) <= 1.0
+    assert 0.88 <= inside(found, truth) <= 1.0
     assert np.mean([q.value for q in found]) == pytest.approx(truth, rel=0.05)
 
 
 def test_the_machine_s_repeatability_is_what_remains_without_the_instrument_s_noise():
     rng = np.random.default_rng(1)
-    far = lengths(rng)
-    truth = far.mean() + 3.0 * far.std()
+    truth = repeatability(rng)
     sigma, visits = 3e-6, np.repeat(np.arange(40), 6)
     found = []
     for _ in range(TRIALS):
         position = rng.multivariate_normal(np.zeros(3), COVARIANCE + sigma**2 * np.eye(3), len(visits))
         found.append(pooled_repeatability(visits, position, sigma)[1])
-    assert inside([q.value for q in found], [q.sigma for q in found], truth) >= 0.88
+    assert inside(found, truth) >= 0.88
 
 
 def test_scatter_no_larger_than_the_noise_leaves_the_machine_s_repeatability_blank():
@@ -67,7 +68,7 @@ def test_scatter_no_larger_than_the_noise_leaves_the_machine_s_repeatability_bla
 @pytest.mark.slow
 def test_the_standard_s_numbers_need_thirty_visits_and_agree_with_the_truth():
     rng = np.random.default_rng(3)
-    far = lengths(rng)
+    truth = repeatability(rng)
     visits = np.repeat(np.arange(2), [30, 29])
     offset, repeat = [], []
     for _ in range(TRIALS):
@@ -76,8 +77,8 @@ def test_the_standard_s_numbers_need_thirty_visits_and_agree_with_the_truth():
         offset.append(standard_accuracy(visits, errors))
         repeat.append(standard_repeatability(visits, errors))
     assert {q.poses for q in offset} == {q.poses for q in repeat} == {1}
-    assert inside([q.value for q in offset], [q.sigma for q in offset], 5e-5) >= 0.9
-    assert inside([q.value for q in repeat], [q.sigma for q in repeat], far.mean() + 3.0 * far.std()) >= 0.88
+    assert inside(offset, 5e-5) >= 0.9
+    assert inside(repeat, truth) >= 0.88
     few = visits[visits == 1]
     assert standard_repeatability(few - 1, np.zeros((29, 3))).missing == "few_cycles"
     assert standard_accuracy(few - 1, np.zeros((29, 3))).have == 29
@@ -93,7 +94,7 @@ def test_pose_accuracy_of_single_visits_is_free_of_their_noise(size):
     for _ in range(TRIALS):
         errors = true + rng.multivariate_normal(np.zeros(3), COVARIANCE, 150)
         found.append(accuracy("AP_p", "m", visits, errors, Scatter(COVARIANCE, np.inf))[0])
-    assert 0.9 <= inside([q.value for q in found], [q.sigma for q in found], truth) <= 0.99
+    assert 0.9 <= inside(found, truth) <= 0.99
     assert np.mean([q.value for q in found]) == pytest.approx(truth, rel=0.02)
 
 
@@ -139,7 +140,7 @@ def test_mean_reversal_from_poses_anywhere_agrees_with_the_truth():
         deviations = np.array([1e-5, -2e-5]) / 2.0 * approach + 1e-5 * rng.standard_normal((80, 2))
         found.append(mean_reversal(deviations, approach, ("a", "b"), ("m", "m")))
     for i, truth in enumerate((1e-5, -2e-5)):
-        assert 0.9 <= inside([q[i].value for q in found], [q[i].sigma for q in found], truth) <= 0.99
+        assert 0.9 <= inside([q[i] for q in found], truth) <= 0.99
 
 
 PUBLISHED = {
@@ -160,9 +161,8 @@ def test_reversal_repeatability_and_accuracy_are_those_of_a_published_report():
     found = line.evaluated()
     assert found["B"] == pytest.approx(4.56, abs=0.01)
     assert found["A"] == pytest.approx(18.58, abs=0.03)
-    assert found["R"] == pytest.approx(
-        8.35, abs=0.03
-    )  # the largest R(i) of its table; its last line leaves reversal out
+    # The largest R(i) of its table; its last line leaves reversal out.
+    assert found["R"] == pytest.approx(8.35, abs=0.03)
     # The report's own E is smaller; by the definition it is the range of all ten means.
     assert found["E"] == pytest.approx(6.97 + 9.02)
 
