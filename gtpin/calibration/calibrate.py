@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.of_poses import PoseChecks
-from gtpin.calibration.checks.of_readings import ReadingChecks
+from gtpin.calibration.checks.of_poses import settled_poses, usable_poses
+from gtpin.calibration.checks.of_readings import settled_readings, usable_readings
 from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
-from gtpin.calibration.checks.usable_rows import check_freedom
+from gtpin.calibration.checks.usable_rows import problem_of
 from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.gauss_newton import Fit
@@ -43,6 +43,9 @@ FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
 PER_POSE = 1200.0
 """Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 600 to 900 (docs/speed.md)."""
+FEWEST = 1.0
+"""Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
+said of its noise or its error."""
 MANY = 100_000
 """Number of poses above which the required memory is checked first."""
 
@@ -125,24 +128,24 @@ def calibrate(
         raise ModelError(
             f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
         )
-    left_out, kept = tuple(without), tuple(keep_effects)
+    without, kept = tuple(without), tuple(keep_effects)
     with noted() as texts, recalled(texts):
         data = replace(dataset, trusted=True) if trust_data else dataset
         robot = robot_of(dataset) if robot is None else robot
-        _check_tolerances(dataset)
+        for kind in (kind for kind in dataset.tolerance if kind not in KINDS):
+            hint = f"kinds are {', '.join(TOLERANCE)}"
+            raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=f"tolerance.{kind}", hint=hint)
         if model is None:
-            geometry = Geometry.nominal(
-                robot, directions=directions, scale=scale, tolerance=dataset.tolerance, without=left_out
-            )
+            tolerance = dataset.tolerance
+            geometry = Geometry.nominal(robot, directions=directions, scale=scale, tolerance=tolerance, without=without)
         else:
             check_actuators(robot, dataset)
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
 
         def calibrated(data: Dataset) -> Calibration:
-            used = data if model is None else without_sigmas(data)
-            return _calibrated(
-                used, geometry, progress, doubt=model is None and not left_out, lacking=model is not None
-            )
+            if model is not None:
+                return _calibrated(without_sigmas(data), geometry, progress, doubt=False, lacking=True)
+            return _calibrated(data, geometry, progress, doubt=not without, lacking=False)
 
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
     return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
@@ -154,8 +157,7 @@ def calibrate_geometry(
 ) -> Calibration:
     """Identify the parameters of a given nominal geometry. A reduced arm is fitted to positions only.
 
-    ``dataset``, ``progress``: as for :func:`calibrate`. ``lacking``: as for
-    :class:`~gtpin.calibration.robust_fit.RobustFit`.
+    ``lacking``: as for :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
 
@@ -173,20 +175,20 @@ def _calibrated(
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
     lone = dataset.readings.tracked
-    checks = PoseChecks(data, nominal, doubt) if lone else ReadingChecks(data, nominal)
-    usable, kept, near = checks.rows
-    problem = checks.problem
+    whole, usable, kept, near = (usable_poses if lone else usable_readings)(data, nominal)
+    problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
-    settled = checks.settled(RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found))
-    check_freedom(data, len(kept) * problem.measured.components, settled.dof)
-    return _result(settled, near, checks.whole, usable, lone=lone)
-
-
-def _check_tolerances(dataset: Dataset) -> None:
-    for kind in dataset.tolerance:
-        if kind not in KINDS:
-            column, hint = f"tolerance.{kind}", f"kinds are {', '.join(TOLERANCE)}"
-            raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=column, hint=hint)
+    fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
+    settled = settled_poses(kept, fit, doubt=doubt) if lone else settled_readings(data, kept, fit)
+    if settled.dof < FEWEST:
+        numbers = len(kept) * problem.measured.components
+        raise DatasetError(
+            f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom",
+            file=data.file,
+            hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
+            "of 7 x 7 is good)",
+        )
+    return _result(settled, near, whole, usable, lone=lone)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
@@ -262,9 +264,7 @@ def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
     return np.concatenate(found)
 
 
-def _by_instrument(
-    readings: Readings, errors: tuple[Floats, Floats, Floats], out: Floats, some: Mask
-) -> Iterator[InstrumentFit]:
+def _by_instrument(readings: Readings, errors: Iterable[Floats], out: Floats, some: Mask) -> Iterator[InstrumentFit]:
     """Errors (N, c) of each instrument: before, after, and of noise alone; and ``out`` those left out, of the rows ``some``."""
     part = readings.take(some)
     for i, one in enumerate(readings.instruments):

@@ -42,37 +42,23 @@ def places_of(measured: Readings) -> Indices:
     return places
 
 
-def mean_power(whitened: Floats, places: Indices, weight: Floats | None = None) -> float:
+def mean_power(whitened: Floats, places: Indices, weight: Floats) -> float:
     """Sum of squares of the mean residuals of all places, each in units of the noise of such a mean.
 
     ``whitened``: (M,) residuals in units of the noise of a single visit. ``places``: (M,) index of the place of each.
-    ``weight``: (M,) weights of a robust fit; None: 1.
+    ``weight``: (M,) weights of a robust fit.
     """
-    weight = np.ones(len(whitened)) if weight is None else weight
     sums, weights = np.bincount(places, weight * whitened), np.bincount(places, weight)
     own = weights > 0.0
     return float((sums[own] ** 2 / weights[own]).sum())
 
 
-def between(fit: Fit[Any]) -> tuple[float, float, float]:
-    """Sums of squares of a fit's whitened and weighted residuals, of the means of the visits and of single visits; and the
-    number of the means, where what is known in part counts in part."""
-    measured = fit.problem.measured
-    counted = measured.counted.ravel()
-    some = counted > 0.0
-    places, residual = places_of(measured).ravel()[some], fit.residual.ravel()[some]
-    weight = np.repeat(fit.weight, fit.residual.shape[1])[some]
-    own = np.unique(places, return_index=True)[1]
-    return mean_power(residual, places, weight), float((weight * residual**2).sum()), float(counted[some][own].sum())
-
-
 def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
     """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
 
-    Repeated visits of a pose show the noise, and not whether the model is right at this pose. So a number of a pose counts
-    once, with the mean of its visits, and the degrees of freedom are the count of these means less the parameters that were
-    fitted.
-    One standard deviation of the mean square is added. Where chi-square shows no unexplained errors, they are 0.
+    A number of a pose counts once, with the mean of its visits, and the degrees of freedom are the count of these means less
+    the parameters that were fitted. One standard deviation of the mean square is added. Where chi-square shows no unexplained
+    errors, they are 0.
 
     ``fit``: the fit of N rows with c numbers each. ``errors``: (N, c) its residuals, m and rad. ``variance``: (N, c)
     variance of the noise of each number, m^2 or rad^2. ``known``: whether the noise was declared, or repeated visits showed
@@ -86,8 +72,8 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     own = np.unique(places, return_index=True)[1]  # one number of each pose and component
     means, noise = (np.bincount(places, x[counted])[places[own]] / visits[places[own]] for x in (errors, variance))
     free = max(len(own) - fit.effective_parameters, 1.0)
-    power = mean_power(fit.residual[counted], places)
     if known:
+        power = mean_power(fit.residual[counted], places, np.ones(len(places)))
         chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
         if chance >= LACK_OF_FIT:
             return ModelDiscrepancy(0.0, 0.0)
@@ -109,8 +95,7 @@ class FitState:
     - ``fit``: the last fit, of the rows that are used.
     - ``used``: (N,) the rows that are not gross errors.
     - ``noise``: noise of all rows, used or not.
-    - ``tails``: tails of the noise, for each group of rows that are compared with each other (``alike`` of the
-      measurement).
+    - ``tails``: tails of the noise, for each group of rows that are compared with each other.
     - ``steps``: number of steps of all fits.
     - ``geometry``: the nominal geometry with the tolerances that were given; those of the fit are wider where the data
       demanded it.
@@ -137,28 +122,40 @@ class FitState:
         return self.fit.problem.count - self.fit.effective_parameters
 
     @property
-    def heavy(self) -> bool:
-        """Whether any tails are heavier than Gaussian."""
-        return any(tails.heavy for tails in self.tails)
+    def heavy(self) -> list[weights.Tails]:
+        """The tails that are heavier than Gaussian."""
+        return [tails for tails in self.tails if tails.heavy]
 
     @property
     def scale(self) -> float:
         """Ratio of the residuals of single visits to noise: the scale of heavy tails, else the root of chi-square; at least
         ``noise_scale``."""
         if self.heavy:
-            return max([self.noise_scale, *(tails.scale for tails in self.tails if tails.heavy and tails.scale > CORE)])
+            return max([self.noise_scale, *(tails.scale for tails in self.heavy if tails.scale > CORE)])
         return max(self.noise_scale, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
+
+    @property
+    def _between(self) -> tuple[float, float, float]:
+        """Sums of squares of the fit's whitened and weighted residuals, of the visits' means and of single visits; and the
+        number of the means, where what is known in part counts in part."""
+        measured = self.fit.problem.measured
+        counted = measured.counted.ravel()
+        some = counted > 0.0
+        places, residual = places_of(measured).ravel()[some], self.fit.residual.ravel()[some]
+        weight = np.repeat(self.fit.weight, self.fit.residual.shape[1])[some]
+        own = np.unique(places, return_index=True)[1]
+        return (
+            mean_power(residual, places, weight),
+            float((weight * residual**2).sum()),
+            float(counted[some][own].sum()),
+        )
 
     @cached_property
     def sigma_scale(self) -> float:
-        """Ratio of the poses' mean residuals to the noise of such means, where these show a lack of fit; else ``noise_scale``.
-
-        Repeated visits show the noise, and not whether the model is right at their pose: so errors of the model count as those
-        of one visit.
-        """
+        """Ratio of the poses' mean residuals to the noise of such means where these show a lack of fit, or ``noise_scale``."""
         if self.heavy:
             return self.scale * self._repeating
-        known, (means, _, count) = np.isinf(self.noise.dof), between(self.fit)
+        known, (means, _, count) = np.isinf(self.noise.dof), self._between
         power, free = means * self.noise_scale**2, max(count - self.fit.effective_parameters, 1.0)
         chance = chi2.sf(power, free) if known else f.sf(power / free, free, self.noise.dof)
         return self.noise_scale if chance >= LACK_OF_FIT else max(self.noise_scale, float(np.sqrt(power / free)))
@@ -166,7 +163,7 @@ class FitState:
     @property
     def _repeating(self) -> float:
         """Ratio of the poses' mean residuals to those of independent visits; 1 where an F test shows no more."""
-        means, whole, count = between(self.fit)
+        means, whole, count = self._between
         free, inner = max(count - self.fit.effective_parameters, 1.0), self.fit.problem.count - count
         within = max(whole - means, 1e-12 * whole)
         if inner < 1.0 or f.sf((means / free) / (within / inner), free, inner) >= LACK_OF_FIT:

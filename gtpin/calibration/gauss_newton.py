@@ -118,26 +118,23 @@ def fit(
 ) -> Fit[P]:
     """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
-    ``problem``: the problem to fit. ``weigh``: weights (N,) of the poses from whitened residuals (N, c): iteratively
-    reweighted least squares. ``x``: start of the iterations; nominal (zeros) by default. ``progress``: called with the
-    iteration and the root mean square of the weighted residuals. ``near``: poses of a geometry near the start, base frame,
-    as first guess of the forward kinematics; None: it finds its own. ``decrease``: the fit has converged when a step is
-    expected to decrease the cost by less than this fraction of the cost. ``enough``: number of steps after which the fit
-    stops without an error, converged or not. ``left_out``: expected decrease of the cost by the undamped step with which
-    the fit still counts as converged, where no step lowers the cost; with a gradient by differences a tenth of it is
-    enough. It is for a problem whose derivative leaves out small terms. 0: rounding errors only. ``inexact``: number of the
-    first unknowns whose derivative leaves out small terms. Where no step lowers the cost and more than ``left_out`` is
-    expected, the gradient by them is computed by central differences from there on: near the minimum small terms are as
-    large as the gradient. A fit that ends before that is not checked so.
+    - ``weigh``: weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
+    - ``x``: start of the iterations; nominal (zeros) by default.
+    - ``progress``: called with the iteration and the root mean square of the weighted residuals.
+    - ``near``: first guess of the poses, base frame.
+    - ``decrease``: the fit has converged when a step is expected to decrease the cost by less than this fraction of it.
+    - ``enough``: number of steps after which the fit stops without an error, converged or not.
+    - ``left_out``: for a derivative that leaves out small terms: expected decrease of the cost by the undamped step with
+      which the fit still counts as converged, where no step lowers the cost; a tenth of it with a gradient by differences.
+    - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
+      more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
     Raises `ConvergenceError` if no minimum is found within 200 steps.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
-    if not point.poses.reached.all():
-        raise ConvergenceError(
-            f"{np.count_nonzero(~point.poses.reached)} poses can't be reached by the geometry that the fit starts from",
-            hint="leave them out",
-        )
+    if lost := np.count_nonzero(~point.poses.reached):
+        what = f"{lost} poses can't be reached by the geometry that the fit starts from"
+        raise ConvergenceError(what, hint="leave them out")
     residual = problem.residual(point)
     damping, exact_steps = 0.0, 0
     for iteration in range(MAX_ITERATIONS):
@@ -233,6 +230,5 @@ def _step(curvature: Floats, gradient: Floats, damping: float) -> Floats:
     try:
         return np.asarray(cho_solve(cho_factor(damped), gradient))
     except LinAlgError:
-        raise ConvergenceError(
-            "the fit has no unique minimum", hint=f"measure more poses, leave parameters out, or {_HINT}"
-        ) from None
+        hint = f"measure more poses, leave parameters out, or {_HINT}"
+        raise ConvergenceError("the fit has no unique minimum", hint=hint) from None

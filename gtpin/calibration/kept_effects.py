@@ -28,7 +28,7 @@ def with_kept_effects(
     """Identify the geometry of a machine that has these effects; the result's model has them, with their coefficients.
 
     The motions of the poses by the effects are subtracted from the measured poses, in the instrument's frame, and the
-    geometry is identified from the rest. Both are repeated until the motions no longer change.
+    geometry is identified from the rest, until the motions no longer change.
 
     A curve of a turning joint (a sum of periodic deviations, a smooth deviation) is known at the angles of its fit. Where some
     commands have other angles, the calibration is made twice: with the extrapolated curves, and with curves that are zero at

@@ -62,7 +62,8 @@ class MarginalLikelihood:
         """Sum over a fit's rows, with weights (N,); ``noise`` is that of these rows."""
         problem, groups, k = outcome.problem, len(noise.sigma) + 1, outcome.problem.size
         c = outcome.residual.shape[1]
-        unit = noise.of_unit_sigma()
+        # Sigmas of 1 m or rad where rows declare none, and without the drives' part.
+        unit = replace(noise, sigma=np.ones_like(noise.sigma), repeatability=0.0, model_discrepancy=0.0)
         plain = replace(problem, whitening=unit.whitening(np.zeros((len(weight), c, 1)), c))
         residual = plain.residual(outcome.point)
         squares, counts = np.zeros(groups), np.zeros(groups)
@@ -116,21 +117,19 @@ class MarginalLikelihood:
             sigma, factor = now, wider
             if changed < SETTLED:
                 break
-        return Maximum(replace(self.noise, sigma=sigma[:-1]), factor, self._log_likelihood(sigma, factor))
+        prior, A, b = self._normal(sigma, factor)
+        lower = _factor(A)
+        power = float(self.squares @ sigma**-2.0) + float(self.x @ (prior * self.x))
+        power -= float(b @ cho_solve((lower, True), b))
+        volume = float(self.counts @ np.log(sigma)) + float(np.log(np.diag(lower)).sum())
+        log_likelihood = -0.5 * power - volume - float(self.widened.sum()) * float(np.log(factor))
+        return Maximum(replace(self.noise, sigma=sigma[:-1]), factor, log_likelihood)
 
     def _normal(self, sigma: Floats, factor: float) -> tuple[Floats, Floats, Floats]:
         """The priors' inverse variances (k,), and the normal equations (k, k) and (k,) about x."""
         prior = np.where(self.widened, self.prior / factor**2, self.prior)
         A = np.einsum("g,gij->ij", sigma**-2.0, self.grams) + np.diag(prior)
         return prior, A, sigma**-2.0 @ self.moments - prior * self.x
-
-    def _log_likelihood(self, sigma: Floats, factor: float) -> float:
-        prior, A, b = self._normal(sigma, factor)
-        lower = _factor(A)
-        power = float(self.squares @ sigma**-2.0) + float(self.x @ (prior * self.x))
-        power -= float(b @ cho_solve((lower, True), b))
-        volume = float(self.counts @ np.log(sigma)) + float(np.log(np.diag(lower)).sum())
-        return -0.5 * power - volume - float(self.widened.sum()) * float(np.log(factor))
 
 
 def _factor(A: Floats) -> Floats:

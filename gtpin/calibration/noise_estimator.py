@@ -33,14 +33,8 @@ NEAREST = 0.1
 
 @dataclass(frozen=True)
 class NoiseEstimator:
-    """Estimates the part of the noise that is not declared; the same for a tracker's poses and for all other readings.
-
-    - ``whole``: the problem with all N rows.
-    - ``near``: (N) poses of its start, base frame.
-    - ``visits``: (N,) index of each row's commands: equal for repeated visits.
-    - ``lacking``: whether the model leaves out known causes of deviations. Residuals of single visits then do not count as
-      repeatability.
-    """
+    """Estimates the part of the noise that is not declared; its attributes are those of
+    :class:`~gtpin.calibration.robust_fit.RobustFit`."""
 
     whole: Problem
     near: Poses
@@ -51,11 +45,8 @@ class NoiseEstimator:
     def first(self) -> ReadingNoise:
         """The noise at the start: declared sigmas, and an instrument's usual values for the others."""
         measured = self.whole.measured
-        group, by_row = measured.group, np.isfinite(measured.row_sigma)
-        initial_sigma, known = (
-            measured.initial_sigma.copy(),
-            np.array([sigma is not None for sigma in measured.declared]),
-        )
+        group, by_row, initial_sigma = measured.group, np.isfinite(measured.row_sigma), measured.initial_sigma.copy()
+        known = np.array([sigma is not None for sigma in measured.declared])
         for one in np.setdiff1d(group[by_row], group[~by_row]):  # all of its rows declare their own
             known[one] = True
             initial_sigma[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
@@ -116,8 +107,9 @@ class NoiseEstimator:
         taken = noise.estimated & shown
         few = 2 * len(contrast) < np.count_nonzero(used)
         if repeated.repeatability == 0.0 and few:
-            # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless it is larger.
-            taken &= _larger(found, repeated)
+            # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless an F test finds it larger.
+            larger = found.sigma / repeated.sigma
+            taken &= np.array([float(f.sf(r**2, found.dof, repeated.dof)) < LACK_OF_FIT for r in larger])
         if not taken.any():
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
@@ -148,9 +140,30 @@ class NoiseEstimator:
         if estimate.repeatability == 0.0:
             return noise
         shown = replace(noise, sigma=estimate.sigma, repeatability=estimate.repeatability)
-        if independent(self.whole, outcome.point, shown, used, self.by_command):
+        if self._independent(outcome.point, shown, used):
             return shown
         return replace(shown, repeatability=0.0, model_discrepancy=shown.repeatability)
+
+    def _independent(self, point: Point, noise: ReadingNoise, used: Mask) -> bool:
+        """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
+
+        A model error (a bent track, a rack, compliant links) is a function of the commands, so that neighbouring poses have
+        similar errors. Rao's score test of the second against the first is a weighted sum of products of neighbouring poses'
+        scores, Moran's I of regression residuals in its general form: P. Burridge, "On the Cliff-Ord test for spatial
+        autocorrelation", J. R. Statist. Soc. B 42 (1980) 107-108. Its mean and variance under independence are those of a
+        quadratic form in the residuals of a regression: A. D. Cliff and J. K. Ord, "Testing for spatial autocorrelation among
+        regression residuals", Geographical Analysis 4 (1972) 267-284.
+
+        ``point``: result of a fit. ``noise``: that of all rows, including the repeatability to be tested.
+        """
+        rows = np.flatnonzero(used)
+        some = rows[:: 1 + (len(rows) - 1) // NEIGHBOURS_OF]
+        J = self.by_command[some]
+        problem = self.whole.take(some, noise.take(some).whitening(J, J.shape[1]))
+        x = point.x.copy()
+        x[: problem.n_geometry] = 0.0  # unknowns of the instruments from the fit; geometry from nominal
+        z = _scores(problem, problem.point(x), J)
+        return max(z) < float(norm.isf(UNCORRELATED / len(z)))
 
     def volume(self, noise: ReadingNoise) -> float:
         """The mean log determinant of a noise's covariance."""
@@ -175,35 +188,6 @@ def same(one: ReadingNoise, two: ReadingNoise) -> bool:
     close = np.abs(one.sigma - two.sigma) <= SETTLED * two.sigma
     drives = abs(one.along_drives - two.along_drives) <= SETTLED * (two.sigma.min(initial=1.0) + two.along_drives)
     return bool(close.all() and drives and abs(one.range_ratio - two.range_ratio) <= SETTLED * two.range_ratio)
-
-
-def _larger(one: ReadingNoise, two: ReadingNoise) -> Mask:
-    """(G,) whether one estimate of each sigma is significantly larger than another (F test)."""
-    return np.array([float(f.sf(r**2, one.dof, two.dof)) < LACK_OF_FIT for r in one.sigma / two.sigma])
-
-
-def independent(whole: Problem, point: Point, noise: ReadingNoise, used: Mask, by_command: Floats) -> bool:
-    """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.
-
-    A model error (a bent track, a rack, compliant links) is a function of the commands, so that neighbouring poses have similar
-    errors. Rao's score test of the second against the first is a weighted sum of products of neighbouring poses' scores,
-    Moran's I of regression residuals in its general form: P. Burridge, "On the Cliff-Ord test for spatial autocorrelation",
-    J. R. Statist. Soc. B 42 (1980) 107-108. Its mean and variance under independence are those of a quadratic form in the
-    residuals of a regression: A. D. Cliff and J. K. Ord, "Testing for spatial autocorrelation among regression residuals",
-    Geographical Analysis 4 (1972) 267-284.
-
-    ``whole``: the problem with all N rows. ``point``: result of a fit. ``noise``: the noise of all rows, including the
-    repeatability to be tested. ``used``: (N,) the rows that are not gross errors. ``by_command``: (N, c, n) derivative of
-    the measured numbers by the commands.
-    """
-    rows = np.flatnonzero(used)
-    some = rows[:: 1 + (len(rows) - 1) // NEIGHBOURS_OF]
-    J = by_command[some]
-    problem = whole.take(some, noise.take(some).whitening(J, J.shape[1]))
-    x = point.x.copy()
-    x[: problem.n_geometry] = 0.0  # unknowns of the instruments from the fit; geometry from nominal
-    z = _scores(problem, problem.point(x), J)
-    return max(z) < float(norm.isf(UNCORRELATED / len(z)))
 
 
 def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:

@@ -84,21 +84,17 @@ def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
     triangular = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
     _, s, Vt = np.linalg.svd(triangular[free:, free:])
     s = np.concatenate([s, np.zeros(n_geometry - len(s))])
-    order = np.argsort(s)
-    return Observability((s**2 / (1.0 + s**2))[order], Vt.T[:, order], _indices(s, rows))
-
-
-def _indices(s: Floats, rows: int) -> dict[str, float]:
-    if not s.size:
-        return {}
-    regular = bool(s[-1] > 1e-14 * s[0])
-    return {
-        "O1": float(np.exp(np.log(s).mean()) / np.sqrt(rows)) if regular else 0.0,
-        "O2": float(s[-1] / s[0]) if s[0] > 0.0 else 0.0,
-        "O3": float(s[-1]),
-        "O4": float(s[-1] ** 2 / s[0]) if s[0] > 0.0 else 0.0,
-        "O5": float(1.0 / (1.0 / s).sum()) if regular else 0.0,
-    }
+    order, indices = np.argsort(s), {}
+    if s.size:
+        regular = bool(s[-1] > 1e-14 * s[0])
+        indices = {
+            "O1": float(np.exp(np.log(s).mean()) / np.sqrt(rows)) if regular else 0.0,
+            "O2": float(s[-1] / s[0]) if s[0] > 0.0 else 0.0,
+            "O3": float(s[-1]),
+            "O4": float(s[-1] ** 2 / s[0]) if s[0] > 0.0 else 0.0,
+            "O5": float(1.0 / (1.0 / s).sum()) if regular else 0.0,
+        }
+    return Observability((s**2 / (1.0 + s**2))[order], Vt.T[:, order], indices)
 
 
 @dataclass(frozen=True)

@@ -237,15 +237,16 @@ class Calibration(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``calibration.json``; the instruments' unknowns are listed after the geometry's parameters."""
-        parameters = []
-        for p, value, sigma, reduction in zip(
-            self.model.geometry.parameters, self.values, self.sigma, self.variance_reduction, strict=True
-        ):
-            parameters.append(_parameter(p.name, value, sigma, p.unit, p.nominal, p.tolerance, reduction))
+        found = (column.tolist() for column in (self.values, self.sigma, self.variance_reduction))
+        parameters = [
+            (p.name, value, sigma, p.unit, p.nominal, p.tolerance, reduction)
+            for p, value, sigma, reduction in zip(self.model.geometry.parameters, *found, strict=True)
+        ]
         for one in self.unknowns:
-            found, prior = self.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
-            reduction = 1.0 if prior is None else 1.0 - (found.sigma / prior) ** 2
-            parameters.append(_parameter(one.name, found.value, found.sigma, one.unit, one.nominal, prior, reduction))
+            own, prior = self.unknown(one.name), one.sigma if np.isfinite(one.sigma) else None
+            reduction = 1.0 if prior is None else 1.0 - (own.sigma / prior) ** 2
+            parameters.append((one.name, own.value, own.sigma, one.unit, one.nominal, prior, reduction))
+        keys = ("name", "value", "sigma", "unit", "nominal", "tolerance", "learned")
         unseen = zip(self.unobservable, self.words, strict=True)
         return {
             "schema": "gtpin-calibration/1",
@@ -255,7 +256,7 @@ class Calibration(Shown):
             **_errors_json(self),
             "chi2_per_dof": self.chi2_per_dof,
             "iterations": self.iterations,
-            "parameters": parameters,
+            "parameters": [dict(zip(keys, row, strict=True)) for row in parameters],
             "unobservable": [
                 {"direction": d.weights, "learned": d.variance_reduction, "words": words} for d, words in unseen
             ],
@@ -328,28 +329,13 @@ class Calibration(Shown):
         return figure
 
 
-def _parameter(
-    name: str, value: float, sigma: float, unit: str, nominal: float, tolerance: float | None, variance_reduction: float
-) -> dict[str, Any]:
-    return {
-        "name": name,
-        "value": float(value),
-        "sigma": float(sigma),
-        "unit": unit,
-        "nominal": nominal,
-        "tolerance": tolerance,
-        "learned": float(variance_reduction),
-    }
-
-
 def _errors_json(c: Calibration) -> dict[str, float | None]:
     """Errors of the first tracker's positions and orientations; None without them."""
     found: dict[str, float | None] = {}
     for what, unit in (("position", "m"), ("orientation", "rad")):
         one = next((one for one in c.by_instrument if one.kind == "tracker" and one.unit == unit), None)
-        found[f"{what}_rms_before"] = one.before if one else None
-        found[f"{what}_rms_after"] = one.after if one else None
-        found[f"{what}_rms_left_out"] = one.left_out if one else None
+        for key, name in (("rms_before", "before"), ("rms_after", "after"), ("rms_left_out", "left_out")):
+            found[f"{what}_{key}"] = getattr(one, name, None)
         found[f"{what}_noise_floor"] = one.floor if one and c.noise_known else None
     return found
 

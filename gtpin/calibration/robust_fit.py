@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from gtpin.typing import Floats, Indices, Ints, Mask
 
 Progress = Callable[[str, int, float], None]
 Tails = tuple[weights.Tails, ...]
+Weigh = Callable[[Floats], Floats]
+"""Weights (N,) of rows from their whitened residuals (N, c)."""
 
 MAX_ITERATIONS = 30
 FREE_ITERATIONS = 8
@@ -63,7 +65,7 @@ Assumed."""
 
 @dataclass(frozen=True)
 class RobustFit:
-    """The robust fit of a calibration, with its input: the same for a tracker's poses and for readings of any instruments.
+    """The robust fit of a calibration, with its input.
 
     - ``whole``: the problem with all N rows; its whitening is not used.
     - ``rows``, ``visits``: (N,) line number of each row in its file, and index of its commands: equal for repeated visits.
@@ -89,17 +91,15 @@ class RobustFit:
 
         Raises `ConvergenceError` if a fit or the iteration does not converge.
         """
-        every = np.ones(len(self.rows), dtype=bool)
         if len(self.rows) < 2 * PART:
-            outcome, fit_, noise, x0, steps = self._entered()
-            tails: Tails = tuple(weights.Tails() for _ in self._alike)
-            settled = fit_._iterated(outcome, every, noise, tails, steps, (x0, self.near))
+            own, entered, x = self._entered()
+            settled = own._iterated(entered, (x, self.near))
         else:  # steps on a random part are cheap, and few steps on all rows remain
             rows = np.sort(np.random.default_rng(0).permutation(len(self.rows))[:PART])
-            part, own, fitted = self.take(rows).run(), self.estimator.first, ~every
+            part, fitted = self.take(rows).run(), np.zeros(len(self.rows), dtype=bool)
             fitted[rows[part.used]] = True
-            fit_ = self.with_geometry(part.fit.problem.start.geometry)
-            settled = fit_._iterated(part.fit, fitted, part.noise.at_rows_of(own), part.tails, part.steps)
+            part = replace(part, used=fitted, noise=part.noise.at_rows_of(self.estimator.first))
+            settled = self.with_geometry(part.fit.problem.start.geometry)._iterated(part)
         return replace(settled, geometry=self.whole.start.geometry)
 
     def take(self, rows: Indices) -> RobustFit:
@@ -107,20 +107,13 @@ class RobustFit:
         whole = self.whole.take(rows, self.whole.whitening[rows])
         return replace(self, whole=whole, rows=self.rows[rows], visits=self.visits[rows], near=self.near[rows])
 
-    def _iterated(
-        self,
-        outcome: Fit[Problem],
-        fitted: Mask,
-        noise: ReadingNoise,
-        tails: Tails,
-        steps: int,
-        anew: tuple[Floats | None, Poses] | None = None,
-    ) -> FitState:
+    def _iterated(self, state: FitState, anew: tuple[Floats | None, Poses] | None = None) -> FitState:
         """Reject rows, estimate the noise and its tails, and fit, until nothing changes.
 
-        ``outcome``, ``fitted``: the fit so far, and (N,) its rows. ``anew``: x and poses from which the next fit starts if
-        rows are rejected; None: from the fit so far.
+        ``state``: the fit so far, of the rows that it used. ``anew``: x and poses from which the next fit starts if rows are
+        rejected; None: from the fit so far.
         """
+        outcome, fitted, noise, tails, steps = state.fit, state.used, state.noise, state.tails, state.steps
         used, noise_scale = np.ones(len(self.rows), dtype=bool), 1.0
         for number in range(1, MAX_ITERATIONS + 1):
             residual, here = self._residual(outcome, fitted)
@@ -134,30 +127,24 @@ class RobustFit:
             if number > FREE_ITERATIONS:
                 now_tails = tuple(min(pair, key=lambda t: t.freedom) for pair in zip(now_tails, tails, strict=True))
                 now_noise = max(noise, now_noise, key=self.estimator.volume)
-            settled = all(now.close_to(old) for now, old in zip(now_tails, tails, strict=True))
+            settled = all(
+                now.freedom == old.freedom and abs(now.scale - old.scale) <= weights.SETTLED * old.scale
+                for now, old in zip(now_tails, tails, strict=True)
+            )
             if number > 1 and same(noise, now_noise) and settled and (now_used == used).all():
-                return FitState(outcome, used, noise, tails, steps, self.whole.start.geometry, noise_scale)
+                return FitState(outcome, used, noise, tails, steps, state.geometry, noise_scale)
             used, noise, tails = now_used, now_noise, now_tails
             # Gross errors may have given a wrong rough fit; without them, its start is a good start.
             x, near = anew if number == 1 and anew is not None and not used.all() else (outcome.point.x, here)
+            what = f"fit {number}"
             try:
-                outcome = self._fit(
-                    used,
-                    noise,
-                    self._weigher(tails, noise_scale),
-                    x,
-                    f"fit {number}",
-                    near=near,
-                    noise_scale=noise_scale,
-                )
+                outcome = self._fit(used, noise, _by_tails(tails, noise_scale), x, what, near, noise_scale)
             except ConvergenceError:
                 noise_scale = self._scale(noise.whitened(self.estimator.derivative(noise), residual)[used], used)
                 if noise_scale < WIDE:
                     raise
-                weigh = self._weigher(tails, noise_scale)
-                outcome = self._fit(
-                    used, noise, weigh, outcome.point.x, f"fit {number}", near=here, noise_scale=noise_scale
-                )
+                weigh = _by_tails(tails, noise_scale)
+                outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
             fitted = used
             steps += outcome.iterations
         raise ConvergenceError(
@@ -165,20 +152,22 @@ class RobustFit:
             hint="declare the noise in dataset.toml",
         )
 
-    def _entered(self) -> tuple[Fit[Problem], RobustFit, ReadingNoise, Floats | None, int]:
-        """A rough fit next to the larger maximum of the marginal likelihood: fit, this with the tolerances, noise, x, steps."""
+    def _entered(self) -> tuple[RobustFit, FitState, Floats | None]:
+        """A rough fit next to the larger maximum of the marginal likelihood: this with its tolerances; the fit of all rows; and
+        x from which another fit can start."""
+        tails: Tails = tuple(weights.Tails() for _ in self._alike)
         noise, used = self.estimator.first, np.ones(len(self.rows), dtype=bool)
         nominal = None
         outcome = self.rough(noise)
         steps = outcome.iterations
         if self._scale(outcome.residual, used) > LOST:
             for sigma in COARSE:
-                nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit").point.x
+                nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit", self.near).point.x
             outcome = self.rough(noise, nominal)
             steps += outcome.iterations
-        if not noise.estimated.any():
-            return outcome, self, noise, nominal, steps
         at, given = self, self.whole.start.geometry
+        if not noise.estimated.any():
+            return self, FitState(outcome, used, noise, tails, steps, given), nominal
         for _ in range(ENTRIES):
             best = at._larger_maximum(outcome, noise, given)
             factor = best.factor / at._factor(given)
@@ -193,7 +182,8 @@ class RobustFit:
             outcome = at.rough(noise, x)
             steps += outcome.iterations
         noise = replace(noise, sigma=np.minimum(noise.sigma, at._cores(outcome, noise)))
-        return outcome, at, noise, nominal if at is self else outcome.point.x, steps
+        entered = FitState(outcome, used, noise, tails, steps, given)
+        return at, entered, nominal if at is self else outcome.point.x
 
     def _cores(self, outcome: Fit[Problem], noise: ReadingNoise) -> Floats:
         """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
@@ -207,14 +197,11 @@ class RobustFit:
 
     def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Maximum:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
-        n = len(given.parameters)
-        factor, size = self._factor(given), outcome.problem.size
-        own = np.zeros(size, dtype=bool)
-        own[:n] = self._widenable
-        marginal = MarginalLikelihood.of(outcome, noise, self._huber(outcome.residual), own)
-        # In units of the given tolerances.
-        scale = np.where(own, factor, 1.0)
-        marginal = marginal.in_units(scale)
+        factor, own = self._factor(given), np.zeros(outcome.problem.size, dtype=bool)
+        own[: len(given.parameters)] = self._widenable
+        weight = self._weights(self._huber, outcome.residual, np.ones(len(self.rows), dtype=bool))
+        marginal = MarginalLikelihood.of(outcome, noise, weight, own)
+        marginal = marginal.in_units(np.where(own, factor, 1.0))  # of the given tolerances
         starts = (np.maximum(noise.sigma, ROUGH), np.minimum(noise.sigma, self.estimator.first.sigma), marginal.scatter)
         narrow = max((marginal.best(s, widen=False) for s in starts), key=lambda found: found.log_likelihood)
         if self.lacking or not own.any():
@@ -255,32 +242,33 @@ class RobustFit:
         ``noise``: by default the first estimate. ``x``: start; by default nominal.
         """
         used, noise = np.ones(len(self.rows), dtype=bool), noise or self.estimator.first
-        return self._fit(used, noise.at_least(ROUGH), self._huber, x, "rough fit", rough=True)
+        return self._fit(used, noise.at_least(ROUGH), self._huber, x, "rough fit", self.near, rough=True)
 
     def _fit(
         self,
         used: Mask,
         noise: ReadingNoise,
-        weigh: Callable[..., Floats],
+        weigh: Sequence[Weigh],
         x: Floats | None,
         what: str,
+        near: Poses,
+        noise_scale: float = 1.0,
         *,
         rough: bool = False,
-        near: Poses | None = None,
-        noise_scale: float = 1.0,
     ) -> Fit[Problem]:
+        """A fit of some rows; ``weigh``: the weights of each group of rows. Without ``x`` it starts at the nominal geometry."""
+
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
                 self.progress(what, iteration, rms)
 
-        near, own, J = self.near if near is None else near, noise.scaled(noise_scale), self.estimator.derivative(noise)
+        own, J = noise.scaled(noise_scale), self.estimator.derivative(noise)
         if not used.all():
             near, own, J = near[used], own.take(used), J[used]
         problem = self.whole.take(used, own.whitening(J, self.whole.measured.components))
         x = problem.first if x is None else x
-        if rough:
-            return fit(problem, lambda r: weigh(r, used), x, report, near=near, decrease=ROUGHLY, enough=ROUGH_STEPS)
-        return fit(problem, lambda r: weigh(r, used), x, report, near=near)
+        solve = partial(fit, decrease=ROUGHLY, enough=ROUGH_STEPS) if rough else fit
+        return solve(problem, lambda r: self._weights(weigh, r, used), x, report, near=near)
 
     def _residual(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit to some rows at all rows, and the model's poses, base frame."""
@@ -295,23 +283,17 @@ class RobustFit:
         place = np.cumsum(used) - 1
         return [place[rows[used[rows]]] for rows in self._alike]
 
-    def _huber(self, residual: Floats, used: Mask | None = None) -> Floats:
-        used = np.ones(len(self.rows), dtype=bool) if used is None else used
+    @property
+    def _huber(self) -> list[Weigh]:
+        return [weights.huber] * len(self._alike)
+
+    def _weights(self, weigh: Sequence[Weigh], residual: Floats, used: Mask) -> Floats:
+        """(M,) weights of the used rows from their residuals (M, c), by the function of each group."""
         weight = np.ones(len(residual))
-        for rows in self._in_used(used):
+        for rows, own in zip(self._in_used(used), weigh, strict=True):
             if len(rows):
-                weight[rows] = weights.huber(residual[rows])
+                weight[rows] = own(residual[rows])
         return weight
-
-    def _weigher(self, tails: Tails, noise_scale: float) -> Callable[[Floats, Mask], Floats]:
-        def weigh(residual: Floats, used: Mask) -> Floats:
-            weight, residual = np.ones(len(residual)), residual * noise_scale
-            for rows, of in zip(self._in_used(used), tails, strict=True):
-                # The information of the data is less than that of the weighted squares that fit them.
-                weight[rows] = of.weigh(residual[rows]) * of.kept(residual.shape[1])
-            return weight
-
-        return weigh
 
     def _scale(self, residual: Floats, used: Mask) -> float:
         return max(weights.robust_scale(residual[rows]) for rows in self._in_used(used) if len(rows))
@@ -350,3 +332,13 @@ class RobustFit:
                 norms = np.einsum("nc,nc->n", whitened[far], np.linalg.solve(spread, whitened[far][..., None])[..., 0])
                 found[far] = ~(norms <= limit)  # also where the square of a gross error overflows
         return np.isin(self.rows, self.rows[found])
+
+
+def _by_tails(tails: Tails, noise_scale: float) -> list[Weigh]:
+    """The weights of each group by the tails of its noise, for residuals in units of the noise times ``noise_scale``."""
+
+    def weigh(of: weights.Tails, residual: Floats) -> Floats:
+        # The information of the data is less than that of the weighted squares that fit them.
+        return of.weigh(residual * noise_scale) * of.kept(residual.shape[1])
+
+    return [partial(weigh, of) for of in tails]

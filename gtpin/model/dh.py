@@ -40,40 +40,33 @@ class DhParameter:
     determined: bool
 
 
-def dh_parameters(geometry: Geometry, covariance: Floats | None) -> tuple[DhParameter, ...]:
+def controller_table(model: Model) -> tuple[DhParameter, ...]:
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
     The placements of a calibration are redundant parameters; those of a table are minimal. Its corrections d are the weighted
     least squares estimate from the calibration's deviations m with covariance C, where V d are the deviations that d causes:
     ``(V' C^-1 V)^-1 V' C^-1 m``. The pose of the first axis in the base frame, which no table has, is estimated with them.
 
-    ``geometry``: of a serial arm, with six parameters for each joint and the TCP. ``covariance``: (p, p) of its parameters;
-    None for a nominal geometry.
+    Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP.
     """
-    rows, V, fixed = _directions(geometry.robot, geometry)
+    geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
+    size = len(geometry.parameters)
+    if not chain or size != 6 * (len(chain) + 1):
+        return ()
+    if model.joint_covariance is not None:
+        covariance = model.joint_covariance[:size, :size]
+    rows, V, fixed = _directions(geometry)
     if covariance is None or not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False) for row in rows)
-    started = np.zeros(V.shape[1])
-    started[-6:] = [
-        p.nominal for p in geometry.parameters if p.kind == "platform"
-    ]  # where a free target was seen at first
+    # A free target's deviations count from where it was seen at first.
+    start = np.zeros(V.shape[1])
+    start[-6:] = [p.nominal for p in geometry.parameters if p.kind == "platform"]
     half = np.linalg.solve(covariance, V)
     spread = np.linalg.inv(V.T @ half)
-    found, sigma = started + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
+    found, sigma = start + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(np.linalg.inv((V / geometry.tolerance[:, None] ** 2).T @ V)))
     told = zip(rows, found[fixed:], sigma[fixed:], (sigma <= DETERMINED * before)[fixed:], strict=True)
     return tuple(DhParameter(*row, float(c), float(s), bool(known)) for row, c, s, known in told)
-
-
-def controller_table(model: Model) -> tuple[DhParameter, ...]:
-    """The table of a model, as :func:`dh_parameters`; empty where the robot is not a serial arm, or lacks placements."""
-    geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
-    if not chain or len(geometry.parameters) != 6 * (len(chain) + 1):
-        return ()
-    if model.joint_covariance is not None:
-        size = len(geometry.parameters)
-        covariance = model.joint_covariance[:size, :size]
-    return dh_parameters(geometry, covariance)
 
 
 def chain_of(robot: Chain) -> tuple[Actuator, ...]:
@@ -84,8 +77,9 @@ def chain_of(robot: Chain) -> tuple[Actuator, ...]:
     return tuple(of[joint] for joint in robot.moving_joints)
 
 
-def _directions(robot: Chain, geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
+def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
     """The rows of the table; (p, f + r) motion of the geometry's parameters by f of the base, then by each row; and f."""
+    robot = geometry.robot
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
     rows: list[tuple[str, str, str, float]] = []
@@ -111,15 +105,16 @@ def _directions(robot: Chain, geometry: Geometry) -> tuple[list[tuple[str, str, 
             else:
                 add(own.site, "d", 0.0, own.joint_id, pin.Motion(z, np.zeros(3)))
             break
-        normal, parallel = np.cross(z, after.axis), False
-        between = after.origin - origin
+        normal, between, d = np.cross(z, after.axis), after.origin - origin, 0.0
+        parallel = bool(np.linalg.norm(normal) <= PARALLEL)
+        if parallel:
+            normal = between - z * (between @ z)
+        else:
+            d = float(np.cross(between, after.axis) @ normal / (normal @ normal))
         if np.linalg.norm(normal) > PARALLEL:
             x = normal / np.linalg.norm(normal)
-            d = float(np.cross(between, after.axis) @ normal / (normal @ normal))
-        else:
-            parallel, d = True, 0.0
-            x = between - z * (between @ z)
-            x = x / np.linalg.norm(x) if np.linalg.norm(x) > PARALLEL else _x_across(z, x_before)
+        else:  # the axes are one line: any direction across it
+            x = np.linalg.svd(z[None])[2][1] if x_before is None else x_before
         if x_before is not None and x @ x_before < -PARALLEL:
             x = -x  # theta at command 0 is between -90 and 90 degrees
         theta = 0.0 if x_before is None else float(np.arctan2(np.cross(x_before, x) @ z, x_before @ x))
@@ -146,8 +141,3 @@ def _directions(robot: Chain, geometry: Geometry) -> tuple[list[tuple[str, str, 
 def _about(axis: Floats, point: Floats) -> Any:
     """The twist of a rotation about a line."""
     return pin.Motion(np.cross(point, axis), axis)
-
-
-def _x_across(z: Floats, x: Floats | None) -> Floats:
-    """A direction across an axis: x if there is one."""
-    return np.asarray(np.linalg.svd(z[None])[2][1]) if x is None else x

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
@@ -25,6 +25,10 @@ from gtpin.typing import Floats
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Load = Annotated[list[Finite], Field(min_length=6, max_length=6)]
+LoadSize = Annotated[list[Positive], Field(min_length=6, max_length=6)]
+Value = TypeVar("Value")
+Size = TypeVar("Size")
 
 UNIT = 1e-6
 """Largest accepted difference of a unit vector's length from 1."""
@@ -51,18 +55,11 @@ class TimeRecord(Record):
     span: Positive
 
 
-class ForceRecord(Record):
-    """Mean and spread of each rod's axial force in a fit, N."""
+class SpreadRecord(Record, Generic[Value, Size]):
+    """Mean of what each rod, or each joint and the TCP, had in a fit, and its spread."""
 
-    mean: list[Finite]
-    spread: list[Positive]
-
-
-class DirectionRecord(Record):
-    """Mean unit vector of each rod in a fit, base frame, and its spread, rad."""
-
-    mean: list[Triple]
-    spread: list[Positive]
+    mean: list[Value]
+    spread: list[Size]
 
 
 class CommandsRecord(Record):
@@ -74,25 +71,22 @@ class CommandsRecord(Record):
     measured: list[list[Annotated[int, Field(ge=0, lt=PARTS)]]] | None = None
 
 
-class JointsRecord(Record):
-    """Mean and spread of the load (force, N, and moment, N m) on each joint and on the TCP in a fit."""
-
-    mean: list[Annotated[list[Finite], Field(min_length=6, max_length=6)]]
-    spread: list[Annotated[list[Positive], Field(min_length=6, max_length=6)]]
-
-
 class ReferencesRecord(Record):
-    """Reference values of the covariates; see :class:`~gtpin.effects.operating_points.References`."""
+    """Reference values of the covariates; see :class:`~gtpin.effects.operating_points.References`.
+
+    ``force``: axial forces of the rods, N. ``direction``: unit vectors of the rods, base frame; the spread in rad. ``joints``:
+    the load on each joint and on the TCP, N and N m.
+    """
 
     optional = ("commands", "joints")  # robots with rods have none
     temperature: Finite
     time: TimeRecord
     sessions: list[str]
-    force: ForceRecord
-    direction: DirectionRecord
+    force: SpreadRecord[Finite, Positive]
+    direction: SpreadRecord[Triple, Positive]
     covariates: list[str]
     commands: CommandsRecord | None = None
-    joints: JointsRecord | None = None
+    joints: SpreadRecord[Load, LoadSize] | None = None
 
 
 class DriverRecord(Record):
@@ -140,24 +134,25 @@ def record(active: ActiveEffect) -> EffectRecord:
 
     Raises `ModelError` if another effect of the catalogue has the same id, since reading the file would give that effect.
     """
-    own = active.effect
+    own, known = active.effect, active.references
     if not isinstance(own, type(effects_by_id().get(own.id, own))):
         raise ModelError(f"the catalogue has another effect {own.id}", hint="give one of them another id")
-    known = active.references
-    (lower, upper), (mean, spread) = known.commands, known.joints
     measured = [np.flatnonzero(parts).tolist() for parts in known.angles] if len(known.angles) else None
+    lower, upper = (part.tolist() for part in known.commands)
     column = None
     if isinstance(own, DriverEffect):
         column = ColumnRecord(
-            name=own.column.name,
-            mean=own.column.mean,
-            range=own.column.range,
+            **vars(own.column),
             drivers=[DriverRecord(site=d.site, motion=d.motion, size=d.size) for d in own.drivers],
             origin=own.instrument.origin.tolist(),
             axes=own.instrument.axes.tolist(),
         )
+
+    def spread(pair: tuple[Floats, Floats]) -> Any:
+        return {"mean": pair[0].tolist(), "spread": pair[1].tolist()}
+
     return EffectRecord(
-        effect=active.effect.id,
+        effect=own.id,
         site=active.site,
         setting=None if active.shape_parameter is None else float(active.shape_parameter),
         further_settings=list(map(float, active.further)),
@@ -167,13 +162,11 @@ def record(active: ActiveEffect) -> EffectRecord:
             temperature=float(known.temperature),
             time=TimeRecord(start=known.time[0], span=known.time[1]),
             sessions=list(known.sessions),
-            force=ForceRecord(mean=known.force[0].tolist(), spread=known.force[1].tolist()),
-            direction=DirectionRecord(mean=known.direction[0].tolist(), spread=known.direction[1].tolist()),
+            force=spread(known.force),
+            direction=spread(known.direction),
             covariates=list(known.covariates),
-            commands=CommandsRecord(lower=lower.tolist(), upper=upper.tolist(), measured=measured)
-            if lower.size
-            else None,
-            joints=JointsRecord(mean=mean.tolist(), spread=spread.tolist()) if mean.size else None,
+            commands=CommandsRecord(lower=lower, upper=upper, measured=measured) if lower else None,
+            joints=spread(known.joints) if known.joints[0].size else None,
         ),
         column=column,
         only_measured=active.only_measured,
@@ -182,8 +175,7 @@ def record(active: ActiveEffect) -> EffectRecord:
 
 def _driver_effect(stored: ColumnRecord, robot: Chain) -> DriverEffect:
     for driver in stored.drivers:
-        why = refusal(robot, driver.site, driver.motion)
-        if why:
+        if why := refusal(robot, driver.site, driver.motion):
             raise ModelError(why, column="column")
     drivers = [Driver(stored.name, d.site, d.motion, d.size) for d in stored.drivers]
     instrument = InstrumentAxes(np.array(stored.origin), np.array(stored.axes))
@@ -231,17 +223,13 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
         what = f"only a curve of a turning joint with references.commands.measured can be, not {active.name}"
         raise ModelError(what, column="only_measured")
     _try(active, kinematics)
-    return replace(active, covariance=_covariance(stored))
-
-
-def _covariance(stored: EffectRecord) -> Floats:
     count = len(stored.coefficients)
     if len(stored.covariance) != count or any(len(row) != count for row in stored.covariance):
         raise ModelError(f"not {count} x {count}", column="covariance")
     covariance = np.array(stored.covariance, dtype=float).reshape(count, count)
     if (covariance.diagonal() < 0.0).any():
         raise ModelError("a negative variance", column="covariance")
-    return covariance
+    return replace(active, covariance=covariance)
 
 
 def _references(stored: ReferencesRecord, robot: Chain, needed: tuple[str, ...]) -> References:

@@ -23,7 +23,7 @@ def robot_of(dataset: Dataset) -> Chain:
     Raises `RobotError` if the robot's file does not make a robot. `DatasetError` if no robot has the name, or it lacks a
     joint, a link or a site that dataset.toml names.
     """
-    file = None if dataset.path is None else dataset.path / "dataset.toml"
+    file = dataset.toml
     try:
         robot = load_robot(dataset.robot_reference, None, dataset.actuators)
     except RobotError as error:
@@ -35,7 +35,15 @@ def robot_of(dataset: Dataset) -> Chain:
             what, hint = f"{robot.name} has no link {dataset.tcp!r}", f"links are {_some(robot.links)}"
             raise DatasetError(what, file=file, column="tcp", hint=hint)
         robot = Chain(robot.description, dataset.tcp)
-    _check_drivers(dataset, robot, file)
+    joints = robot.description.tree.moving
+    known = (*robot.sites, *robot.rod_sites, *joints, *robot.links, *PLACES)
+    for number, driver in enumerate(dataset.drivers):
+        if driver.site not in known:
+            what, hint = f"{robot.name} has no site {driver.site!r}", f"sites are {_some(tuple(dict.fromkeys(known)))}"
+            raise DatasetError(what, file=file, column=f"driver.{number}.site", hint=hint)
+        if driver.motion == "q" and driver.site not in (*robot.sites, *joints):
+            what, hint = f"{driver.site} is no joint, so it has no q", "move it along x y z or about rx ry rz"
+            raise DatasetError(what, file=file, column=f"driver.{number}.motion", hint=hint)
     return robot
 
 
@@ -74,20 +82,8 @@ def measuring(robot: Chain, dataset: Dataset) -> Chain:
     except RobotError as error:
         known = set(readable(robot))
         number = next(i for i, table in enumerate(tables) if not known.issuperset(table.measured_joints))
-        toml = None if dataset.path is None else dataset.path / "dataset.toml"
-        raise DatasetError(error.what, file=toml, column=f"instrument.{number}.joint", hint=error.hint) from None
-
-
-def _check_drivers(dataset: Dataset, robot: Chain, file: Path | None) -> None:
-    joints = robot.description.tree.moving
-    for number, driver in enumerate(dataset.drivers):
-        known = (*robot.sites, *robot.rod_sites, *joints, *robot.links, *PLACES)
-        if driver.site not in known:
-            what, hint = f"{robot.name} has no site {driver.site!r}", f"sites are {_some(tuple(dict.fromkeys(known)))}"
-            raise DatasetError(what, file=file, column=f"driver.{number}.site", hint=hint)
-        if driver.motion == "q" and driver.site not in (*robot.sites, *joints):
-            what, hint = f"{driver.site} is no joint, so it has no q", "move it along x y z or about rx ry rz"
-            raise DatasetError(what, file=file, column=f"driver.{number}.motion", hint=hint)
+        column = f"instrument.{number}.joint"
+        raise DatasetError(error.what, file=dataset.toml, column=column, hint=error.hint) from None
 
 
 def _some(names: tuple[str, ...], shown: int = 20) -> str:

@@ -173,14 +173,13 @@ class Model:
 
     def without(self, names: Collection[str]) -> Model:
         """The model without the effects whose names (``effect@site``) are in ``names``; unknown names are ignored."""
-        kept = [active.name not in names for active in self.effects]
-        sizes = [len(self.geometry.parameters), *(len(active.coefficients) for active in self.effects)]
+        kept = tuple(active for active in self.effects if active.name not in names)
         joint = self.joint_covariance
-        return replace(
-            self,
-            effects=tuple(active for active, keep in zip(self.effects, kept, strict=True) if keep),
-            joint_covariance=None if joint is None or not any(kept) else block_of(joint, sizes, [True, *kept]),
-        )
+        if joint is not None:
+            sizes = [len(self.geometry.parameters), *(len(active.coefficients) for active in self.effects)]
+            rows = np.repeat([True, *(active.name not in names for active in self.effects)], sizes)
+            joint = joint[np.ix_(rows, rows)] if kept else None
+        return replace(self, effects=kept, joint_covariance=joint)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[Model, ...]:
         """Models drawn from the posterior: machines that the data of the fit allow.
@@ -266,18 +265,12 @@ def joined(parts: Sequence[Floats], joint: Floats | None) -> Floats:
 def inverse_root(information: Floats) -> Floats:
     """F (m, m) with F F' the inverse of a symmetric matrix with positive eigenvalues.
 
-    From eigenvectors. An inverse that is computed row by row is not symmetric: what the data determine well has variances that
-    are far smaller than the difference of its two halves, and a root of either half then has variances that are far too large.
+    From eigenvectors: an inverse that is computed row by row is not symmetric, and where its variances differ much in size, the
+    root of either half has variances that are far too large.
     """
     size = np.sqrt(information.diagonal())
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
     return np.asarray(vectors / np.sqrt(np.maximum(values, np.finfo(float).eps)) / size[:, None])
-
-
-def block_of(joint: Floats, sizes: Sequence[int], kept: Sequence[bool]) -> Floats:
-    """The block of a joint covariance that belongs to some of its parts, whose sizes are given in its order."""
-    rows = np.repeat(np.asarray(kept, dtype=bool), sizes)
-    return np.asarray(joint[np.ix_(rows, rows)])
 
 
 def draws(mean: Floats, covariance: Floats, n: int, rng: np.random.Generator) -> Floats:

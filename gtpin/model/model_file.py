@@ -102,8 +102,8 @@ def read_model_file(file: Path) -> ModelFile:
         raise ModelError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint=AGAIN) from None
 
 
-def explained(error: ValidationError, file: Path) -> ModelError:
-    """The first of pydantic's errors, with its key in the usual notation: ``effects.0.coefficients.3``."""
+def explained(error: ValidationError, file: Path, place: str = "") -> ModelError:
+    """The first of pydantic's errors, with its key in the usual notation after ``place``: ``effects.0.coefficients.3``."""
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key = place + ".".join(str(part) for part in first["loc"])
     return ModelError(first["msg"], file=file, column=key, hint=AGAIN)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -97,6 +98,10 @@ def _text(content: ModelFile) -> str:
     return content.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
+def _listed(values: Floats | None) -> Any:
+    return None if values is None else values.tolist()
+
+
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     kinds = {p.kind: p.per for p in geometry.parameters}
@@ -109,20 +114,13 @@ def _content(model: Model) -> ModelFile:
         scale=kinds.get("scale"),  # type: ignore[arg-type]
         arm="reduced" if geometry.reduced else "full",
         tracks=[
-            None
-            if track is None
-            else TrackRecord(
-                q=track.q.tolist(),
-                path=track.path.tolist(),
-                turns=None if track.turns is None else track.turns.tolist(),
-                origin=track.origin.tolist(),
-            )
+            None if track is None else TrackRecord(**{key: _listed(values) for key, values in vars(track).items()})
             for track in geometry.tracks
         ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
-        covariance=None if model.covariance is None else model.covariance.tolist(),
-        joint_covariance=None if model.joint_covariance is None else model.joint_covariance.tolist(),
+        covariance=_listed(model.covariance),
+        joint_covariance=_listed(model.joint_covariance),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
         unexplained=None if model.unexplained is None else UnexplainedRecord(**asdict(model.unexplained)),
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
@@ -144,9 +142,7 @@ def _instrument(number: int, record: InstrumentRecord, file: Path) -> FittedInst
     try:
         table = kind.model_validate(record.declared, strict=False)
     except ValidationError as error:
-        key = ".".join(str(part) for part in error.errors()[0]["loc"])
-        column = f"instruments.{number}.declared.{key}"
-        raise ModelError(error.errors()[0]["msg"], file=file, column=column, hint=AGAIN) from None
+        raise explained(error, file, f"instruments.{number}.declared.") from None
     known = {name: tuple(ids) for name, ids in record.known.items()}
     return FittedInstrument(table, tuple(record.columns), known, dict(record.unknowns))
 
@@ -202,22 +198,18 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     try:
         robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
         geometry = _geometry(robot, content)
-        frame, (covariance, joint) = _frame(content), _covariances(geometry, content)
+        frame, names = _frame(content), list(content.parameters)
+        order = [names.index(name) for name in geometry.names]
+        size = len(order) + sum(len(effect.coefficients) for effect in content.effects)
+        covariance = _covariance(content.covariance, order, "covariance", len(order))
+        whole = [*order, *range(len(order), size)]
+        joint = _covariance(content.joint_covariance, whole, "joint_covariance", len(order))
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
     unexplained = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
-    return Model(
-        geometry,
-        frame,
-        effects,
-        covariance,
-        instruments=instruments,
-        joint_covariance=joint,
-        fit=fit,
-        unexplained=unexplained,
-    )
+    return Model(geometry, frame, effects, covariance, instruments, joint, fit, unexplained)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
@@ -273,23 +265,13 @@ def _track(record: TrackRecord) -> MeasuredTrack:
     return MeasuredTrack(np.array(record.q), np.array(record.path), turns, np.array(record.origin))
 
 
-def _covariances(geometry: Geometry, content: ModelFile) -> tuple[Floats | None, Floats | None]:
-    """The covariance of the geometry's parameters, and the joint one, in the order of the geometry's parameters."""
-    names, p = list(content.parameters), len(geometry.parameters)
-    order = [names.index(name) for name in geometry.names]
-    whole = [*order, *range(p, p + sum(len(effect.coefficients) for effect in content.effects))]
-    alone, joint = content.covariance, content.joint_covariance
-    return (
-        None if alone is None else _checked(alone, order, "covariance", p),
-        None if joint is None else _checked(joint, whole, "joint_covariance", p),
-    )
-
-
-def _checked(rows: list[list[float]], order: list[int], column: str, n_parameters: int) -> Floats:
+def _covariance(rows: list[list[float]] | None, order: list[int], column: str, n_parameters: int) -> Floats | None:
     """A covariance from a file, with its rows and columns rearranged by the indices ``order``; raises `ModelError` if invalid.
 
     The first ``n_parameters`` are parameters of the geometry.
     """
+    if rows is None:
+        return None
     count = len(order)
     if len(rows) != count or any(len(row) != count for row in rows):
         raise ModelError(f"the covariance is not {count} x {count}", column=column)

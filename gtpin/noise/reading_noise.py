@@ -137,10 +137,6 @@ class ReadingNoise:
             model_discrepancy=self.model_discrepancy * factor,
         )
 
-    def of_unit_sigma(self) -> ReadingNoise:
-        """The same noise with sigmas of 1 m or rad where rows declare none, and without the drives' part."""
-        return replace(self, sigma=np.ones_like(self.sigma), repeatability=0.0, model_discrepancy=0.0)
-
     def sized_as(self, other: object) -> ReadingNoise:
         """The same noise with the sigmas and the repeatability of another."""
         assert isinstance(other, ReadingNoise)

@@ -107,10 +107,6 @@ class Tails:
         """Whether they are heavier than Gaussian."""
         return bool(np.isfinite(self.freedom))
 
-    def close_to(self, other: Tails) -> bool:
-        """Whether two successive estimates agree so well that the iteration has converged."""
-        return self.freedom == other.freedom and abs(self.scale - other.scale) <= SETTLED * other.scale
-
     def weigh(self, residual: Floats) -> Floats:
         """(N,) weights with which reweighted least squares maximises the likelihood."""
         if not self.heavy:

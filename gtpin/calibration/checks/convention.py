@@ -7,10 +7,14 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.suspected import Size
+from gtpin.calibration.checks.recognise import either
+from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Point, Problem
+from gtpin.data import Dataset
+from gtpin.data.names import ORIENTATION
 from gtpin.data.readings import RotationReading, misread, orientation_readings, position_readings
+from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
 
@@ -22,16 +26,14 @@ factor of exp(30) in likelihood, over some 150 readings. A convention has no fre
 other convention left less than 0.96 (80 fits of 40 machines of the plant); a runout in one of 200 sealed cases left 0.77."""
 AS_GOOD = 1.5
 """Ratio of its squared residuals to the smallest up to which a convention counts as equally good. Assumed."""
-NONE: Size = (0.0, 0.0)
 LEAST = 20
 """Number of poses below which nothing is reported. Assumed."""
 
 
-def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationReading], Size, Size]:
-    """Other conventions of rotations by which the measured orientations fit the geometry better, the most usual one first.
+def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> None:
+    """Suspect orientations that fit far better when they are read by another convention of rotations.
 
-    Also the standard deviations of position and orientation residuals as they are, and by the best convention, m and rad;
-    ``sigmas`` (2,): the noise of the fit, m and rad. The list is empty where the orientations fit as they are.
+    ``dataset``: the rows of the fit, used or not. ``sigmas`` (2,): the noise of the fit, m and rad.
 
     For small angles two conventions give nearly the same rotation: the difference grows with the square of the angle, and a fit
     absorbs a part of it. Therefore the residuals of a convention are those after a linearised fit to the orientations read by
@@ -40,7 +42,7 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     measured = fit.problem.poses
     # About one axis conventions differ only in how they scale noise about other axes.
     if measured.R is None or len(measured.T) < LEAST or measured.q.shape[1] == 1:
-        return [], NONE, NONE
+        return
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
     some = measured.take(rows)
     assert some.R is not None
@@ -52,27 +54,24 @@ def other_convention(fit: Fit[Problem], sigmas: Floats) -> tuple[list[RotationRe
     A = J.reshape(-1, J.shape[2]) * weight[:, None]
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
-    def left(rotations: list[Floats]) -> Floats:
-        """(k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit."""
-        count = len(rotations)
-        read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
-        all_predicted = Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1)))
-        difference = read.minus(all_predicted).reshape(count, -1, 6)
-        r = np.einsum("nij,knj->kni", problem.whitening, difference).reshape(count, -1) * weight
-        remaining = (r - (r @ solve.T) @ A.T).reshape(count, -1, 6)
-        return np.asarray((remaining.reshape(count, -1, 2, 3) ** 2).sum(axis=(1, 3)))
-
-    rotation = Rotation.from_matrix(some.R)
-    readings = _readings()
-    sums = left([some.R, *(reading.read(rotation) for reading in readings)])
+    rotation, readings = Rotation.from_matrix(some.R), _readings()
+    rotations = [some.R, *(reading.read(rotation) for reading in readings)]
+    count = len(rotations)
+    read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
+    difference = read.minus(Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1))))
+    r = np.einsum("nij,knj->kni", problem.whitening, difference.reshape(count, -1, 6)).reshape(count, -1) * weight
+    # (k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit.
+    sums = ((r - (r @ solve.T) @ A.T).reshape(count, -1, 2, 3) ** 2).sum(axis=(1, 3))
     now, *others = sums[:, 1]
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
-        return [], NONE, NONE
+        return
     found = [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
-    of_each = sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))
-    before, after = ((float(size[0]), float(size[1])) for size in (of_each[0], of_each[1 + others.index(least)]))
-    return found, before, after
+    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+    of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
+    before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
+    error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
+    suspect(error, dataset, before, after, exact=True)
 
 
 @cache

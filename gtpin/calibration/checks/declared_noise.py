@@ -16,7 +16,6 @@ from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
 from gtpin.noise.estimate import ENOUGH
-from gtpin.typing import Floats
 
 Sigma = Literal["position_sigma", "orientation_sigma"]
 SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
@@ -47,9 +46,8 @@ class Declared:
     """A declared noise sigma.
 
     - ``group``, ``instrument``: index of its group over all instruments' sigmas, and index of the instrument.
-    - ``key``: its key in dataset.toml; for sigmas that a table declares row by row, the columns.
-    - ``value``: its value, m or rad; for sigmas by row, their median.
     - ``by_row``: whether the table declares it row by row.
+    - ``key``, ``value``: its key in dataset.toml, and its value, m or rad; by row: the columns, and the median.
     """
 
     group: int
@@ -154,25 +152,19 @@ def _shown(settled: FitState, one: Declared) -> float:
     return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[measured.group == one.group].mean()))
 
 
-def _own(settled: FitState, one: Declared) -> Floats:
-    """Residuals of the numbers with this declared sigma, in units of it."""
-    problem, point = settled.fit.problem, settled.fit.point
-    readings = problem.measured
-    own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
-    sigma = readings.row_sigma[own] if one.by_row else one.value
-    return np.asarray(problem.raw_residual(point, point.poses)[own] / sigma)
-
-
 def _overstated(settled: FitState, one: Declared) -> bool:
     """Whether residuals are smaller than a declared sigma, and by chi-square no accident if it were true."""
-    fit, residual = settled.fit, _own(settled, one)
+    fit, readings = settled.fit, settled.fit.problem.measured
+    own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
+    sigma = readings.row_sigma[own] if one.by_row else one.value
+    residual = fit.problem.raw_residual(fit.point, fit.point.poses)[own] / sigma
     if not residual.size or (residual**2).mean() >= SUSPECT**2:
         return False
     effective_parameters = 0.0
     for rows in fit.problem.chunks():
         J = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
-        own = fit.problem.measured.group[rows] == one.group
-        effective_parameters += float(np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)[own].sum())
+        leverage = np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)
+        effective_parameters += float(leverage[readings.group[rows] == one.group].sum())
     free = residual.size - effective_parameters
     return free >= 1.0 and bool(chi2.cdf(float((residual**2).sum()), free) < CHANCE)  # too few say nothing of noise
 

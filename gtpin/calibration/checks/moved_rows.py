@@ -35,8 +35,8 @@ MENDED = 0.1
 explains the whole error or nothing."""
 OWN = 0.8
 """Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
-NEIGHBOURS = (1, -1)
-"""Shifts of the commands, in rows, that are tried."""
+NEIGHBOURS = ((1, "before"), (-1, "after"))
+"""Shifts of the commands, in rows, that are tried, and the row from which each row then has its commands."""
 SIZE = 30.0
 """Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
 GRID = 60
@@ -70,34 +70,25 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
         return
     first, last = part.start, part.stop - 1
     off = _off(measured.T, predicted.T)
-    usual = float(np.nanmedian(off[~far])) if not far.all() else 0.0
-    rows = f"rows {dataset.row[first]} to {dataset.row[last]}"
-    for by in NEIGHBOURS:
-        neighbour = np.roll(predicted.T, by, axis=0)
+    usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
+    mended = max(MENDED * before, 3.0 * usual)
+    file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
+    for by, neighbour in NEIGHBOURS:
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
-        left = np.nanmedian(_off(measured.T[inner], neighbour[inner]))
-        if left < max(MENDED * np.nanmedian(off[part]), 3.0 * usual):
-            error = DatasetError(
-                f"the commands look one row off in {rows}: what was measured there fits the commands of the row "
-                f"{'before' if by > 0 else 'after'}",
-                file=dataset.file,
-                row=int(dataset.row[first]),
-                hint="move the commands of these rows, or export the table anew",
-            )
-            return suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
+        left = float(np.nanmedian(_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])))
+        if left < mended:
+            what = f"the commands look one row off in {rows}: what was measured there fits the commands of the row {neighbour}"
+            hint = "move the commands of these rows, or export the table anew"
+            return suspect(DatasetError(what, file=file, row=row, hint=hint), dataset, (before, 0.0), (left, 0.0))
     if not bumps:
         return
     moved = rough_frame(predicted[part], measured.take(part))
-    left = np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T))
-    if left < max(MENDED * float(np.nanmedian(off[part])), 3.0 * usual) and not own_session(dataset, part):
-        error = DatasetError(
-            f"{rows} are {1e3 * np.nanmedian(off[part]):.3g} mm from where the other rows say, all by the same motion: the "
-            "instrument was bumped or set up anew",
-            file=dataset.file,
-            row=int(dataset.row[first]),
-            hint="give these rows a session of their own in the column session, or leave them out",
-        )
-        suspect(error, dataset, (float(np.nanmedian(off[part])), 0.0), (float(left), 0.0))
+    left = float(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
+    if left < mended and not own_session(dataset, part):
+        what = f"{rows} are {1e3 * before:.3g} mm from where the other rows say, all by the same motion: the instrument was "
+        what += "bumped or set up anew"
+        hint = "give these rows a session of their own in the column session, or leave them out"
+        suspect(DatasetError(what, file=file, row=row, hint=hint), dataset, (before, 0.0), (left, 0.0))
 
 
 def stretch(far: Mask) -> slice | None:
@@ -117,11 +108,6 @@ def stretch(far: Mask) -> slice | None:
     if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
         return None
     return found
-
-
-def far_from_nominal(measured: Measured, nominal: Poses, reach: float) -> Mask:
-    """(N,) True for rows that are farther from the nominal machine than its tolerances can displace it (``reach``, m)."""
-    return np.asarray(_off(measured.T, nominal.T) > reach)
 
 
 def _off(one: Floats, two: Floats) -> Floats:
@@ -181,42 +167,31 @@ class FrameScan:
         count = len(self.rows)
         allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
         coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
-        place = self._least(steps, [allowed[i] for i in coarse])
-        return self._least(steps, [k for k in allowed if abs(k - place) <= 1 + count // GRID])
 
-    def _least(self, steps: Sequence[int], places: Sequence[int]) -> int:
-        """The place of one more step that leaves the smallest residuals."""
-        return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
+        def least(places: list[int]) -> int:
+            return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
+
+        place = least([allowed[i] for i in coarse])
+        return least([k for k in allowed if abs(k - place) <= 1 + count // GRID])
 
     def ratio(self, steps: Sequence[int]) -> float:
         """Sum of squares of the residuals without steps over that with ``steps``."""
         return self.left(()) / max(self.left(steps), 1e-300)
 
-    def left_by(self, columns: Floats) -> float:
-        """As :meth:`left`, for a frame whose motion is linear in some columns (M, k)."""
-        _, b, inner = self._with(columns)
-        return 0.5 * (float((self.y**2).sum()) - float(b @ np.linalg.solve(inner, b)))
-
-    def moved_by(self, columns: Floats) -> Floats:
-        """(k,) motion of the frame, m, at the median pose, for a unit of each column (M, k)."""
-        s, b, inner = self._with(columns)
-        delta = (s * np.linalg.solve(inner, b))[len(self.prior) :].reshape(-1, 6)
-        return np.asarray(np.median(np.linalg.norm(np.einsum("nij,kj->kni", self.lengths, delta), axis=2), axis=1))
-
-    def _with(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
-        """Scales, and the scaled normal equations, of the geometry and of motions in proportion to columns."""
+    def moved_with(self, columns: Floats) -> tuple[float, Floats, Floats]:
+        """For a frame whose motion is linear in some columns (M, k): what :meth:`left` gives for steps; and (k,) its motion for
+        a unit of each column at the median pose, in units of the noise and in m."""
         F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
         J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
         s = np.concatenate([self._scale, np.full(F.shape[2], SIZE)])
-        return s, s * (J.T @ self.y.ravel()), np.eye(len(s)) + s[:, None] * (J.T @ J) * s
-
-    def size(self, steps: Sequence[int]) -> tuple[float, float]:
-        """Size of the first step: in standard deviations of the remaining residuals, and in m at the median pose."""
-        (b,), (inner,) = self._normal(np.array([steps]))
-        delta = SIZE * np.linalg.solve(inner, b)[:6]
-        moved = np.linalg.norm(self.F @ delta, axis=1)
-        left = np.sqrt(2.0 * self.left(steps) / self.y.size)
-        return float(np.median(moved)) / left, float(np.median(np.linalg.norm(self.lengths @ delta, axis=1)))
+        b = s * (J.T @ self.y.ravel())
+        x = np.linalg.solve(np.eye(len(s)) + s[:, None] * (J.T @ J) * s, b)
+        delta = (s * x)[len(self.prior) :].reshape(-1, 6)
+        noises, metres = (
+            np.median(np.linalg.norm(np.einsum("nij,kj->kni", by, delta), axis=2), axis=1)
+            for by in (self.F, self.lengths)
+        )
+        return 0.5 * (float((self.y**2).sum()) - float(b @ x)), noises, metres
 
     @property
     def _scale(self) -> Floats:
@@ -242,24 +217,21 @@ class FrameScan:
         absorbed = solve_triangular(factor, by_step.T, lower=True)
         return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
 
-    def _normal(self, steps: Indices) -> tuple[Floats, Floats]:
-        """(S, 6 k) and (S, 6 k, 6 k) scaled normal equations of S sets of k steps (S, k), after the geometry was fitted."""
-        sets, size = len(steps), 6 * steps.shape[1]
-        absorbed, absorbed_y = self._absorbed
-        X = absorbed[steps].swapaxes(1, 2).reshape(sets, len(absorbed_y), size)
-        later = np.maximum(steps[:, :, None], steps[:, None])
-        FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
-        b = self._sums[2][steps].reshape(sets, size) - absorbed_y @ X
-        return SIZE * b, np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
-
     def left(self, steps: Sequence[int]) -> float:
         """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
         return float(self._lefts(np.array([steps], dtype=np.intp))[0])
 
     def _lefts(self, steps: Indices) -> Floats:
         """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
-        power = float((self.y**2).sum() - (self._absorbed[1] ** 2).sum())
-        b, inner = self._normal(steps)
+        sets, size = len(steps), 6 * steps.shape[1]
+        absorbed, absorbed_y = self._absorbed
+        X = absorbed[steps].swapaxes(1, 2).reshape(sets, len(absorbed_y), size)
+        later = np.maximum(steps[:, :, None], steps[:, None])
+        FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
+        # The scaled normal equations of the steps, after the geometry was fitted.
+        b = SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
+        inner = np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
+        power = float((self.y**2).sum() - (absorbed_y**2).sum())
         return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
@@ -294,10 +266,12 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
         while len(steps) < 2 and scan.ratio(steps) < RATIO:
             steps = sorted([*steps, scan.best(steps)])
         rows = scan.rows[steps[0] : steps[1] if len(steps) > 1 else None]
-        size, moved = scan.size(steps)
-        if scan.ratio(steps) < RATIO or size < LARGE or own_session(dataset, rows):
+        left = scan.left(steps)
+        _, (size, *_), (moved, *_) = scan.moved_with((np.arange(len(dataset))[:, None] >= steps).astype(float))
+        small = scan.ratio(steps) < RATIO or size < LARGE * np.sqrt(2.0 * left / scan.y.size)
+        if small or own_session(dataset, rows):
             continue
-        if scan.left_by(_alternatives(dataset, scan.rows)) < AHEAD * scan.left(steps):
+        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < AHEAD * left:
             continue
         lines = dataset.row[rows]
         error = DatasetError(

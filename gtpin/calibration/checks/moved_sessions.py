@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.calibration.checks.moved_rows import FrameScan, nominal_problem
+from gtpin.calibration.checks.recognise import expected_errors
 from gtpin.calibration.checks.suspected import refuse
-from gtpin.calibration.problem import Measured, Problem, rough_frame
+from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings
@@ -40,24 +41,24 @@ NAMED = 5
 """Largest number of sessions that an error names."""
 
 
-def check_sessions(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -> None:
+def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
     """Check that the instrument had the same pose in all sessions.
 
-    ``measured``, ``poses``: the N measured poses of the dataset, and those of the nominal model at their commands, base
-    frame; NaN where it can't reach.
+    ``poses``: (N) poses of the nominal model at the dataset's commands, base frame; NaN where it can't reach.
 
-    Raises `DatasetError` if the pose differs; it names the sessions, and the distance of each from the session with most
-    rows, m.
+    Raises `DatasetError` if the pose differs; it names the sessions, and the distance of each from the largest one, m.
     """
     there = np.flatnonzero(poses.reached)
     if not len(there):
         return
-    part, measured, poses = dataset.take(there), measured.take(there), poses[there]
+    part, poses = dataset.take(there), poses[there]
+    measured = measured_poses(part)
     moved = _moved(part, nominal, measured, poses)
     if FAR <= max(moved.values(), default=0.0) < BEYOND:
-        frame = rough_frame(poses, measured) if dataset.instrument.frame == "free" else Frame()
+        free = dataset.instrument.frame == "free"
+        frame = rough_frame(poses, measured) if free else Frame()
         own = Readings.of(part, nominal.robot)
-        c, free = own.components, dataset.instrument.frame == "free"
+        c = own.components
         unit = np.broadcast_to(np.eye(c), (len(part), c, c))
         moved = _moved_linear(part, Problem(replace(nominal, frame=frame), own, unit, free), poses)
     _suspect(dataset, moved, FAR)
@@ -82,9 +83,8 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
     thin, noise = nominal_problem(problem.take(rows, problem.whitening[rows]))
     scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
-    if scan.left(()) < RATIO * scan.left_by(columns):
-        return {}
-    return dict(zip(names, [0.0, *(float(size) for size in scan.moved_by(columns))], strict=True))
+    left, _, moved = scan.moved_with(columns)
+    return {} if scan.left(()) < RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
 
 
 def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
@@ -131,7 +131,9 @@ def _moved(dataset: Dataset, nominal: Model, measured: Measured, poses: Poses) -
     for name, frame in places.items():
         apart = poses.T[sessions == name] @ (frame.R - first.R).T + (frame.T - first.T)
         moved[name] = float(np.median(np.linalg.norm(apart, axis=1)))
-    clear = max(CLEAR * float(np.nanmedian(left)), EXPECTED * _expected(nominal, measured, poses))
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
+    expected = expected_errors(nominal, measured.q[some], poses[some])[0]
+    clear = max(CLEAR * float(np.nanmedian(left)), EXPECTED * expected)
     return moved if max(moved.values()) > clear else {}
 
 
@@ -143,10 +145,3 @@ def _tells_frame(measured: Measured, poses: Poses, own: Mask) -> bool:
         np.linalg.svd(T - T.mean(axis=0), compute_uv=False) / np.sqrt(len(T)) for T in (poses.T, poses.T[own])
     )
     return bool(mine[1] > LINE * all_[0])
-
-
-def _expected(nominal: Model, measured: Measured, poses: Poses) -> float:
-    """Median over the poses of the position error, m, that the tolerances let expect of the nominal model."""
-    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
-    J = nominal.kinematics.geometry_jacobian(measured.q[some], poses[some])[:, :3] * nominal.geometry.tolerance
-    return float(np.median(np.sqrt((J**2).sum(axis=(1, 2)))))

@@ -31,12 +31,10 @@ def check_actuators(robot: Chain, dataset: Dataset) -> None:
     """
     given, needed = dataset.n_actuators, robot.n_actuators
     if given != needed:
-        commands, actuators = (
-            f"{n} {what}{'s' if n != 1 else ''}" for n, what in ((given, "command"), (needed, "actuator"))
-        )
+        what = f"{given} command{'s'[: given != 1]} a pose, but {robot.name} has {needed} actuator{'s'[: needed != 1]}"
         hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(robot.sites)})"
         hint += ", or name those that were commanded: actuators = [...]" if given < needed else ""
-        raise DatasetError(f"{commands} a pose, but {robot.name} has {actuators}", file=dataset.file, hint=hint)
+        raise DatasetError(what, file=dataset.file, hint=hint)
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
@@ -47,7 +45,13 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     check_extremes(dataset)
     dataset = counted_once(with_positions(dataset, nominal.robot))
     wxyz = dataset.orientation
-    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any() or not _turns(dataset, nominal):
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any():
+        return dataset
+    if dataset.n_actuators != nominal.robot.n_actuators:
+        return dataset
+    poses = nominal.kinematics.forward(dataset.q)
+    R = poses.R[poses.reached]
+    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= TURNS:
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
     warn_of(dataset.file, text)
@@ -69,14 +73,6 @@ def with_positions(dataset: Dataset, robot: Chain | None = None) -> Dataset:
     reached = np.isfinite(T[:, 0])
     T[~reached] = T[reached][0] if reached.any() else 0.0
     return replace(dataset, position=T)
-
-
-def _turns(dataset: Dataset, nominal: Model) -> bool:
-    if dataset.n_actuators != nominal.robot.n_actuators:
-        return False
-    poses = nominal.kinematics.forward(dataset.q)
-    R = poses.R[poses.reached]
-    return len(R) > 1 and float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) > TURNS
 
 
 def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:

@@ -57,8 +57,7 @@ class PriorConflict:
 
 def strain(settled: FitState) -> PriorConflict | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
-    linear = _Linear.of(settled)
-    found = max(linear.suspects(), key=lambda s: s.gain)
+    found = max(_Linear.of(settled).suspects(), key=lambda s: s.gain)
     return found if found.gain > STRAINED else None
 
 
@@ -109,7 +108,9 @@ class _Linear:
             tried = [np.where(own, size**2, prior) for size in SCALES]
             gains = [self._evidence(variance) for variance in tried]
             best = int(np.argmax(gains))
-            shift = self._mean(tried[best])[own] * FRAME_UNIT
+            s = np.sqrt(tried[best])
+            mean = s * np.linalg.solve(np.eye(len(s)) + s[:, None] * self.A * s, s * self.b)
+            shift = mean[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield PriorConflict("frame", "frame", gains[best] - base, size, turn)
         zeros = self._alone(prior, slice(p + 6, None), SCALES)
@@ -154,11 +155,6 @@ class _Linear:
             return (vectors / np.sqrt(values)).T, float(np.log(values).sum())
         root = solve_triangular(lower, np.eye(len(s)), lower=True)
         return np.asarray(root), 2.0 * float(np.log(np.diag(lower)).sum())
-
-    def _mean(self, variance: Floats) -> Floats:
-        s = np.sqrt(variance)
-        inner = np.eye(len(s)) + s[:, None] * self.A * s
-        return np.asarray(s * np.linalg.solve(inner, s * self.b))
 
 
 def motions(problem: Problem, point: Point, rows: slice) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -71,14 +70,10 @@ class Misfit:
         strain = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
         return Misfit(off, max(strain, default=0.0))
 
-    def exceeds(self, reach: float) -> bool:
-        """Whether errors are larger than those of any robot within its tolerances, which move the TCP by ``reach``, m."""
-        return self.off.get("m", 0.0) > reach or self.off.get("rad", 0.0) > TURN
-
-    def suspicious(self, reach: float) -> bool:
-        """Whether errors are so large that other ways to read the instrument are tried."""
-        large = replace(self, off={unit: off / SUSPECT for unit, off in self.off.items()})
-        return large.exceeds(reach) or self.strain > STRAINED
+    def exceeds(self, reach: float, share: float = 1.0) -> bool:
+        """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
+        m."""
+        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * TURN
 
     @property
     def size(self) -> float:
@@ -104,7 +99,7 @@ def check_readable(
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
-        if not now.suspicious(reach):
+        if not now.exceeds(reach, SUSPECT) and now.strain <= STRAINED:
             continue
         file = readings.rows.files[i]
         tried: list[tuple[Misfit, Readings, Otherwise]] = []
@@ -119,10 +114,9 @@ def check_readable(
             best, read, other = found
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
             what = f"{one.name}: {other.looks} (as it stands, readings are {by})"
-            error = DatasetError(what, file=file, column=other.column, hint=other.hint)
-            if other.column is None:
-                toml = None if file is None else Path(file).parent / "dataset.toml"
-                error = DatasetError(what, file=toml, column=f"instrument.{i}.{other.key}", hint=other.hint)
+            column = " ".join(other.columns) or f"instrument.{i}.{next(iter(other.said))}"
+            where = file if other.columns else dataset.toml
+            error = DatasetError(what, file=where, column=column, hint=other.hint)
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
             error = DatasetError(
@@ -182,7 +176,8 @@ def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Rea
     rows = readings.rows
     mine = rows.rows_of(index)
     numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}
-    table, new = other.change(rows.tables[index], numbers)
+    table = rows.tables[index].model_copy(update=dict(other.said))
+    new = {name: factor * numbers[of] for name, (of, factor) in other.columns.items()}
     columns = dict(rows.columns)
     for name, values in new.items():
         column = np.array(columns[name], dtype=float)
@@ -237,15 +232,13 @@ def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: f
             found = float(np.linalg.norm(one.at(readings.own(i), a) - one.at(readings.own(i), b)))
             if abs(given - found) <= reach or _missed(readings, poses, i, one, (a, b)) > reach:
                 continue
-            file = readings.rows.files[i]
-            toml = None if file is None else Path(file).parent / "dataset.toml"
             like = [(unit, factor) for unit, factor in UNITS if abs(given * factor - found) < min(reach, 0.2 * found)]
             hint = (
                 f"it looks like {like[0][0]}: multiply by {like[0][1]:g}" if like else "check it, and the rows' sockets"
             )
             what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
             column = f"instrument.{i}.distances.{k}"
-            refuse(DatasetError(what, file=toml, column=column, hint=hint), dataset)
+            refuse(DatasetError(what, file=dataset.toml, column=column, hint=hint), dataset)
 
 
 def _missed(readings: Readings, poses: Poses, index: int, one: Socket, names: tuple[str, str]) -> float:

@@ -60,13 +60,11 @@ class Interpretation:
     """A way to read the data, as they are or with mistakes corrected.
 
     - ``columns``: the columns that have the mistake.
-    - ``looks``, ``hint``: message texts: what they look like, and what the user should do; empty where nothing is
-      corrected.
+    - ``looks``, ``hint``: message texts: what they look like, and what the user should do; empty without a mistake.
     - ``mistakes``: number of mistakes that are corrected.
     - ``measured``, ``poses``: the measured poses, read in this way, and those that the nominal model predicts of the
       target, base frame.
-    - ``elsewhere``: whether the instrument is assumed to stand elsewhere than in the base frame, though it is not declared
-      free.
+    - ``elsewhere``: whether the instrument is assumed to stand elsewhere, though it is not declared free.
     """
 
     columns: str
@@ -85,8 +83,7 @@ class Interpretation:
             return self.measured
         aside = self.poses.T - tcp.T
         if np.abs(aside).max(initial=0.0) > MOVED:
-            F = rough_frame(self.poses, self.measured).R if free_frame else np.eye(3)
-            T = T - aside @ F.T
+            T = T - aside @ _frame(self.poses, self.measured, free_frame).R.T
         if R is not None:
             R = R @ np.swapaxes(self.poses.R, 1, 2) @ tcp.R
         return Measured(q, T, R)
@@ -129,6 +126,13 @@ def either(words: Iterable[str]) -> str:
     different = list(dict.fromkeys(words))
     more = ["something alike"] * (len(different) > MOST_NAMED)
     return "; or ".join(different[:MOST_NAMED] + more)
+
+
+def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
+    """Median position error, m, and rotation, rad, of the nominal model that its tolerances let expect at commands (N, n)."""
+    J = nominal.kinematics.geometry_jacobian(q, poses) * nominal.geometry.tolerance
+    T, R = (float(np.median(np.sqrt((J[:, rows] ** 2).sum(axis=(1, 2))))) for rows in (slice(0, 3), slice(3, 6)))
+    return T, R
 
 
 class Search:
@@ -177,8 +181,7 @@ class Search:
         """Median error of the nominal model, m, that its tolerances let expect."""
         if self.lost:
             return FITS * self.size
-        J = self.nominal.kinematics.geometry_jacobian(self.measured.q, self.poses) * self.nominal.geometry.tolerance
-        T, R = (float(np.median(np.sqrt((J[:, rows] ** 2).sum(axis=(1, 2))))) for rows in (slice(0, 3), slice(3, 6)))
+        T, R = expected_errors(self.nominal, self.measured.q, self.poses)
         return float(np.hypot(T, self.size * R if self.rotation is not None else 0.0))
 
     @property
@@ -240,7 +243,7 @@ class Search:
                     continue  # positions alone do not show which axis is reversed
                 yield Interpretation(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
                 continue
-            seen = self._seen(poses, Measured(q, T, None), turned)
+            seen = _seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
             rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
             if self.free_tool:  # other axes of the target are a free target
@@ -250,7 +253,8 @@ class Search:
                 # Where positions determine the frame, orientations are compared in it.
                 if not self._line and self.size * _apart(R, seen.R) > near + CLOSE * self.size:
                     continue
-                looks, hint = _joined(positions.looks, o.looks), _joined(positions.hint, o.hint)
+                pairs = (positions.looks, o.looks), (positions.hint, o.hint)
+                looks, hint = (", and ".join(words for words in pair if words) for pair in pairs)
                 yield Interpretation(columns, looks, hint, positions.mistakes + o.mistakes, Measured(q, T, R), poses)
         if rotation is not None:
             inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
@@ -274,9 +278,9 @@ class Search:
         for j in range(q.shape[1]):
             poses, shift, way = self.poses, 0.0, np.eye(q.shape[1])[j]
             for _ in range(STEPS):
-                seen = self._seen(poses, self.measured, turned)
+                seen = _seen(poses, self.measured, turned)
                 J = kinematics.command_jacobian(q + shift * way, poses)[:, :3, j]
-                turn = self._frame(poses, self.measured, turned).R
+                turn = _frame(poses, self.measured, turned).R
                 along = ((self.measured.T - seen.T) * (J @ turn.T)).sum(axis=1)
                 shift += float(np.median(along / np.maximum((J**2).sum(axis=1), 1e-12)))
                 poses = kinematics.forward(q + shift * way)
@@ -292,16 +296,20 @@ class Search:
         if self.lost or self.free_target:
             return
         if self.free_tool:
-            yield self._free_target(turned)
+            place = frame_and_target(self.poses, self.measured.T, self.measured.R, free_frame=turned)
+            there = Poses(self.poses.T + self.poses.R @ place.at, self.poses.R @ place.mount)
+            looks = f"the target looks to sit at {_metres(place.at)} m in the TCP's frame"
+            if self.measured.R is not None:
+                looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
+            yield Interpretation("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
             return
-        frame = self._frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
+        frame = _frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
         seen = self.poses.moved(frame.T, frame.R)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)
         there = Poses(self.poses.T + self.poses.R @ aside, self.poses.R)
-        place = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
-        hint = "move the URDF's tcp link there"
+        at = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
         if not turned:
-            yield Interpretation("x y z", place, hint, 1, self.measured, there)
+            yield Interpretation("x y z", at, "move the URDF's tcp link there", 1, self.measured, there)
         if self.measured.R is None:
             return
         turn = _middle(np.swapaxes(seen.R, 1, 2) @ self.measured.R)
@@ -309,34 +317,26 @@ class Search:
         turned_poses = Poses(self.poses.T, self.poses.R @ turn)
         yield Interpretation("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
         if not turned:
-            both, what = Poses(there.T, there.R @ turn), f"{place}, and {way}"
+            both, what = Poses(there.T, there.R @ turn), f"{at}, and {way}"
             yield Interpretation("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
-
-    def _free_target(self, turned: bool) -> Interpretation:
-        """The reading by which the target is anywhere on the platform, where the TCP's place is a parameter."""
-        T, R = self.measured.T, self.measured.R
-        place = frame_and_target(self.poses, T, R, free_frame=turned)
-        there = Poses(self.poses.T + self.poses.R @ place.at, self.poses.R @ place.mount)
-        looks = f"the target looks to sit at {_metres(place.at)} m in the TCP's frame"
-        if R is not None:
-            looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
-        return Interpretation("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""
-        seen = self._seen(poses, measured, turned)
+        seen = _seen(poses, measured, turned)
         off = float(np.median(np.linalg.norm(measured.T - seen.T, axis=1)))
         if measured.R is None:
             return off
         return float(np.hypot(off, self.size * _apart(measured.R, seen.R)))
 
-    def _seen(self, poses: Poses, measured: Measured, turned: bool) -> Poses:
-        frame = self._frame(poses, measured, turned)
-        return poses.moved(frame.T, frame.R)
 
-    @staticmethod
-    def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
-        return rough_frame(poses, measured) if turned else Frame()
+def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
+    """The frame in which the poses fit best what was measured, or the base frame."""
+    return rough_frame(poses, measured) if turned else Frame()
+
+
+def _seen(poses: Poses, measured: Measured, turned: bool) -> Poses:
+    frame = _frame(poses, measured, turned)
+    return poses.moved(frame.T, frame.R)
 
 
 def _metres(at: Floats) -> str:
@@ -345,10 +345,6 @@ def _metres(at: Floats) -> str:
 
 def _degrees(turn: Floats) -> str:
     return f"({', '.join(f'{v:.1f}' for v in np.degrees(log(turn[None])[0]))})"
-
-
-def _joined(one: str, other: str) -> str:
-    return ", and ".join(words for words in (one, other) if words)
 
 
 def _apart(one: Floats, other: Floats) -> float:

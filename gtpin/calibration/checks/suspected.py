@@ -7,12 +7,13 @@ warning, and the data are used as they are: a large effect, or a nominal robot t
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.typing import Floats
 
 Size = tuple[float, float]
 """Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
@@ -34,6 +35,13 @@ LOWER = 4.0
 EXACT, ABOVE = 1.1, 2.0
 """Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
 Assumed: an effect has another pattern than a convention of rotations, so that more would be left."""
+MISFIT = 10.0
+"""Size of a fit's residuals, in units of the noise, from which there is a warning. Assumed."""
+STRAYED = 6.0
+"""Deviation of a parameter from nominal, in units of its tolerance, and of an unknown from what is declared, in prior sigmas,
+from which there is a warning. Assumed."""
+NAMED = 5
+"""Largest number of parameters that a warning names."""
 NO_BETTER = 0.8
 """Share of the residuals that a correction leaves, from which it is no suspicion. Assumed."""
 PLAUSIBLE: Size = (1e-4, 3e-4)
@@ -85,6 +93,14 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
     warn(str(error))
 
 
+def far_from_declared(values: Floats, names: Sequence[str]) -> str:
+    """Names and values of the deviations, in prior sigmas, that are larger than `STRAYED`, the farthest first; or nothing."""
+    far = np.flatnonzero(np.abs(values) > STRAYED)
+    order = far[np.argsort(-np.abs(values[far]))]
+    more = f" and {len(order) - NAMED} more" if len(order) > NAMED else ""
+    return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[:NAMED]) + more
+
+
 def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
     """The larger of the two residuals in units of the noise, as the data are and with the mistake corrected."""
     declared = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
@@ -99,13 +115,8 @@ def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
 def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
     """Whether residuals have exactly the declared noise once a mistake is corrected, and more as they are."""
     known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    ratios = [
-        (now / sigma, then / sigma)
-        for now, then, sigma in zip(before, after, known, strict=True)
-        if sigma is not None and now > 0.0
-    ]
-    unknown = any(sigma is None and now > 0.0 for now, sigma in zip(before, known, strict=True))
-    return not unknown and max(now for now, _ in ratios) > ABOVE and max(then for _, then in ratios) <= EXACT
+    seen = [(now, then, sigma or 0.0) for now, then, sigma in zip(before, after, known, strict=True) if now > 0.0]
+    return any(now > ABOVE * sigma for now, _, sigma in seen) and all(then <= EXACT * sigma for _, then, sigma in seen)
 
 
 def _sizes(sizes: Size) -> str:

@@ -8,11 +8,12 @@ import numpy as np
 
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
+from gtpin.calibration.checks.readable_readings import check_distances
 from gtpin.calibration.checks.recognise import REACHED, Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
-from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
+from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame, with_unknowns
 from gtpin.data import Dataset, InstrumentSection, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -35,8 +36,6 @@ FAR_TOLERANCES, FAR = 50.0, {"m": 0.02, "rad": 0.05}
 needs more makes up for a mistake."""
 STEPS = 15
 """Largest number of steps of each fit."""
-FEWEST = 1.0
-"""Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit that can be checked."""
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
@@ -57,7 +56,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         dataset = replace(dataset, orientation=None)
     inside, seen = dataset.take(~outside), poses[~outside]
     check_mixed_units(inside, seen)
-    check_sessions(inside, nominal, measured_poses(inside), seen)
+    check_sessions(inside, nominal, seen)
     if poses.reached.mean() <= REACHED:
         _check_readings(dataset, nominal, poses, ~outside)
 
@@ -74,12 +73,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
 
     try:
         check_commands(
-            dataset,
-            names=robot.sites,
-            lower=robot.lower,
-            upper=robot.upper,
-            revolute=robot.revolute,
-            suspect=doubt,
+            dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute, suspect=doubt
         )
     except DatasetError:
         _check_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
@@ -118,26 +112,24 @@ def reach_of(geometry: Geometry) -> float:
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
-def check_size(dataset: Dataset, measured: Measured, unknowns: int) -> None:
-    """Raise `DatasetError` if there are fewer measured numbers than unknowns without a prior: those of a free frame."""
-    numbers = len(measured.T) * measured.components
+def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
+    """The problem about the nominal machine, with the frame, and the instruments' unknowns, that fit it best.
+
+    ``near``: (N) poses of ``nominal`` at the dataset's rows, base frame. ``free``: whether a lone tracker stands elsewhere.
+
+    Raises `DatasetError` if there are fewer measured numbers than unknowns without a prior, or a known distance of sockets
+    can't be the robot's.
+    """
+    readings = Readings.of(dataset, nominal.robot)
+    readings, c = readings.at(readings.start(near)), readings.components
+    numbers, unknowns = len(dataset) * c, readings.free_unknowns(free)
     if numbers <= unknowns:
-        raise DatasetError(
-            f"{len(measured.T)} usable rows give {numbers} numbers for {unknowns} unknowns of the instrument alone",
-            file=dataset.file,
-            hint="measure more poses",
-        )
-
-
-def check_freedom(dataset: Dataset, numbers: float, dof: float) -> None:
-    """Raise `DatasetError` if a fit leaves less than one degree of freedom: nothing could be said of its noise or its error."""
-    if dof < FEWEST:
-        raise DatasetError(
-            f"{numbers:g} measured numbers leave {max(dof, 0.0):.2g} degrees of freedom",
-            file=dataset.file,
-            hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
-            "of 7 x 7 is good)",
-        )
+        what = f"{numbers} readings for {unknowns} unknowns of the instruments alone"
+        raise DatasetError(what, file=dataset.file, hint="measure more")
+    check_distances(dataset, readings, near, reach_of(nominal.geometry))
+    start = replace(nominal, frame=rough_frame(near, measured_poses(dataset)) if free else Frame())
+    whitening = np.broadcast_to(np.eye(c), (len(dataset), c, c))
+    return Problem(start, with_unknowns(readings, near), whitening, free)
 
 
 def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSection) -> Size:
