@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from monte_carlo import assert_chi2, study
 from scipy.spatial.transform import Rotation
-from virtual_gantry import commands, draw, measured
+from virtual_gantry import case, commands
 
 pytestmark = pytest.mark.slow
 
@@ -14,12 +14,7 @@ MACHINES = 250
 @pytest.fixture(scope="module")
 def usual():
     """Machines measured at 100 poses each, positions and orientations, the noise declared."""
-
-    def make(rng):
-        machine = draw(rng)
-        return machine, measured(machine, commands(rng, 100), rng)
-
-    return study(make, MACHINES)
+    return study(lambda rng: case(rng, 100), MACHINES)
 
 
 def test_intervals_cover_values_are_unbiased_and_errors_follow_the_whole_covariance(usual):
@@ -52,11 +47,7 @@ def assert_held_out(found):
 
 
 def test_positions_alone_are_covered_as_well():
-    def make(rng):
-        machine = draw(rng)
-        return machine, measured(machine, commands(rng, 80), rng, orientation=False)
-
-    found = study(make, 60)
+    found = study(lambda rng: case(rng, 80, orientation=False), 60)
     found.assert_covers()
     found.assert_unbiased()
     found.assert_fits()
@@ -68,11 +59,7 @@ def test_positions_alone_are_covered_as_well():
 
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
 def test_an_instrument_that_stands_anywhere_is_covered_as_well(orientation):
-    def make(rng):
-        machine = draw(rng, free=True)
-        return machine, measured(machine, commands(rng, 80), rng, orientation=orientation)
-
-    found = study(make, 60)
+    found = study(lambda rng: case(rng, 80, free=True, orientation=orientation), 60)
     found.assert_covers()
     found.assert_unbiased()
     found.assert_fits()

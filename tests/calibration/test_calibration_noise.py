@@ -7,7 +7,7 @@ import pytest
 from monte_carlo import ONCE, assert_chi2, study
 from scipy.stats import binom, chi2, multivariate_normal
 from scipy.stats import t as student
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, measured, tolerance, undeclared
+from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, case, commands, draw, measured, tolerance, undeclared
 
 import gtpin
 from gtpin.data import InstrumentSection
@@ -202,8 +202,7 @@ def test_gross_errors_of_positions_alone_are_set_aside():
 def test_gross_errors_of_any_size_are_set_aside(size, free, orientation):
     """From a slip of a decimetre to an overflowed cell, also where they must not mislead the guess of the frame."""
     rng = np.random.default_rng([int(np.log10(size)) + 5, free, orientation])
-    machine = draw(rng, free=free)
-    clean = measured(machine, commands(rng, 60), rng, orientation=orientation)
+    _, clean = case(rng, 60, free=free, orientation=orientation)
     position = clean.position.copy()
     position[[7, 20, 33]] += size * rng.choice([-1.0, 1.0], (3, 3)) * rng.uniform(0.3, 1.0, (3, 3))
     with pytest.warns(gtpin.GtpinWarning, match="gross"), np.errstate(over="ignore"):
@@ -214,10 +213,8 @@ def test_gross_errors_of_any_size_are_set_aside(size, free, orientation):
 
 
 def test_gross_errors_of_orientation_and_of_commands_are_set_aside():
-    rng = np.random.default_rng(8)
-    machine, q = draw(rng), commands(rng, 120)
-    clean = measured(machine, q, rng)
-    quaternion, wrong_q = clean.orientation.copy(), q.copy()
+    _, clean = case(np.random.default_rng(8), 120)
+    quaternion, wrong_q = clean.orientation.copy(), clean.q.copy()
     quaternion[3] = quaternion[3][[0, 2, 1, 3]]  # components that were swapped
     wrong_q[7, 1] += 0.01  # a typing error of a centimetre
     with pytest.warns(gtpin.GtpinWarning, match="3, 7"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pinocchio_rods import PinocchioRods
-from virtual_gantry import commands, draw, measured
+from virtual_gantry import case
 
 import gtpin
 from gtpin.kinematics.rod_kinematics import RodKinematics
@@ -16,8 +16,7 @@ OTHERS = ("tau", "stewart", "gantry_tau_6dof", "linear_delta")
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
 @pytest.mark.parametrize("scale", [None, "actuator"])
 def test_calibrations_by_arrays_and_by_pinocchio_are_the_same(free, scale, monkeypatch):
-    rng = np.random.default_rng([3, free])
-    dataset = measured(draw(rng, free=free), commands(rng, 40), rng)
+    _, dataset = case(np.random.default_rng([3, free]), 40, free=free)
     one = gtpin.calibrate(dataset, scale=scale)
     monkeypatch.setattr(model, "kinematics", PinocchioRods)
     two = gtpin.calibrate(dataset, scale=scale)
@@ -51,6 +50,5 @@ def test_poses_and_derivatives_far_from_nominal_are_the_same(name):
 
 
 def test_the_former_choice_of_a_solver_is_not_used_and_says_so():
-    rng = np.random.default_rng(1)
     with pytest.warns(DeprecationWarning, match="leave it out"):
-        gtpin.calibrate(measured(draw(rng), commands(rng, 20), rng), kinematics="pinocchio")
+        gtpin.calibrate(case(np.random.default_rng(1), 20)[1], kinematics="pinocchio")

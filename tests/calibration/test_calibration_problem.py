@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from virtual_gantry import (
-    ORIENTATION_SIGMA,
-    POSITION_SIGMA,
-    Gantry,
-    commands,
-    draw,
-    measured,
-    names,
-    tolerance,
-)
+from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, case, commands, names, tolerance
 
 import gtpin
 from gtpin.calibration.problem import Problem, measured_poses, rough_frame
@@ -34,9 +25,8 @@ SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}
 @pytest.mark.parametrize("options", SCALES.values(), ids=SCALES)
 def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, free, orientation, away):
     rng = np.random.default_rng(2)
-    machine = draw(rng, free=free)
-    q = commands(rng, 7)
-    dataset = measured(machine, q, rng, orientation=orientation)
+    _, dataset = case(rng, 7, free=free, orientation=orientation)
+    q = dataset.q
     nominal = Model(Geometry.nominal(gtpin.load_robot("gantry_tau"), **options))
     poses, seen = nominal.predict(q), measured_poses(dataset)
     start = replace(nominal, frame=rough_frame(poses, seen)) if free else nominal
@@ -70,11 +60,8 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True], ids=["robot", "free"])
 def test_scipy_finds_the_same_optimum(free):
-    rng = np.random.default_rng(11)
-    machine = draw(rng, free=free)
-    q = commands(rng, 25)
-    dataset = measured(machine, q, rng)
-    found = gtpin.calibrate(dataset)
+    _, dataset = case(np.random.default_rng(11), 25, free=free)
+    found, q = gtpin.calibrate(dataset), dataset.q
     parameters = names()
     sizes = np.array([tolerance(name) for name in parameters])
     turn = Rotation.from_quat(dataset.orientation, scalar_first=True)
@@ -114,8 +101,8 @@ def test_scipy_finds_the_same_optimum(free):
 def test_the_free_frame_is_found_from_any_stand():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        machine = draw(rng, free=True)
-        found = gtpin.calibrate(measured(machine, commands(rng, 60), rng))
+        machine, dataset = case(rng, 60, free=True)
+        found = gtpin.calibrate(dataset)
         assert not found.model.frame.is_base
         q = commands(rng, 20)
         T, turn = machine.seen(q)
@@ -125,7 +112,6 @@ def test_the_free_frame_is_found_from_any_stand():
 
 
 def test_a_robot_frame_stays_the_base_frame():
-    rng = np.random.default_rng(0)
-    found = gtpin.calibrate(measured(draw(rng), commands(rng, 40), rng))
+    found = gtpin.calibrate(case(np.random.default_rng(0), 40)[1])
     assert found.model.frame.is_base
     assert np.array_equal(found.model.frame.T, Frame().T)

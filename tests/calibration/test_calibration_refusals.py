@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_gantry import commands, draw, indices, measured
+from virtual_gantry import case, indices
 
 import gtpin
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
@@ -15,8 +15,7 @@ COUNT = 80
 
 @pytest.fixture(scope="module")
 def good():
-    rng = np.random.default_rng(7)
-    return measured(draw(rng), commands(rng, COUNT), rng)
+    return case(np.random.default_rng(7), COUNT)[1]
 
 
 @pytest.mark.slow
@@ -80,8 +79,7 @@ def test_observability_indices_are_those_of_the_whitened_derivative_down_to_what
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 def test_commands_in_reverse_order_in_half_of_the_rows_never_give_a_model(seed):
-    rng = np.random.default_rng(seed)
-    dataset = measured(draw(rng), commands(rng, COUNT), rng)
+    _, dataset = case(np.random.default_rng(seed), COUNT)
     q = dataset.q.copy()
     q[COUNT // 2 :, 1] = q[COUNT // 2 :, 1][::-1]
     with pytest.raises((DatasetError, ConvergenceError), match=r"poses|rows|fit"):

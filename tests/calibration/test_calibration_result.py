@@ -1,16 +1,14 @@
 """What a calibration tells: its JSON, its text, and the model that it leaves behind."""
 
 import json
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+import virtual_gantry
 from scipy.spatial.transform import Rotation
-from virtual_gantry import commands, draw, measured, names, undeclared
+from virtual_gantry import commands, names, undeclared
 
 import gtpin
 from gtpin.data import InstrumentSection
@@ -24,9 +22,7 @@ PARAMETER = {"name": str, "unit": str} | dict.fromkeys(("value", "sigma", "nomin
 
 
 def calibrated(seed=0, drawn=None, free=False, **options):
-    rng = np.random.default_rng(seed)
-    machine = draw(rng, drawn, free=free)
-    dataset = measured(machine, commands(rng, 60), rng)
+    _, dataset = virtual_gantry.case(np.random.default_rng(seed), 60, drawn, free=free)
     return dataset, gtpin.calibrate(dataset, **options)
 
 
@@ -147,66 +143,13 @@ def test_the_urdf_of_a_calibrated_model_predicts_what_the_model_does(tmp_path, s
         assert np.abs(pin.log3(there.R @ expected.R[i].T)).max() < 1e-9
 
 
-@pytest.fixture(scope="module")
-def model_json(tmp_path_factory, case):
-    folder = tmp_path_factory.mktemp("model")
-    gtpin.write_model(case[1].model, folder)
-    return folder, (folder / "model.json").read_text()
-
-
-ANYTHING = st.recursive(
-    st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=5,
-)
-
-
-def read_or_refuse(folder, text):
-    file = folder / "model.json"
-    file.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass"))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        said = ""
-        try:
-            gtpin.read_model(folder).predict(np.zeros((1, 3)))
-        except GtpinError as error:
-            said = str(error)
-        assert "\n" not in said
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_model_json_with_other_values_is_read_or_refused(model_json, data):
-    folder, text = model_json
-    told = json.loads(text)
-    key = data.draw(st.sampled_from(sorted(told)))
-    if isinstance(told[key], dict) and told[key] and data.draw(st.booleans()):
-        told[key][data.draw(st.sampled_from(sorted(told[key])))] = data.draw(ANYTHING)
-    elif data.draw(st.booleans()):
-        told[key] = data.draw(ANYTHING)
-    else:
-        del told[key]
-    read_or_refuse(folder, json.dumps(told))
-
-
-@pytest.mark.slow
-@given(cut=st.integers(0, 3000), junk=st.binary(max_size=6))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_damaged_model_json_is_read_or_refused(model_json, cut, junk):
-    folder, text = model_json
-    read_or_refuse(folder, text.encode()[:cut] + junk + text.encode()[cut + len(junk) :])
-    read_or_refuse(folder, text.encode()[:cut] + junk)
-
-
 @pytest.mark.parametrize(
     "content", ["[" * 100_000, '{"schema": 1' + "0" * 10_000 + "}", "", "null", "[]", '"model"'], ids=lambda t: t[:8]
 )
-def test_a_model_json_that_is_no_model_is_refused(model_json, content):
-    folder, _ = model_json
-    (folder / "model.json").write_text(content)
+def test_a_model_json_that_is_no_model_is_refused(tmp_path, content):
+    (tmp_path / "model.json").write_text(content)
     with pytest.raises(GtpinError, match=r"model\.json"):
-        gtpin.read_model(folder)
+        gtpin.read_model(tmp_path)
 
 
 def test_a_model_without_its_urdf_is_refused(tmp_path, case):
@@ -214,10 +157,3 @@ def test_a_model_without_its_urdf_is_refused(tmp_path, case):
     (tmp_path / "nominal.urdf").unlink()
     with pytest.raises(GtpinError, match=r"nominal\.urdf"):
         gtpin.read_model(tmp_path)
-
-
-@pytest.mark.parametrize("reference", ["nowhere", "nowhere/model", "no.urdf", ""])
-def test_a_model_that_is_not_there_is_refused(tmp_path, monkeypatch, reference):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(GtpinError):
-        gtpin.read_model(reference)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from virtual_gantry import commands, draw, measured, undeclared
+from virtual_gantry import case, undeclared
 
 import gtpin
 
@@ -35,8 +35,7 @@ def visited(dataset, rng, times, scatter):
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
 def test_poses_and_readings_of_one_tracker_calibrate_alike(declared, times, orientation):
     rng = np.random.default_rng([declared, times, orientation])
-    machine = draw(rng)
-    data = measured(machine, commands(rng, 60), rng, orientation=orientation)
+    _, data = case(rng, 60, orientation=orientation)
     data = visited(data, rng, times, 3e-5) if times > 1 else data
     data = data if declared else undeclared(data)
     poses = gtpin.calibrate(data)

@@ -6,8 +6,8 @@ import functools
 import itertools
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,22 +37,15 @@ KINDS: dict[str, Reads] = {
 }
 
 
-@dataclass(frozen=True)
-class Known:
-    """What is true of a machine and of its instruments."""
-
-    deviations: dict[str, float]
-
-
 def studied(reads: Reads, n: int, seed: int) -> Study:
     """Calibrations of n machines by what instruments read of them."""
     with tempfile.TemporaryDirectory() as folder:
 
-        def make(rng: np.random.Generator) -> tuple[Known, gtpin.Dataset]:
+        def make(rng: np.random.Generator) -> tuple[SimpleNamespace, gtpin.Dataset]:
             machine = draw(rng)
             seen = reads(machine.gantry, rng)
             unknowns = {name: value for one in seen for name, value in one.truth.items()}
-            return Known(machine.deviations | unknowns), read(Path(folder) / "set", *seen)
+            return SimpleNamespace(deviations=machine.deviations | unknowns), read(Path(folder) / "set", *seen)
 
         return study(make, n, seed)
 

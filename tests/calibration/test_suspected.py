@@ -86,21 +86,18 @@ def test_a_large_error_of_orientation_outside_the_catalogue_is_no_convention(see
     assert gtpin.calibrate(wrong).poses > 60
 
 
-def bumped() -> Dataset:
+@pytest.mark.slow
+def test_trusted_data_are_calibrated_and_the_result_has_the_warnings() -> None:
     data = make_case(671, n_effects=0, poses=80, held_out=1).dataset
     position = data.position.copy()
     position[len(data) // 2 :] += [0.0, 8e-4, -4e-4]
     order = {name: values for name, values in data.covariates.items() if name not in ("session", "time")}
-    return replace(data, position=position, covariates=order)
-
-
-@pytest.mark.slow
-def test_trusted_data_are_calibrated_and_the_result_has_the_warnings() -> None:
+    bumped = replace(data, position=position, covariates=order)
     with pytest.raises(DatasetError, match="bumped"):
-        gtpin.calibrate(bumped())
+        gtpin.calibrate(bumped)
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", GtpinWarning)
-        found = gtpin.calibrate(bumped(), trust_data=True)
+        found = gtpin.calibrate(bumped, trust_data=True)
     assert any("bumped" in text for text in found.warnings)
     assert found.warnings == tuple(dict.fromkeys(str(w.message) for w in heard))
     assert found.to_json()["warnings"] == list(found.warnings)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -159,6 +160,14 @@ def measured(
         orientation=(Rotation.from_rotvec(noise[:, 3:]) * turn).as_quat(scalar_first=True) if orientation else None,
         instrument=instrument,
     )
+
+
+def case(
+    rng: np.random.Generator, count: int, drawn: list[str] | None = None, *, free: bool = False, **options: Any
+) -> tuple[Machine, gtpin.Dataset]:
+    """A machine as :func:`draw` makes it, and what a tracker reads of it at so many commands."""
+    machine = draw(rng, drawn, free=free)
+    return machine, measured(machine, commands(rng, count), rng, **options)
 
 
 def indices(s: Floats, rows: int) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """Models with effects: written and read bit by bit, wrong files refused by their keys, covariates asked for by name."""
 
+import functools
 import json
 import warnings
 from dataclasses import replace
@@ -26,9 +27,6 @@ ODD = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped
 
 def same(one: gtpin.Poses, other: gtpin.Poses) -> bool:
     return bool(np.array_equal(one.T, other.T) and np.array_equal(one.R, other.R))
-
-
-# -------------------------------------------------------------------------------------------------- there and back
 
 
 @pytest.mark.slow
@@ -61,15 +59,12 @@ def test_several_effects_and_a_free_instrument_come_back_whole(tmp_path):
     assert np.array_equal(again.covariance, model.covariance)
 
 
-# -------------------------------------------------------------------------------------------------- wrong files
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """A folder of a model with two effects, and what its model.json holds."""
     folder = tmp_path_factory.mktemp("model")
     effects = (active("rack_periodic", "cart2"), active("zero_shift", "cart1"))
-    gtpin.write_model(gtpin.Model(GEOMETRY, effects=effects), folder)
+    gtpin.write_model(gtpin.Model(GEOMETRY, effects=effects, covariance=np.diag(GEOMETRY.tolerance**2)), folder)
     return folder, (folder / "model.json").read_text()
 
 
@@ -107,9 +102,7 @@ def test_a_wrong_effect_is_refused_by_file_and_key(written, key, change):
     folder, text = written
     told = json.loads(text)
     *above, last = change[0].split(".")
-    place = told["effects"][int(key.split(".")[1])]
-    for name in above:
-        place = place[name]
+    place = functools.reduce(dict.__getitem__, above, told["effects"][int(key.split(".")[1])])
     place[last] = change[1]
     (folder / "model.json").write_text(json.dumps(told))
     with pytest.raises(ModelError) as refused:
@@ -119,22 +112,30 @@ def test_a_wrong_effect_is_refused_by_file_and_key(written, key, change):
 
 
 ANYTHING = st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=3)
-JUNK = st.recursive(ANYTHING, lambda inner: st.lists(inner, max_size=4), max_leaves=4)
+JUNK = st.recursive(
+    ANYTHING,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=4,
+)
 
 
+@pytest.mark.parametrize("whole", [pytest.param(True, marks=pytest.mark.slow), False], ids=["model", "effect"])
 @given(data=st.data())
-@settings(ODD, max_examples=40)
-def test_an_effect_with_other_values_is_read_or_refused(written, data):
+@settings(ODD, max_examples=100)
+def test_a_model_with_other_values_is_read_or_refused(written, whole, data):
     folder, text = written
     told = json.loads(text)
-    place = told["effects"][data.draw(st.integers(0, 1))]
+    place = told if whole else told["effects"][data.draw(st.integers(0, 1))]
     while True:
         keys = sorted(place) if isinstance(place, dict) else range(len(place))
         key = data.draw(st.sampled_from(keys))
         if not isinstance(place[key], dict | list) or not place[key] or data.draw(st.booleans()):
             break
         place = place[key]
-    place[key] = data.draw(JUNK)
+    if isinstance(place, dict) and data.draw(st.booleans()):
+        del place[key]
+    else:
+        place[key] = data.draw(JUNK)
     (folder / "model.json").write_text(json.dumps(told))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -171,9 +172,6 @@ def test_numbers_that_are_none_are_not_written(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-# ------------------------------------------------------------------------------------------------ effects of others
-
-
 class Creep(Effect):
     """dq = c time: a belt that stretches."""
 
@@ -205,23 +203,15 @@ def stranger(monkeypatch):
     effects_by_id.cache_clear()
 
 
-def test_an_effect_of_another_package_is_written_and_read(stranger, tmp_path):
+def test_an_effect_of_another_package_is_written_and_read_where_it_is_installed_or_given(
+    stranger, tmp_path, monkeypatch
+):
     model = with_effect("belt_creep", "cart3")
     gtpin.write_model(model, tmp_path)
     assert same(gtpin.read_model(tmp_path).predict(Q, COLUMNS), model.predict(Q, COLUMNS))
-
-
-def test_an_effect_that_is_not_installed_is_an_error_that_says_so(stranger, tmp_path, monkeypatch):
-    model = with_effect("belt_creep", "cart3")
-    gtpin.write_model(model, tmp_path)
     registered(monkeypatch)
     with pytest.raises(ModelError, match=r"effects\.0\.effect.*'belt_creep'.*install the package"):
         gtpin.read_model(tmp_path)
-
-
-def test_an_effect_that_is_not_installed_is_written_and_read_where_it_is_given(stranger, tmp_path, monkeypatch):
-    model = with_effect("belt_creep", "cart3")
-    registered(monkeypatch)
     gtpin.write_model(model, tmp_path)
     assert same(gtpin.read_model(tmp_path, effects=[Creep()]).predict(Q, COLUMNS), model.predict(Q, COLUMNS))
 
@@ -264,9 +254,6 @@ def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stran
     registered(monkeypatch, EntryPoint("rude", f"{__name__}:Rude", "gtpin.effects"))
     with pytest.raises(ModelError, match="rude@cart1 can't be applied"):
         gtpin.write_model(with_effect("rude", "cart1"), tmp_path)
-
-
-# ---------------------------------------------------------------------------------------------------- covariates
 
 
 @pytest.mark.parametrize(
