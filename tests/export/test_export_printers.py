@@ -24,6 +24,8 @@ from gtpin.importers.rrf import read_rrf_heightmap
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 1e-3 * BED))
 READERS = {"gtpin.cfg": klipper, "gtpin.g": reprapfirmware}
 FILES = {"gtpin.cfg": "printer.cfg", "gtpin.g": "config.g"}
+AT_TEMPERATURE = {"gtpin.cfg": "gtpin_{}", "gtpin.g": "gtpin_{}.g"}
+"""A macro of Klipper, and a file of RepRapFirmware."""
 
 
 @pytest.fixture
@@ -62,19 +64,21 @@ def commands(firmware: Firmware, present: Firmware, xyz: np.ndarray) -> np.ndarr
     return 1e-3 * (top - firmware.steps(firmware.moves_to(1e3 * xyz)) * present.step - at_home)
 
 
-def errors(model: gtpin.Model, q: np.ndarray, wanted: np.ndarray, temperature: float = 20.0) -> np.ndarray:
-    """(N, 3) where the TCP is, less where it was wanted, m; half of the places are approached from below."""
-    way = np.where(np.random.default_rng(1).permutation(len(q)) % 2, 1.0, -1.0)
-    around = {f"approach{k}": way for k in (1, 2, 3)} | {"temp_link": np.full(len(q), temperature)}
-    return model.predict(q, around).T - wanted - BOX.origin
-
-
 def fresh(count: int = 2000) -> np.ndarray:
     return np.random.default_rng(0).uniform(BOX.low, BOX.high, (count, 3))
 
 
 def rms(off: np.ndarray) -> float:
     return 1e6 * float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def left(model: gtpin.Model, firmware: Firmware, present: Firmware, temperature: float = 20.0) -> tuple[float, float]:
+    """What is between the TCP and where it was wanted, in all and in z, um; half of the places are approached from below."""
+    wanted = fresh()
+    way = np.where(np.random.default_rng(1).permutation(len(wanted)) % 2, 1.0, -1.0)
+    around = {f"approach{k}": way for k in (1, 2, 3)} | {"temp_link": np.full(len(wanted), temperature)}
+    off = model.predict(commands(firmware, present, wanted), around).T - wanted - BOX.origin
+    return rms(off), rms(off[:, 2:])
 
 
 def printed(words: list[str]) -> list[tuple[float, ...]]:
@@ -110,18 +114,14 @@ def test_firmwares_do_what_the_tables_say(folder: Path) -> None:
 def test_a_delta_is_as_near_as_the_command_says(
     printer: gtpin.Model, folder: Path, file: str, dimensions: bool
 ) -> None:
+    present = READERS[file](folder)
     words = told(printer, folder / file, box=BOX, firmware=folder / FILES[file] if dimensions else None)
     ((after, before, after_z, before_z),) = printed(words)
-    (folder / "plain").mkdir()
-    (folder / "plain" / FILES[file]).write_text((folder / FILES[file]).read_text())
-    present, new = READERS[file](folder / "plain"), READERS[file](folder)
-    xyz = fresh()
-    was, left = (errors(printer, commands(firmware, present, xyz), xyz) for firmware in (present, new))
+    found, found_z = left(printer, READERS[file](folder), present)
     # Places differ, so the means over them do, by some per cent.
-    assert rms(was) == pytest.approx(before, rel=0.05)
-    assert rms(left) == pytest.approx(after, rel=0.05)
-    assert rms(was[:, 2:]) == pytest.approx(before_z, rel=0.05)
-    assert rms(left[:, 2:]) == pytest.approx(after_z, rel=0.1)
+    assert left(printer, present, present) == pytest.approx((before, before_z), rel=0.05)
+    assert found == pytest.approx(after, rel=0.05)
+    assert found_z == pytest.approx(after_z, rel=0.1)
     assert after < 0.3 * before
     assert after_z < 0.1 * before_z
 
@@ -143,25 +143,17 @@ def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: P
 @pytest.mark.slow
 @pytest.mark.parametrize("file", READERS)
 def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Path, file: str) -> None:
-    firmware = folder / FILES[file]
-    left_over = printed(told(printer, folder / file, temperatures=(20.0, 35.0), box=BOX, firmware=firmware))
-    xyz = fresh()
+    present = READERS[file](folder)
+    words = told(printer, folder / file, temperatures=(20.0, 35.0), box=BOX, firmware=folder / FILES[file])
+    cold, warm = (READERS[file](folder, AT_TEMPERATURE[file].format(t)) for t in (20, 35))
+    for firmware, t, (after, _, after_z, _) in zip((cold, warm), (20.0, 35.0), printed(words), strict=True):
+        found, found_z = left(printer, firmware, present, t)
+        assert found == pytest.approx(after, rel=0.05)
+        assert found_z == pytest.approx(after_z, rel=0.1)
+    assert left(printer, cold, present, 35.0)[1] > 3.0 * after_z
     if file == "gtpin.cfg":
-        files = {t: klipper(folder, f"gtpin_{t}") for t in (20, 35)}
         macros = re.findall(r"\[gcode_macro (\S+)\]", (folder / file).read_text())
-        (folder / "gtpin.cfg").unlink()
-        present = klipper(folder)
-    else:
-        files = {t: reprapfirmware(folder, f"gtpin_{t}.g") for t in (20, 35)}
-        present = reprapfirmware(folder)
-    for (t, firmware), (after, _, after_z, _) in zip(files.items(), left_over, strict=True):
-        left = errors(printer, commands(firmware, present, xyz), xyz, float(t))
-        assert rms(left) == pytest.approx(after, rel=0.05)
-        assert rms(left[:, 2:]) == pytest.approx(after_z, rel=0.1)
-    if file == "gtpin.cfg":
         assert not re.search(r"\d[A-Z_]", " ".join(macros))
-    cold_at_35 = errors(printer, commands(files[20], present, xyz), xyz, 35.0)
-    assert rms(cold_at_35[:, 2:]) > 3.0 * left_over[1][2]
 
 
 @pytest.mark.slow
