@@ -69,11 +69,8 @@ def _small(values: Floats, unit: str) -> tuple[Floats, str]:
 
 def sensitivity_bars(result: Sensitivity) -> Figure:
     """Bars of the position, orientation and, where it is known, cost changes per pose and side, by parameter and link."""
-    exact = result.exact
-    sums = {"position": exact.position, "rotation": exact.rotation}
-    if exact.cost is not None:
-        sums["cost"] = exact.cost
-    blocks = [(label, factor * sums[name]) for name, (label, factor) in BLOCKS.items() if name in sums]
+    sums = ((label, factor, getattr(result.exact, name)) for name, (label, factor) in BLOCKS.items())
+    blocks = [(label, factor * values) for label, factor, values in sums if values is not None]
     figure = new_figure(10.0, 2.6 * len(blocks) + 0.8)
     axes = np.atleast_1d(figure.subplots(len(blocks), 1, sharex=True))
     width = 0.8 / len(result.links)

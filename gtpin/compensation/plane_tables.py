@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.compensation.controller import Box, Controller, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
@@ -70,13 +69,11 @@ class PlaneTables:
 
         Outside the grid, the height at its edge is used.
         """
+        from scipy.interpolate import RegularGridInterpolator
+
         p = _skewed(xyz, self.offset, self.skew)
-        across, i = _cell(self.x, p[:, 0])
-        along, j = _cell(self.y, p[:, 1])
-        h = self.height
-        near = (1.0 - across) * h[j, i] + across * h[j, i + 1]
-        far = (1.0 - across) * h[j + 1, i] + across * h[j + 1, i + 1]
-        p[:, 2] += (1.0 - along) * near + along * far
+        x, y = np.clip(p[:, 0], self.x[0], self.x[-1]), np.clip(p[:, 1], self.y[0], self.y[-1])
+        p[:, 2] += RegularGridInterpolator((self.y, self.x), self.height)((y, x))
         return p
 
 
@@ -119,9 +116,3 @@ def _skewed(xyz: Floats, offset: Floats, skew: Floats) -> Floats:
     p[:, 0] += skew[0] * y + skew[1] * p[:, 2]
     p[:, 1] += skew[2] * p[:, 2]
     return p
-
-
-def _cell(nodes: Floats, at: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """(N,) position of each value within its cell of the grid, 0 to 1, and (N,) number of the cell's lower node."""
-    i = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
-    return np.clip((at - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0), i

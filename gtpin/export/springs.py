@@ -130,14 +130,11 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     u = along / length
     a, b = rotation_axes(u)[:2]
     compliances = (f * length**3 / 12.0,) * 2 + (f * length,) * 2 + (g * length,)
-    joints = tuple(
-        Joint(
-            *(f"{link.name}_bends_{k + 1}", "slide" if k < 2 else "hinge", axis, -along / 2.0, 0.0),
-            spring=Spring(1.0 / compliance),
-        )
-        for k, (axis, compliance) in enumerate(zip((a, b, a, b, u), compliances, strict=True))
-        if compliance > STIFFEST
-    )
+    joints = []
+    for k, (axis, compliance) in enumerate(zip((a, b, a, b, u), compliances, strict=True)):
+        if compliance > STIFFEST:
+            own, spring = f"{link.name}_bends_{k + 1}", Spring(1.0 / compliance)
+            joints.append(Joint(own, "slide" if k < 2 else "hinge", axis, -along / 2.0, 0.0, spring=spring))
     if not joints:
         return mechanism
     root = mechanism.carrying(str(robot.model.names[link.joint_id]))
@@ -148,11 +145,9 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     lever = (root.inertia.lever - OWN_WEIGHT * to_tip.translation) / (1.0 - OWN_WEIGHT)
     rest = pin.Inertia(mass * (1.0 - OWN_WEIGHT), lever, root.inertia.inertia * (1.0 - OWN_WEIGHT))
     point = pin.Inertia(mass * OWN_WEIGHT, np.zeros(3), root.inertia.inertia * OWN_WEIGHT)
-    last = link.tip == robot.model.njoints - 1
-    frames = {model.robot.tcp_frame} & root.frames.keys() if last else set()
-    end = Body(
-        name, root.name, to_tip, joints, point, frames={n: to_tip.inverse() * root.frames[n] for n in sorted(frames)}
-    )
+    last, tcp = link.tip == robot.model.njoints - 1, model.robot.tcp_frame
+    frames = {tcp: to_tip.inverse() * root.frames[tcp]} if last and tcp in root.frames else {}
+    end = Body(name, root.name, to_tip, tuple(joints), point, frames=frames)
     bodies = []
     for body in mechanism.bodies:
         if body.name == root.name:
