@@ -1,5 +1,7 @@
 """Effects: causes of deviations that a geometry does not model, one family per file.
 
+The typical sizes of their coefficients, and the sources of these, stand in ``docs/effects.md``.
+
 This module exports the names that are needed to write an effect of your own.
 """
 

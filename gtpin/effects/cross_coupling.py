@@ -47,10 +47,6 @@ class CrossCoupling(Effect):
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
-
-    Typical size 50 um: the root mean square of f over the ranges of the other actuators. The errors along the track of cart 2
-    in Dressler et al. 2010 are of this size. At one command they varied significantly with the positions of the other two
-    carts (section V; the authors assume a lack of stiffness).
     """
 
     id = "cross_coupling"

@@ -25,10 +25,6 @@ class EncoderScale(Effect):
 
     Parameters: ``scale`` s, m/m (rad/rad where the actuator turns); ``uneven``: s at the upper end of the range less s at the
     lower end, in the same unit.
-
-    Typical size 1e-4. The pitch error of a precision rack is at most 12 um per 500 mm, 24e-6 (Machine Design, Comparing
-    Rack-and-Pinion Sets to Other Options). The norms of the track directions in Table II of Dressler et al. 2010 differ from
-    1 by 0.5e-4 to 3.7e-4, which includes the drive's scale.
     """
 
     id = "encoder_scale"
@@ -69,8 +65,6 @@ class Linearity(Effect):
 
     Parameters: ``rms`` and ``peak_to_valley`` of f over the whole range, after the best straight line is subtracted, m (rad
     where the actuator turns); ``end_to_end``, f at the upper end of the range less f at the lower end, in the same unit.
-
-    Typical size 50 um. Cart 2 of Dressler et al. 2010 departed from a straight line by 25 to 140 um (section III.C, fig. 5).
     """
 
     id = "linearity"
@@ -106,9 +100,6 @@ class ZeroShift(Effect):
     Parameters: ``shift[k]``, m: z of session k less the mean over the sessions, which are sorted by name;
     ``largest_difference``, m, between two sessions. As a change since an earlier model: ``shift`` alone, m, of all poses.
     Where the actuator turns, rad replaces m.
-
-    Typical size 40 um: a guess for the error of homing on a switch and a marker pulse. Without homing, the repeatability of
-    the whole Gantry-Tau was 13 um in the mean and 50 um at most (Dressler et al. 2010, section I, after Crothers et al. 2009).
     """
 
     id = "zero_shift"
@@ -142,10 +133,6 @@ class Backlash(Effect):
 
     Parameters: ``half_width`` b, m (rad where the actuator turns); ``reversal`` = 2 b, m or rad, the reversal error of
     ISO 230-2: the deviation at approach +1 less the deviation at approach -1.
-
-    Typical size 15 um in each direction. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most,
-    over all directions of approach (Dressler et al. 2010, section I, after Crothers et al. 2009). It includes the backlash of
-    all drives.
     """
 
     id = "backlash"
@@ -190,9 +177,6 @@ class ServoLag(Effect):
     rad/s. The modulation: tau varies a little along the track and with the speed.
 
     Parameters: ``lag`` tau, s, positive where the actuator is behind its command.
-
-    Typical size 0.2 ms. A position loop of gain Kv, about 10 to 100 / s, has a following error of speed / Kv (Mechanical
-    Engineers' Handbook, vol. 2, Controller Design). It is a guess that velocity feed-forward leaves about a hundredth of it.
     """
 
     id = "servo_lag"

@@ -33,9 +33,6 @@ class JointCompliance(Effect):
     increases when the load becomes twice the usual one, negative where the drive becomes stiffer; ``hysteresis``: c less its
     mean, where the joint moved towards larger commands before it stopped. All are in rad/(N m), or in m/N where the joint
     slides. The usual load is the absolute mean over the poses of the fit plus one standard deviation.
-
-    Typical size 3e-5 rad/(N m): the stiffness of a medium-sized strain wave gear is about 3e4 N m/rad. For sliding joints
-    5e-8 m/N, as in ``cart_compliance``.
     """
 
     id = "joint_compliance"
@@ -96,9 +93,6 @@ class BearingCompliance(Effect):
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
     ``difference``, k_a less k_b; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice the usual one,
     negative where the bearing becomes stiffer. All are in rad/(N m).
-
-    Typical size 5e-6 rad/(N m): crossed roller bearings of medium-sized gear units have moment stiffnesses of about
-    2e5 N m/rad.
     """
 
     id = "bearing_compliance"
@@ -157,9 +151,6 @@ class AxisMotion(Effect):
     over a turn; ``tilt``, rad, root mean square over a turn of both tilts together. Of a sliding joint: ``straightness``, m,
     and ``rotation``, rad, root mean squares over its travel. Geometry absorbs a part of the first harmonic (k = 1), which an
     eccentric part causes.
-
-    Typical sizes 20 um and 0.08 mrad. They are a guess for the crossed roller bearings and flanges of robots' joints, whose
-    run-out is given as 10 to 20 um on radii of 0.1 m.
     """
 
     id = "axis_motion"

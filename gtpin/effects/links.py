@@ -39,10 +39,6 @@ class LinkCompliance(Effect):
     ``arm`` ``spread``: the standard deviation of c between the links, m/N; for legs of variable length ``drawn_out``: by how
     much c increases, m/N, from the middle of the leg's range to its upper end.
 
-    Typical size 4e-8 m/N, that is 25 N/um. A steel tube, 2.04 m long with a section of 5 cm^2, has L / (E A) =
-    2.04 / (210e9 * 5e-4) = 1.9e-8 m/N. The two ball joints are assumed to have about as much together. For other links the
-    attribute ``link`` of ``<compliance>`` in the URDF gives the typical size, m/N.
-
     A link of a robot without rods bends and twists as a beam of length l, m, along the unit vector u from its joint to the
     next joint. The beam is fixed at its root. F, N, and M, N m, are the force and moment on its tip. The motion of the tip,
     m and rad, is shift = f F l^3 / 3 + f (M x u) l^2 / 2 and turn = f (u x F) l^2 / 2 + f M l for the components of F and M
@@ -157,9 +153,6 @@ class ThermalLinks(Effect):
 
     Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
     alpha between the links, 1/K.
-
-    Typical size 8e-6 / K: larger than carbon fibre along the tube (-1e-6 to 1e-6 / K), smaller than steel (12e-6 / K) and
-    aluminium (23e-6 / K; handbook values). For links of robots without rods 1.5e-5 / K.
     """
 
     id = "thermal_links"
@@ -217,8 +210,6 @@ class JointClearance(Effect):
     Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m: further change of length,
     beyond the play, when the force changes by one spread. The spread is the standard deviation over the poses of the fit; at a
     joint of a robot without rods, the absolute mean is added to it. Where a joint turns, the parameters are in rad.
-
-    Typical size 15 um in each direction. It is a guess for a worn ball joint; new ball joints are preloaded and have no play.
     """
 
     id = "joint_clearance"
@@ -268,9 +259,6 @@ class JointRunout(Effect):
 
     Parameters: ``rms``, root mean square of f over the range of directions, m; ``largest_wave``, the largest absolute
     coefficient of f, m.
-
-    Typical size 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290). Machined or worn sockets are
-    less round.
     """
 
     id = "joint_runout"

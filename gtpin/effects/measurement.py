@@ -26,9 +26,6 @@ class TrackerDrift(Effect):
     Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
     range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
     over the three axes.
-
-    Typical size 40 um and 15 urad. Across its line of sight a laser tracker may have an error of 15 um + 6 um/m (Leica
-    Absolute Tracker, user's manual, after ISO 10360-10). That a tripod moves by as much while the room warms up is a guess.
     """
 
     id = "tracker_drift"
@@ -65,9 +62,6 @@ class FrameShift(Effect):
     Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
     of session k less their means over the sessions. Sessions are sorted by name. As a change since an earlier model:
     ``shift_x`` and so on, of all poses.
-
-    Typical size 40 um and 15 urad. This is assumed for a network of a few reference marks, each known to 15 um + 6 um/m
-    across the line of sight (Leica Absolute Tracker, user's manual, after ISO 10360-10).
     """
 
     id = "frame_shift"
@@ -113,9 +107,6 @@ class TrackerScale(Effect):
     used, so the shift can have any direction.
 
     Parameters: ``scale`` s, m/m.
-
-    Typical size 3e-5. Air that is 1 K warmer than assumed causes 1e-6 (its refractive index: Ciddor, Applied Optics 35,
-    1996). A wrong scale bar, unit or part temperature causes more.
     """
 
     id = "tracker_scale"
@@ -151,8 +142,6 @@ class TargetOffset(Effect):
     offset as far as the tolerances of these joints allow.
 
     Parameters: ``offset_x``, ``offset_y``, ``offset_z``: p, m.
-
-    Typical size 1 mm: the tolerance of a target holder that was mounted and not measured.
     """
 
     id = "target_offset"

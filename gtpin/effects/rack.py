@@ -45,10 +45,6 @@ class RackPeriodic(Effect):
     At a turning joint of a robot without rods, one cause can have several periods, because gears and encoders have several
     periods per turn. The parameters of the second period are ``period_2``, ``amplitude_2``, ``phase_2``, and so on. A second
     harmonic is then a period of its own, and there is no parameter ``harmonic``.
-
-    Typical size 20 um. Dressler et al. 2010, section III.C: the manufacturer expects variations with a period of the length
-    between the rack's teeth. For precision rack drives a deviation of 10 um is stated (Machine Design, see
-    ``encoder_scale``).
     """
 
     id = "rack_periodic"
@@ -139,9 +135,6 @@ class RackStep(Effect):
     Parameters: ``place`` p, m, the nonlinear parameter: the middle of the flank; ``step`` h, m, the whole height, positive
     where the cart is farther than commanded beyond the place; ``slope`` m, m/m, the pitch error of the second segment. Where
     the actuator turns, rad replaces m.
-
-    Typical size 50 um. Segments of precision racks that are checked and matched have position errors of at most 40 um over
-    any length (Machine Design, see ``encoder_scale``).
     """
 
     id = "rack_step"

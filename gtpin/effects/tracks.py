@@ -58,9 +58,6 @@ class Straightness(_GuideErrors):
 
     Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
     line is subtracted, because a slope belongs to the direction of the track, which is geometry.
-
-    Typical size 40 um. The running parallelism of a rail of a good accuracy class to its base is up to about 30 um over
-    2 m (Picard, Understanding Accuracy Classes in Linear Guides). The base itself is probably not straighter.
     """
 
     id = "straightness"
@@ -81,9 +78,6 @@ class CartRotation(_GuideErrors):
 
     Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each after the best
     straight line along the track is subtracted.
-
-    Typical size 0.1 mrad: a straightness deviation of 40 um (typical size of ``straightness``) over the 0.4 m between two
-    runner blocks.
     """
 
     id = "cart_rotation"
@@ -108,8 +102,6 @@ class ThermalTrack(Effect):
 
     Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: the displacement of the cart at q = 0 per kelvin;
     ``fixed_point`` q0, m, which is inaccurate where alpha is small.
-
-    Typical size 1e-5 / K: steel has 12e-6 / K (handbook value). The frame that holds the track may expand less or more.
     """
 
     id = "thermal_track"
@@ -180,9 +172,6 @@ class CartCompliance(Effect):
     ``stiffening``: by how much ``along`` increases, m/N, when the force becomes twice the usual one, negative where the cart
     becomes stiffer; for a cart with more than one joint also ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where
     the cart turns in the direction of the moment.
-
-    Typical size 5e-8 m/N, that is 20 N/um. It is a guess for rack, gear and servo in series with a carriage on roller blocks.
-    The roller blocks alone are much stiffer. Dressler et al. 2010, section V, assume a lack of stiffness of cart 2.
     """
 
     id = "cart_compliance"
