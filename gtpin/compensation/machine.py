@@ -39,7 +39,7 @@ class CompensatedMachine:
         positions for both: a table without directions can correct only that.
         """
         if approach is None and any(
-            is_approach(name) for active in self.model.effects for name in _names(self.model, active)
+            is_approach(name) for active in self.model.effects for name in needed_by(self.model, active)
         ):
             return np.asarray(0.5 * (self.goes_to(q, 1.0) + self.goes_to(q, -1.0)))
         return self.model.predict(q, self.columns(len(q), 1.0 if approach is None else approach)).T
@@ -57,18 +57,15 @@ class CompensatedMachine:
         known: dict[str, Column] = {}
         for active in self.model.effects:
             references = active.references
-            for name in _names(self.model, active):
-                value: float | Floats = 0.0
+            for name in needed_by(self.model, active):
                 if name == "session":
                     known[name] = np.full(count, self.session or references.sessions[0], dtype=object)
-                    continue
-                if name == "time":
-                    value = sum(references.time)
+                elif name == "time":
+                    known[name] = np.full(count, sum(references.time))
                 elif name.startswith("temp_"):
-                    value = self.temperatures.get(name, references.temperature)
-                elif is_approach(name):
-                    value = approach
-                known[name] = np.broadcast_to(value, count).astype(float)
+                    known[name] = np.full(count, self.temperatures.get(name, references.temperature), dtype=float)
+                else:
+                    known[name] = np.full(count, approach if is_approach(name) else 0.0)
         return known
 
 
@@ -101,7 +98,7 @@ def parts(machine: CompensatedMachine, controller: Model) -> dict[str, Compensat
     return found
 
 
-def _names(model: Model, active: ActiveEffect) -> set[str]:
+def needed_by(model: Model, active: ActiveEffect) -> set[str]:
     """Covariates that an effect may need."""
     return {*active.references.covariates, *active.effect.covariates(model.robot, active.site)}
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.compensation.corrections import geometric_scales
+from gtpin.compensation.machine import needed_by
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
@@ -107,14 +108,11 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
     """
     q, poses = postures(model)
     references, count = active.references, len(q)
-    wanted = {*references.covariates, *active.effect.covariates(model.robot, active.site)}
     start, span = references.time
     known: dict[str, Column] = {}
-    for name in wanted:
+    for name in needed_by(model, active):
         if name == "session":
-            known[name] = np.array(
-                [session or references.sessions[i % len(references.sessions)] for i in range(count)], dtype=object
-            )
+            known[name] = np.resize(np.array([session] if session else references.sessions, dtype=object), count)
         elif name == "time":
             known[name] = start + span * np.linspace(0.0, 1.0, count)
         elif name.startswith("temp_"):

@@ -21,11 +21,7 @@ def with_transmissions(urdf: str, robot: Chain, scales: Mapping[str, float]) -> 
 
     A ``<mimic>`` is not used: it needs an additional joint, which other software would treat as another driven joint.
     """
-    odd = [
-        (actuator, scales[site])
-        for actuator, site in zip(robot.actuators, robot.sites, strict=True)
-        if scales[site] != 1.0
-    ]
+    odd = [(actuator, scales[actuator.site]) for actuator in robot.actuators if scales[actuator.site] != 1.0]
     if not odd:
         return urdf
     root = parse_xml(urdf, f"the URDF of {robot.name}")
