@@ -10,16 +10,13 @@ import numpy.typing as npt
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.operating_points import TURN, OperatingPoints
 from gtpin.effects.sites import joints, tracks, turning_joint
 from gtpin.effects.smooth import drive_sizes
 from gtpin.typing import Floats
 
 SHORTEST, LONGEST = 0.008, 0.25
 """Shortest and longest period that is tried, m or rad: a fine tooth, and one turn of a large pinion."""
-
-TURN = 2.0 * np.pi
-"""One turn, rad: the period of an eccentric encoder."""
 MOST_A_TURN = 202.0
 """Largest number of periods per turn that is tried at a turning joint of a robot without rods. A strain wave gear of ratio 101
 has two periods for each turn of its input."""
@@ -65,7 +62,7 @@ class RackPeriodic(Effect):
         """Periods to try, so dense that the phase error over the whole track is at most a twelfth of a turn."""
         span = _span(at, site)
         if turning_joint(at.robot, site):
-            longest, shortest = TURN, TURN / MOST_A_TURN
+            longest, shortest = TURN, TURN / MOST_A_TURN  # an eccentric encoder has one period per turn
             if span / LEAST_TURNS < shortest:
                 return []
         else:

@@ -76,6 +76,11 @@ def operating_points(
     return OperatingPoints(kinematics, q, kinematics.forward(q), told, fixed)
 
 
+def nominal_at(robot: gtpin.Robot, q: Floats, told: dict[str, Column] | None = None) -> OperatingPoints:
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
+    return OperatingPoints(kinematics, q, kinematics.forward(q), told or {})
+
+
 arm_points = partial(operating_points, kinematics=drawn(ARM))
 FIT, ARM_FIT = operating_points(120, seed=7), arm_points(120, seed=7)
 """What the effects were fitted to, as it were."""

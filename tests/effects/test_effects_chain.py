@@ -17,6 +17,7 @@ from effect_places import (
     drawn,
     given,
     moved,
+    nominal_at,
     operating_points,
     setting,
     some,
@@ -46,9 +47,8 @@ def of_beam(axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0, warmer
     heavy = f'<inertial><origin xyz="{LENGTH / 2.0} 0 0"/><mass value="{mass}"/>{inertia}</inertial>'
     hinge = joint("hinge", "base", "rod", axis=axis, limit=3.0, body=heavy if mass else "")
     robot = robot_of("beam", hinge, joint("end", "rod", "tool0", f"{LENGTH} 0 0", kind="fixed"))
-    kinematics, q = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics, np.zeros((2, 1))
     told = {"payload": np.array([payload, 2.0 * payload]), "temp_link": np.array([20.0, 20.0 + warmer])}
-    return OperatingPoints(kinematics, q, kinematics.forward(q), told)
+    return nominal_at(robot, np.zeros((2, 1)), told)
 
 
 @pytest.mark.parametrize(
@@ -181,10 +181,8 @@ def test_effects_of_a_chain_are_read_back_as_they_were_written(tmp_path: Path) -
 
 def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
     robot = gtpin.load_robot("panda")
-    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(3).uniform(robot.lower, robot.upper, (5, robot.n_actuators))
-    poses = kinematics.forward(q)
-    at = OperatingPoints(kinematics, q, poses, {})
+    at = nominal_at(robot, q)
     flexibility = 1.2e-5
     found = moved(at, active("link_compliance", "panda_link5", np.array([flexibility, 0.0, 0.0]), at.references))
     model = robot.model
@@ -210,5 +208,5 @@ def test_a_link_whose_joints_meet_in_one_point_bends_about_its_root() -> None:
         shift = flexibility * (across * length**3 / 3.0 + np.cross(bent, u) * length**2 / 2.0)
         np.testing.assert_allclose(found[i, 3:], turn, rtol=1e-6, atol=1e-12)
         np.testing.assert_allclose(
-            found[i, :3], shift + np.cross(turn, poses.T[i] - here.translation), rtol=1e-5, atol=2e-11
+            found[i, :3], shift + np.cross(turn, at.poses.T[i] - here.translation), rtol=1e-5, atol=2e-11
         )

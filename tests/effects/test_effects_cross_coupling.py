@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from effect_places import nominal_at
 
 import gtpin
-from gtpin.effects import OperatingPoints
 from gtpin.effects.cross_coupling import FINE, NEAREST, PAIR, SINGLE, CrossCoupling, _products, _with_count
 
 ROBOT = gtpin.load_robot("ur5")
@@ -54,20 +54,16 @@ def test_only_the_nearest_joints_couple_two_by_two_at_every_joint(own: int) -> N
 @pytest.mark.parametrize("site", [0, 3, 6])
 def test_a_far_joint_couples_less_than_a_near_one(site: int) -> None:
     robot = gtpin.load_robot("panda")
-    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(1).uniform(-0.3, 0.3, (20, robot.n_actuators)) + gtpin.home(robot).q
-    at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
-    sigma = CrossCoupling().basis(at, robot.sites[site]).sigma
+    sigma = CrossCoupling().basis(nominal_at(robot, q), robot.sites[site]).sigma
     single = sigma[: SINGLE * (robot.n_actuators - 1)].reshape(-1, SINGLE)[:, 0]
     distance = np.abs(np.delete(np.arange(robot.n_actuators), site) - site)
     assert single * distance == pytest.approx(np.full(len(single), single[distance == 1][0]))
 
 
 def test_an_arm_s_coupling_is_fitted_where_it_depends_finely_on_two_neighbours() -> None:
-    kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (250, ROBOT.n_actuators))
-    at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
-    basis = CrossCoupling().basis(at, ROBOT.sites[2])
+    basis = CrossCoupling().basis(nominal_at(ROBOT, q), ROBOT.sites[2])
     columns = basis.command[1] * basis.sigma
     wanted = 1e-4 * np.sin(3.0 * q[:, 1]) * np.cos(1.5 * q[:, 3])
     fitted = columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]

@@ -1,6 +1,7 @@
 """Lines of a turning joint: several periods are one effect, each with its own parameters."""
 
 import numpy as np
+from effect_places import nominal_at
 
 import gtpin
 from gtpin.effects import OperatingPoints
@@ -14,9 +15,7 @@ SITE = ROBOT.sites[0]
 
 
 def operating_points() -> OperatingPoints:
-    kinematics = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, ROBOT.n_actuators))
-    return OperatingPoints(kinematics, q, kinematics.forward(q), {})
+    return nominal_at(ROBOT, np.random.default_rng(0).uniform(-1.0, 1.0, (20, ROBOT.n_actuators)))
 
 
 def test_parameters_of_the_second_line_have_its_number_and_are_angles() -> None:
