@@ -87,7 +87,7 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     ends = float((-1.0 - middle) / slope), float((1.0 - middle) / slope)
     half = (down - up) / 2.0
     width, mean = fitted(q, half, ends, weight, slope=False, count=WIDTHS), float(np.average(half, weights=weight**2))
-    if (np.sign(mean) * width(np.linspace(*ends, 101))).min() <= LEAST_PLAY:  # too small somewhere
+    if not (np.sign(mean) * width(np.linspace(*ends, 101))).min() > LEAST_PLAY:  # too small somewhere
         width = DriveCurve(mean, 0.0)
     _, load, spread = loads_of(at, active.site)
     most = float((np.abs(load) + SPREADS * spread).sum())
