@@ -58,8 +58,8 @@ class CompensatedMachine:
         for active in self.model.effects:
             references = active.references
             for name in needed_by(self.model, active):
-                if name == "session":
-                    known[name] = np.full(count, self.session or references.sessions[0], dtype=object)
+                if name == "session":  # a shift since an earlier model is of no session
+                    known[name] = np.full(count, self.session or [*references.sessions, ""][0], dtype=object)
                 elif name == "time":
                     known[name] = np.full(count, sum(references.time))
                 elif name.startswith("temp_"):

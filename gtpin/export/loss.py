@@ -112,7 +112,8 @@ def conditions(model: Model, active: ActiveEffect, session: str | None = None) -
     known: dict[str, Column] = {}
     for name in needed_by(model, active):
         if name == "session":
-            known[name] = np.resize(np.array([session] if session else references.sessions, dtype=object), count)
+            sessions = [session] if session else references.sessions or [""]  # of none: a shift since an earlier model
+            known[name] = np.resize(np.array(sessions, dtype=object), count)
         elif name == "time":
             known[name] = start + span * np.linspace(0.0, 1.0, count)
         elif name.startswith("temp_"):

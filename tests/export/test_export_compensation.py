@@ -179,6 +179,16 @@ def test_zero_shifts_are_those_of_the_session_that_is_told(gantry: Drawn, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+def test_a_shift_since_an_earlier_model_is_of_no_session(gantry: Drawn, tmp_path: Path) -> None:
+    shift = active(gantry.model, gantry.q, "zero_shift", "cart1", first=6e-5)
+    assert shift.references.sessions == ()
+    model = replace(gantry.model, effects=(shift,))
+    with pytest.warns(GtpinWarning, match=r"does not hold zero_shift@cart1 \(\S+ um\)"):
+        export(model, tmp_path / "robot.urdf")
+    with pytest.raises(ModelError, match="no session 'monday'"):
+        corrections(model, session="monday")
+
+
 @pytest.mark.slow
 def test_what_a_table_does_not_hold_is_named(erring: gtpin.Model, tmp_path: Path) -> None:
     with pytest.warns(GtpinWarning, match=r"link_compliance@arm \(.* um\), thermal_links@arm \("):
