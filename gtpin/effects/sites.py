@@ -13,18 +13,17 @@ def actuators(robot: Chain) -> tuple[str, ...]:
 
 def sliding_actuators(robot: Chain) -> tuple[str, ...]:
     """Sites of the actuators that slide a carrier along a track."""
-    carried = {rod.carrier for rod in robot.rods if rod.carrier is not None}
-    return tuple(s for i, s in enumerate(robot.sites) if i in carried and not robot.actuators[i].revolute)
+    return tuple(a.site for i, a in enumerate(robot.actuators) if robot.attachments(i) and not a.revolute)
 
 
 def tracks(robot: Chain) -> tuple[str, ...]:
     """Sites of the actuators of a robot with rods."""
-    return robot.sites if robot.rods else ()
+    return () if robot.joint_sites else robot.sites
 
 
 def joints(robot: Chain) -> tuple[str, ...]:
     """Sites of the joints with an actuator of a robot without rods."""
-    return () if robot.rods else robot.sites
+    return robot.joint_sites
 
 
 def guided(robot: Chain) -> tuple[str, ...]:

@@ -197,8 +197,7 @@ def _axes(robot: Chain, site: str) -> Floats:
 
 def _ends(robot: Chain, site: str) -> list[tuple[str, int]]:
     """The loops of a cart's rods, each with its end on the cart: name, 0 or 1."""
-    actuator = robot.sites.index(site)
-    return [(robot.description.loops[r.loop].name, 1 - r.rod_end) for r in robot.rods if r.carrier == actuator]
+    return robot.attachments(robot.sites.index(site))
 
 
 def _joint(

@@ -174,7 +174,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     each effect in it: the (N, 6) motion of the TCP, m and rad, at :func:`~gtpin.export.loss.conditions`.
     """
     active = [effect for effect in model.effects if effect.effect.exported_as == "link_spring"]
-    if not active or not robot.rods:  # links of robots without rods bend: with_joint_springs
+    if not active or robot.joint_sites:  # links of robots without rods bend: with_joint_springs
         return mechanism, {}
     conditions_of = {effect.name: conditions(model, effect) for effect in active}
     laws = {}  # by effect: (k,) compliances of the rods, m/N, and (k,) their stretch without a load, m
@@ -191,7 +191,7 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
         rod = robot.rods[i]
         spring = Spring(1.0 / float(compliance[i]), float(rest[i]))
         mechanism = _sprung(mechanism, robot, rod, spring, tcp.act(rod.P))
-    rigid = {rod.site for i, rod in enumerate(robot.rods) if i not in soft}
+    rigid = {site for i, site in enumerate(robot.rod_sites) if i not in soft}
     held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
     shown = {}  # of rods that stretch by the rest and in proportion to their load
     for e in held:

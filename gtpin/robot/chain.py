@@ -81,6 +81,25 @@ class Chain(ConstrainedModel):
         return tuple(rod.site for rod in self.rods)
 
     @property
+    def joint_sites(self) -> tuple[str, ...]:
+        """Sites whose joints are parts of the geometry: those of all actuators; none where rods hold the platform."""
+        return () if self.rods else self.sites
+
+    @property
+    def rod_drivers(self) -> tuple[int | None, ...]:
+        """By rod, the index of the actuator that moves its carrier joint or changes its length; None where none does."""
+        return tuple(rod.driver for rod in self.rods)
+
+    @property
+    def rod_extensions(self) -> tuple[int | None, ...]:
+        """By rod, the index of the actuator that changes its length; None where none does."""
+        return tuple(rod.extension for rod in self.rods)
+
+    def attachments(self, actuator: int) -> list[tuple[str, int]]:
+        """What an actuator's carrier holds: of each of its rods, the loop's name and which of the loop's ends, 0 or 1."""
+        return [(self.description.loops[r.loop].name, 1 - r.rod_end) for r in self.rods if r.carrier == actuator]
+
+    @property
     def rod_tips(self) -> dict[str, tuple[str, int, Floats]]:
         """By site of a rod: its link, the Pinocchio joint that moves it, and (3,) its free end in that joint's frame, m."""
         ends = ((rod, *self.anchors[rod.tip]) for rod in self.rods)

@@ -166,7 +166,7 @@ class Difficulty:
         if (first := self._value(effect, site, tried, found, past)) is not None:
             found = [first]
         (taken,), (scale,), _ = self.explained(effect, site, [found], past)
-        while found and not at.robot.rods and len(found) < effect.most_values:
+        while found and at.robot.joint_sites and len(found) < effect.most_values:
             # (I + B B' + s^2 X X')^-1 d from (I + B B')^-1 d, with X the displacements with the values found so far.
             basis = effect.basis_of(at, site, found)
             X = scale * self.whitened(basis.displacement(at) * basis.sigma)

@@ -101,7 +101,7 @@ class HypothesisSet:
     @property
     def long(self) -> bool:
         """Whether models can be long, as for robots without rods: joints have many lines, and all links many coefficients."""
-        return not self.design.operating_points.robot.rods
+        return bool(self.design.operating_points.robot.joint_sites)
 
     @property
     def named(self) -> tuple[Hypothesis, ...]:

@@ -274,7 +274,7 @@ def _position(at: OperatingPoints, orders: int, priors: Priors) -> Functions:
     """Smooth functions of the TCP's position."""
     T = at.poses.T
     reach = priors.smooth_reach * max(float(np.ptp(T, axis=0).max()) / 2.0, 1e-9)
-    middle = at.kinematics.home.T[0] if at.robot.rods else (T.max(axis=0) + T.min(axis=0)) / 2.0
+    middle = (T.max(axis=0) + T.min(axis=0)) / 2.0 if at.robot.joint_sites else at.kinematics.home.T[0]
     x = np.clip((T - middle) / reach, -1.5, 1.5)
     rows = [row for row in product(range(orders + 1), repeat=3) if 0 < sum(row) <= orders]
     columns = [wave(x[:, 0], a) * wave(x[:, 1], b) * wave(x[:, 2], c) for a, b, c in rows]

@@ -47,7 +47,7 @@ def fit_together(
     deviation = start.geometry.deviation / start.geometry.tolerance
     first = problem.calibration.first
     x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
-    inexact = problem.size if start.robot.rods else len(first)
+    inexact = len(first) if start.robot.joint_sites else problem.size
     try:
         found = fit(problem, observed.weigh, x, left_out=LEFT_OUT, inexact=inexact)
     except ConvergenceError as error:
@@ -151,7 +151,7 @@ class JointProblem:
         at = self.observed.take(rows).operating_points(point.model, self.references, point.poses[rows])
         bases = [cause.basis(at) for cause in self.causes]
         problem = self.calibration
-        if not at.robot.rods:
+        if at.robot.joint_sites:
             q = self.observed.measured.q.copy()
             q[rows] = self._travelled(at.q, bases, point.x)
             problem = problem.at_commands(q)

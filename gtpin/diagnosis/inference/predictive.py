@@ -127,7 +127,7 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (beside, columns))
     compared = [(alone.errors, whole.errors)]
     at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    if alone.turned.size and (at_noise or found.doubts or not hypotheses.design.operating_points.robot.rods):
+    if alone.turned.size and (at_noise or found.doubts or hypotheses.design.operating_points.robot.joint_sites):
         compared.append((alone.turned, whole.turned))
     if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
         return found

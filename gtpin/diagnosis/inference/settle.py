@@ -70,7 +70,7 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     readmitted = ~baseline.used(prepared.dataset)[rows]
     drawn = rng.permutation(len(kept))
     everything = Observed.of(kept, baseline)
-    some = _part(drawn, readmitted, MOST_POSES if baseline.model.robot.rods else FEW_POSES)
+    some = _part(drawn, readmitted, FEW_POSES if baseline.model.robot.joint_sites else MOST_POSES)
     observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST:
         del hypotheses, guess  # frees memory before the next are made

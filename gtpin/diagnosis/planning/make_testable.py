@@ -144,7 +144,7 @@ def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _
 
 def _efforts(robot: Chain) -> tuple[float, ...]:
     """Multiples of the assumed largest loads that are tried; for a robot without rods one, from its mass."""
-    if robot.rods:
+    if not robot.joint_sites:
         return EFFORTS
     mass = sum(float(robot.model.inertias[j].mass) for j in robot.moving_joints)
     return (min(1.0, CARRIED * mass / HEAVIER),) if mass > 0.0 else (1.0,)

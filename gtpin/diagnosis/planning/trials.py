@@ -128,8 +128,8 @@ def _against(known: Known, q: Floats, poses: Poses) -> Floats:
     """(M, k, 3) unit vectors along which a force on the tool reduces the force of each rod most; the base frame's axes where
     there is no rod.
     """
-    if not known.robot.rods:
-        return np.tile(np.eye(3), (len(q), 1, 1))
     at = OperatingPoints(known.operating_points.kinematics, q, poses, {})
+    if not at.force.shape[1]:
+        return np.tile(np.eye(3), (len(q), 1, 1))
     ways = -np.sign(at.force)[:, :, None] * np.swapaxes(at.response[:, :3], 1, 2)
     return np.asarray(ways / np.linalg.norm(ways, axis=2, keepdims=True))
