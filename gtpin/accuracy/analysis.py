@@ -180,7 +180,7 @@ def analyse(
     """
     check_kind(model, Model)
     filling = q is None
-    q = default_commands(model, seed=seed) if q is None else q
+    q = default_commands(model, seed=seed) if q is None else np.asarray(q, dtype=float)
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
     found = sensitivity(model, q, sigmas=sigmas)
     uncertain = "as given"

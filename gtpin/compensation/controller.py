@@ -39,12 +39,12 @@ class Box:
         Raises `GtpinError` if a number is not finite or looks like millimetres, or x1, y1 or z1 is not larger than x0, y0 or
         z0.
         """
-        low, high = np.array(ends, dtype=float).reshape(3, 2).T
-        zero = np.array(origin, dtype=float)
-        if not (np.isfinite(np.concatenate([low, high, zero])).all() and (high > low).all()):
+        sides, zero = np.array(ends, dtype=float), np.array(origin, dtype=float)
+        low, high = sides[::2], sides[1::2]
+        if not (len(sides) == 6 and np.isfinite([*sides, *zero]).all() and (high > low).all()):
             raise GtpinError("this is no box", column="box", hint="give x0 x1 y0 y1 z0 z1, m, the smaller one first")
-        if np.abs(np.concatenate([low, high])).max() > LARGEST:
-            what = f"a box that ends at {np.abs(np.concatenate([low, high])).max():g} m looks like millimetres"
+        if np.abs(sides).max() > LARGEST:
+            what = f"a box that ends at {np.abs(sides).max():g} m looks like millimetres"
             raise GtpinError(what, column="box", hint="give x0 x1 y0 y1 z0 z1 in m")
         return Box(low, high, zero)
 

@@ -78,8 +78,8 @@ def export(
     Raises
     ------
     GtpinError
-        If the suffix is not known, the format can't represent the robot, or the file can't be written; or, without
-        ``force``, there is a file that gtpin has not written.
+        If the suffix or the format is not known, the format can't represent the robot, or the file can't be written; or,
+        without ``force``, there is a file that gtpin has not written.
     """
     check_kind(model, Model)
     file = Path(file)
@@ -91,6 +91,10 @@ def export(
             f"no format has the suffix {file.suffix!r}",
             file=file,
             hint=f"use {', '.join(SUFFIXES)}, or say which of {', '.join(get_args(Format))} it shall be",
+        )
+    if form not in get_args(Format):
+        raise GtpinError(
+            f"no format is called {form!r}", file=file, hint=f"choose one of {', '.join(get_args(Format))}"
         )
     made = texts(model, file, form, session=session, tables=tables)
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:

@@ -60,7 +60,7 @@ def test_without_matplotlib_there_is_a_warning_and_no_figure(tmp_path: Path, mon
 
 
 def test_without_costs_the_tolerances_are_what_is_uncertain() -> None:
-    told = analyse(MODEL, commands(5)).to_json()
+    told = analyse(MODEL, commands(5).tolist()).to_json()  # a list will do
     assert told["uncertainty"] == "manufacturing tolerances"
     assert told["expected"]["position"]["mean"] > 1e-3  # of joints and rods that are off by a millimetre or two
 

@@ -89,6 +89,7 @@ def test_without_temperatures_thermal_effects_are_named_as_left_out(warm: gtpin.
         ("gantry_tau", "grid", TablesFor(temperatures=(20.0,)), "no effect of the model depends on a temperature"),
         ("gantry_tau", "grid", TablesFor(box=Box.of((0, 1, 0, 1, 0, 1))), "takes no --box"),
         ("gantry_tau", "csv", TablesFor(temperatures=(20.0,)), "csv takes no box"),
+        ("gantry_tau", "mjfc", None, "no format is called 'mjfc'"),
         ("gantry_tau", "grid", None, "nothing to correct: the model is what the controller has"),
     ],
 )

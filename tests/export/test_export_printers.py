@@ -272,7 +272,7 @@ def test_a_firmware_of_another_printer_is_refused(folder: Path, file: str, old: 
 
 
 def test_a_box_is_a_box() -> None:
-    for ends in ((0, 0, 0, 1, 0, 1), (0, 1, 1, 0, 0, 1), (0, 1, 0, 1, 0, np.nan)):
+    for ends in ((0, 0, 0, 1, 0, 1), (0, 1, 1, 0, 0, 1), (0, 1, 0, 1, 0, np.nan), (0, 1, 0, 1, 0)):
         with pytest.raises(GtpinError, match="this is no box"):
             Box.of(ends)
     with pytest.raises(GtpinError, match="looks like millimetres"):
