@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from gtpin.compensation.corrections import MOST, TRIPLETS, correctable, correction_table, corrections, linuxcnc_file
+from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, check_kind, warn
 from gtpin.export.carts import with_cart_springs, with_guideways
 from gtpin.export.drives import drive_scales, with_drives
@@ -78,8 +79,8 @@ def export(
     Raises
     ------
     GtpinError
-        If the suffix or the format is not known, the format can't represent the robot, or the file can't be written; or,
-        without ``force``, there is a file that gtpin has not written.
+        If the suffix, the format or the session is not known, the format can't represent the robot, or the file can't be
+        written; or, without ``force``, there is a file that gtpin has not written.
     """
     check_kind(model, Model)
     file = Path(file)
@@ -96,6 +97,7 @@ def export(
         raise GtpinError(
             f"no format is called {form!r}", file=file, hint=f"choose one of {', '.join(get_args(Format))}"
         )
+    check_session(model.effects, session)
     made = texts(model, file, form, session=session, tables=tables)
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():

@@ -174,6 +174,8 @@ def test_zero_shifts_are_those_of_the_session_that_is_told(gantry: Drawn, tmp_pa
     np.testing.assert_allclose(table.forward, table.nominal - 6e-5, rtol=0, atol=1e-12)
     with pytest.raises(ModelError, match="no session 'tuesday'"):
         corrections(model, session="tuesday")
+    with pytest.raises(ModelError, match="no session 'tuesday'"):
+        export(model, tmp_path / "robot.xml", session="tuesday")
     with pytest.raises(ModelError, match="nothing that a controller's tables can correct"):
         export(model, tmp_path / "table.csv")
     assert not list(tmp_path.iterdir())
