@@ -115,8 +115,9 @@ def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
 def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
     """Whether residuals have exactly the declared noise once a mistake is corrected, and more as they are."""
     known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    seen = [(now, then, sigma or 0.0) for now, then, sigma in zip(before, after, known, strict=True) if now > 0.0]
-    return any(now > ABOVE * sigma for now, _, sigma in seen) and all(then <= EXACT * sigma for _, then, sigma in seen)
+    seen = [(now, then, sigma) for now, then, sigma in zip(before, after, known, strict=True) if now > 0.0]
+    exact = all(sigma is not None and then <= EXACT * sigma for _, then, sigma in seen)
+    return exact and any(sigma is not None and now > ABOVE * sigma for now, _, sigma in seen)
 
 
 def _sizes(sizes: Size) -> str:
