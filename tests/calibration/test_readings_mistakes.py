@@ -13,7 +13,6 @@ from virtual_gantry import draw
 from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 
 import gtpin
-from gtpin.calibration.checks.read_otherwise import ways
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.instruments.readings import instruments_of, single
@@ -67,13 +66,13 @@ def test_ranges_of_several_stations_at_one_stop_are_no_copies(tmp_path):
         assert len(counted_once(replace(dataset, q=np.tile(dataset.q[:1], (len(dataset), 1))))) == len(dataset)
 
 
-def test_quaternions_with_the_real_part_last_are_read_in_the_right_order(tmp_path):
-    turn = Rotation.random(60, random_state=0)
-    columns = dict(zip(("qw", "qx", "qy", "qz"), turn.as_quat().T, strict=True))
-    rows = read(tmp_path / "set", LASER.reading(**columns)).readings
-    (other,) = (one for one in ways(rows, 0, "m") if one.looks == "quaternions look like xyzw")
-    read_so = np.column_stack([rows.columns[of] for of, _ in (other.columns[name] for name in columns)])
-    assert (Rotation.from_quat(read_so, scalar_first=True) * turn.inv()).magnitude().max() < 1e-6
+def test_quaternions_with_the_real_part_last_are_named(tmp_path):
+    T, R = MACHINE.gantry.poses(LASER.q)
+    columns = dict(zip(("x", "y", "z"), T.T, strict=True))
+    columns |= dict(zip(("qw", "qx", "qy", "qz"), Rotation.from_matrix(R).as_quat().T, strict=True))
+    said = {"name": "robot", "kind": "tracker", "position_sigma": 2e-5, "orientation_sigma": 5e-5}
+    with pytest.raises(DatasetError, match=r"robot\.csv, column qw qx qy qz: robot: quaternions look like xyzw"):
+        gtpin.calibrate(read(tmp_path / "set", Seen(said, LASER.q, columns), TOUCHES))
 
 
 def test_sigmas_of_rows_in_millimetres_are_named(tmp_path):

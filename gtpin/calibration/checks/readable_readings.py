@@ -191,7 +191,8 @@ def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Rea
         misfit = Misfit.of(found, poses, index)
     except (DatasetError, np.linalg.LinAlgError):
         return None
-    varied = {name: (float(np.std(numbers[name])), float(np.std(values))) for name, values in new.items()}
+    scaled = [name for name, (_, factor) in other.columns.items() if abs(factor) != 1.0]
+    varied = {name: (float(np.std(numbers[name])), float(np.std(new[name]))) for name in scaled}
     smaller = any(now < 0.5 * before for before, now in varied.values())
     left = misfit.off[readings.instruments[index].components[0].unit]
     return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else found
