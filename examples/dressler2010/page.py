@@ -14,7 +14,14 @@ from pathlib import Path
 import numpy as np
 from measure import measure
 from paper_blocks import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
-from paper_figures import cost_and_position, orientation_along_grid, orientation_change
+from paper_figures import (
+    along_and_across,
+    cost_and_position,
+    linearity,
+    orientation_along_grid,
+    orientation_change,
+    orientation_errors,
+)
 from paper_grid import RECOVERED, Grid, recover_grid
 from paper_peaks import peak_ranks
 from paper_steps import drawn_measurements, step_change
@@ -23,7 +30,6 @@ from seeds import EVERY, PAIRS, Draws, draw, every_draw, markdown, order, printe
 
 import gtpin
 from gtpin.comparison.compare import compare
-from gtpin.comparison.figures import along_and_across, linearity, orientation_errors
 
 DRAWS = 24
 """Draws of the twin's errors, seeds 0 to 23; the default seed, 2010, is one more and was not chosen."""

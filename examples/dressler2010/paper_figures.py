@@ -1,4 +1,4 @@
-"""Figures in the spirit of the paper's 4, 9 and 10."""
+"""Figures in the spirit of the paper's 4 to 6 and 8 to 10."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from paper_steps import StepChange
 
+from gtpin.calibration.cart_tracks import TrackLinearity
+from gtpin.comparison.figures import COLORS
+from gtpin.comparison.result import Comparison
+from gtpin.data import CartMeasurements
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import zyz
 from gtpin.output.figure import new_figure
 
 RED, BLUE = "#c0392b", "#1f5fa8"
 """The paper's colours of an increase and a decrease."""
+LINES = ("-", "--", ":")
+"""Line styles of carts 1 to 3, as in the paper."""
 
 
 def orientation_along_grid(poses: Poses, layers: int) -> Figure:
@@ -107,3 +113,69 @@ def _three(change: StepChange) -> tuple[tuple[Any, str, str], ...]:
 
 def _step(change: StepChange) -> str:
     return f"{change.step:.0e}" if change.parameter.startswith("v") else f"{1e6 * change.step:.0f} um"
+
+
+def linearity(carts: CartMeasurements) -> Figure:
+    """Plot the length of the residual of a linear fit over each track, as in the paper's Fig. 5.
+
+    ``carts``: poses of the carts, measured along the guideways, in any frame.
+    """
+    figure = new_figure(8.0, 4.5)
+    axis = figure.subplots()
+    for i in range(carts.n_actuators):
+        found = TrackLinearity.of(carts, i + 1)
+        axis.plot(1e3 * found.q, 1e6 * found.absolute, LINES[i % 3], color=f"C{i}", label=f"cart {i + 1}")
+    axis.set_xlabel("commanded cart position (mm)")
+    axis.set_ylabel("absolute residual (um)")
+    axis.set_ylim(bottom=0.0)
+    axis.grid(alpha=0.3)
+    axis.legend()
+    figure.suptitle("Linearity error of the carts: what a linear fit leaves")
+    return figure
+
+
+def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None = None) -> Figure:
+    """Plot the residuals of a linear fit, along each track and across it, as in the paper's Fig. 6.
+
+    ``carts``: cart poses that were measured while all carts moved together, in any frame; drawn as lines. ``roaming``: cart
+    poses that were measured while the TCP moved freely, drawn as stars. They can be in another frame: each set has a
+    separate linear fit.
+    """
+    n = carts.n_actuators
+    figure = new_figure(3.4 * n, 5.5)
+    axes = figure.subplots(2, n, sharex=True, sharey="row", squeeze=False)
+    for i in range(n):
+        if roaming is not None:
+            stars = TrackLinearity.of(roaming, i + 1)
+            axes[0, i].plot(1e3 * stars.q, 1e6 * stars.along, "*", color="0.6", markersize=4, label="TCP anywhere")
+            axes[1, i].plot(1e3 * stars.q, 1e6 * stars.across, "*", color="0.6", markersize=4)
+        line = TrackLinearity.of(carts, i + 1)
+        axes[0, i].plot(1e3 * line.q, 1e6 * line.along, "k-", label="carts together")
+        axes[1, i].plot(1e3 * line.q, 1e6 * line.across, "k-")
+        axes[0, i].set_title(f"cart {i + 1}", fontsize=10)
+        axes[1, i].set_xlabel("commanded position (mm)")
+        for axis in axes[:, i]:
+            axis.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("along the track (um)")
+    axes[1, 0].set_ylabel("across the track (um)")
+    axes[1, 0].set_ylim(bottom=0.0)
+    figure.suptitle("Linearity error of the carts, along and across their tracks")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+    return figure
+
+
+def orientation_errors(comparison: Comparison, models: tuple[int, ...] = (3, 4, 5)) -> Figure:
+    """Measured less predicted ZYZ Euler angles of held-out poses, as in the paper's Fig. 8."""
+    figure = new_figure(9.0, 6.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    for held in comparison.held:
+        if held.model in models and held.angles is not None:
+            for axis, values in zip(axes, held.angles.T, strict=True):
+                axis.plot(1e3 * values, color=COLORS[held.model], linewidth=1.1, label=f"model {held.model}")
+    for axis, name in zip(axes, ("alpha", "beta", "gamma"), strict=True):
+        axis.set_ylabel(f"{name} error (mrad)")
+        axis.grid(alpha=0.3)
+    axes[-1].set_xlabel("held-out pose, in the dataset's order")
+    figure.suptitle("Orientation errors, ZYZ Euler angles")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(models), fontsize=9)
+    return figure

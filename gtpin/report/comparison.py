@@ -74,7 +74,7 @@ class ComparisonPresentation(Presentation):
         data = self.comparison.dataset
         if data is None:
             raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
-        write_comparison(self.comparison, folder, data.carts)
+        write_comparison(self.comparison, folder)
         page = comparison_page(self.comparison, data, robot_of(data))
         (folder / "report.html").write_text(page, encoding="utf-8")
         return self.comparison.to_json()

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from paper_figures import cost_and_position, orientation_along_grid, orientation_change
+from paper_figures import (
+    along_and_across,
+    cost_and_position,
+    linearity,
+    orientation_along_grid,
+    orientation_change,
+    orientation_errors,
+)
 from paper_steps import drawn_measurements, step_change
 
 import gtpin
 from gtpin.accuracy.sensitivity import STEP
+from gtpin.comparison.result import Comparison, Held
+from gtpin.data import CartMeasurements
 from gtpin.errors import ModelError
 
 MODEL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
@@ -37,7 +48,22 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
     q = commands(12)
     measured = drawn_measurements(MODEL, q, np.full(6, 1e-4))
     links = [rod.name for rod in MODEL.robot.rods]
+    bends = 1e-4 * np.random.default_rng(1).standard_normal((30, 3))
+    along = np.tile(np.linspace(-0.6, 0.6, 10), 3)
+    carts = CartMeasurements(np.repeat([1, 2, 3], 10), along, bends + along[:, None] * [1.0, 0.0, 0.0])
+    rows, bare = np.arange(12), (None, None)
+    errors = [Held(m, rows, rows.astype(str).astype(object), rows * 1e-6, *bare, None, (False,) * 6) for m in (1, 3)]
+    errors[1] = replace(errors[1], angles=1e-4 * np.random.default_rng(2).standard_normal((12, 3)))
+    angles = orientation_errors(Comparison(tuple(errors), 0, "pose"))
+    for column, axis in enumerate(angles.axes):
+        np.testing.assert_allclose(axis.lines[0].get_ydata(), 1e3 * errors[1].angles[:, column])
+    assert all(
+        [line.get_marker() for line in axis.lines] == ["*", "None"] for axis in along_and_across(carts, carts).axes
+    )
     made = (
+        angles,
+        linearity(carts),
+        along_and_across(carts),
         orientation_along_grid(MODEL.predict(q), 3),
         cost_and_position(step_change(MODEL, q, measured, "L", "1"), links),
         orientation_change(step_change(MODEL, q, measured, "Px", "3a")),

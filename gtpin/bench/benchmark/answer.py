@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import difflib
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from gtpin.bench.blind.judged import Named, Statement
-from gtpin.data.files import read_bytes
+from gtpin.bench.blind.truth import read_json
 from gtpin.errors import GtpinError
 
 SCHEMA = "gtpin-answer/1"
@@ -69,17 +68,15 @@ class Answer(BaseModel):
     @staticmethod
     def read(file: Path) -> Answer:
         """The answer in a file. Raises GtpinError if the file can't be read, or is no answer."""
-        try:
-            found = Answer.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            key = ".".join(str(part) for part in first["loc"])
-            raise GtpinError(str(first["msg"]), file=file, column=key, hint="docs/benchmark.md has the keys") from None
-        except (ValueError, RecursionError) as error:
-            raise GtpinError(f"no JSON ({str(error)[:80]})", file=file, hint="correct the file") from None
-        _check_once([cause.name for cause in found.causes], file, "causes")
-        for number, cause in enumerate(found.causes):
-            _check_once([member.name for member in cause.class_], file, f"causes.{number}.class")
+        found = read_json(file, Answer, "docs/benchmark.md has the keys")
+        lists = {f"causes.{number}.class": cause.class_ for number, cause in enumerate(found.causes)}
+        for key, named in {"causes": found.causes, **lists}.items():
+            seen: set[str] = set()
+            for number, one in enumerate(named):
+                if one.name in seen:
+                    what = f"{one.name[:100]} is named twice"
+                    raise GtpinError(what, file=file, column=f"{key}.{number}", hint="keep one of them")
+                seen.add(one.name)
         return found
 
     def check(self, file: Path, sites: Mapping[str, Sequence[str] | None]) -> None:
@@ -115,13 +112,3 @@ class Answer(BaseModel):
             causes.append(Named(name=cause.name, probability=cause.probability, members=members))
         verdict = "unknown" if self.unknown else "explained" if causes else "none"
         return Statement.model_validate({"verdict": verdict, "causes": causes})
-
-
-def _check_once(names: Sequence[str], file: Path, key: str) -> None:
-    """Raise an error for a name that is in a list twice."""
-    seen: set[str] = set()
-    for number, name in enumerate(names):
-        if name in seen:
-            what = f"{name[:100]} is named twice"
-            raise GtpinError(what, file=file, column=f"{key}.{number}", hint="keep one of them")
-        seen.add(name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ class Rate:
 
     def to_json(self) -> dict[str, Any]:
         """``value``, ``low``, ``high``, ``of``."""
-        return {"value": self.value, "low": self.low, "high": self.high, "of": self.of}
+        return asdict(self)
 
 
 def rate(hits: Iterable[bool]) -> Rate:
@@ -79,9 +79,6 @@ def class_size(cases: Iterable[Judged]) -> Rate:
     return mean(len(c.said.members) for c in cases if c.said and c.said.members)
 
 
-# ------------------------------------------------------------------------------------ explained fraction of the gap
-
-
 def overstated(cases: Iterable[Judged]) -> list[float]:
     """Predicted less realised explained fraction of all cases that have both, without the cases of kind `power`."""
     return [c.overstated for c in cases if c.overstated is not None and c.kind != "power"]
@@ -99,9 +96,6 @@ def coverage(cases: Iterable[Judged]) -> Rate:
         for c in cases
         if c.said and c.shrunk and c.said.interval and c.overstated is not None and c.kind != "power"
     )
-
-
-# ------------------------------------------------------------------------------------------------------ reliability
 
 
 @dataclass(frozen=True)
@@ -128,9 +122,6 @@ def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
     ]
 
 
-# -------------------------------------------------------------------------------------------------- several effects
-
-
 def with_instruments(cases: Iterable[Judged]) -> bool:
     """Whether instruments of schema 2 measured some of the cases."""
     return any(case.instruments for case in cases)
@@ -139,19 +130,14 @@ def with_instruments(cases: Iterable[Judged]) -> bool:
 def not_visible(cases: Iterable[Judged]) -> dict[str, int]:
     """Number of the effects of the catalogue in cases with several (``effects``), and of those that are not visible."""
     several = [case for case in of_kind(cases, *SEVERAL) if case.listed]
-    return {
-        "effects": sum(len(case.names) for case in several),
-        "not_visible": sum(len(case.not_visible) for case in several),
-    }
+    hidden = sum(len(case.not_visible) for case in several)
+    return {"effects": sum(len(case.names) for case in several), "not_visible": hidden}
 
 
 def visible_f1(cases: Iterable[Judged]) -> Rate:
     """Mean F1 of the visible effects, over the cases with several effects of the catalogue of which one is visible."""
     several = [case for case in of_kind(cases, *SEVERAL) if case.listed]
     return mean(case.visible_f1 for case in several if case.names - case.not_visible)
-
-
-# ------------------------------------------------------------------------------------------------------ all figures
 
 
 @dataclass(frozen=True)
@@ -182,11 +168,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     one, none, two = of_kind(cases, "one"), of_kind(cases, "none"), of_kind(cases, "two")
     seen, clear = [c for c in one if c.noncentrality > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     weak = [c for c in one if c.leaves <= VISIBLE]
-    rough = [
-        c
-        for c in of_kind(cases, "rough")
-        if len(c.truth) == 1 and c.noncentrality > VISIBLE and c.testable and c.listed
-    ]
+    fair = [c for c in of_kind(cases, "rough") if len(c.truth) == 1 and c.testable and c.listed]
+    rough = rate(c.in_class for c in fair if c.noncentrality > VISIBLE)
     plain = [c for c in two if all((effect.energy or 0.0) > VISIBLE for effect in c.truth)]
     both, three = of_kind(cases, "known_and_unlisted"), of_kind(cases, "three")
     right = "cause and site right, nothing else named, D > 63"
@@ -223,9 +206,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("known and unlisted together: unknown", rate(c.verdict == "unknown" for c in both)),
         Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
         Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05),
-        Figure(
-            "rough data: class holds the truth, E > 63, covariate there", rate(c.in_class for c in rough), least=0.90
-        ),
+        Figure("rough data: class holds the truth, E > 63, covariate there", rough, least=0.90),
         Figure("shrinkage said less realised, absolute", absolute_error(cases), most=0.05),
         Figure("shrinkage said less realised", mean(overstated(cases))),
         Figure("95 % interval of shrinkage covers", coverage(cases), least=0.90),

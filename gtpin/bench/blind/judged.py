@@ -29,12 +29,11 @@ class Statement(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    # `verdict`, `causes`: As in ``diagnosis.json``; causes by ``effect@site``, the largest first
+    # As in ``diagnosis.json``; names are ``effect@site``
     verdict: Literal["none", "explained", "ambiguous", "unknown"]
-    causes: tuple[Named, ...] = ()
+    causes: tuple[Named, ...] = ()  # The largest first
     site: str = ""  # Site with the largest share in ``where``; empty if all shares are zero
-    top: str = ""  # Candidate with the largest log evidence, ``effect@site``; empty without candidates
-    # `explained_fraction`, `interval`: As in ``diagnosis.json``; None if not given
+    top: str = ""  # Candidate with the largest log evidence; empty without candidates
     explained_fraction: float | None = None
     interval: tuple[float, float] | None = None
 
@@ -55,31 +54,31 @@ class Statement(BaseModel):
     @staticmethod
     def of(diagnosis: Mapping[str, Any]) -> Statement:
         """Read the content of ``diagnosis.json``."""
-        shares = diagnosis["where"]["site"]
+        shares, gap = diagnosis["where"]["site"], diagnosis["gap"]
         leading = max(shares, key=lambda site: shares[site], default="")
         candidates = [c for c in diagnosis["candidates"] if c["testable"]]
         top = max(candidates, key=lambda c: c["log_evidence"], default=None)
-        gap = diagnosis["gap"]
+
+        def name(record: Mapping[str, Any]) -> str:
+            return f"{record['effect']}@{record['site']}"
+
+        causes = [
+            Named(
+                name=name(cause),
+                probability=cause["probability"],
+                members={name(member): member["probability"] for member in cause["class"]},
+                parameters={k: (p["value"], p["sigma"]) for k, p in cause["parameters"].items()},
+            )
+            for cause in diagnosis["causes"]
+        ]
         return Statement(
             verdict=diagnosis["verdict"],
-            causes=tuple(
-                Named(
-                    name=_name(cause),
-                    probability=cause["probability"],
-                    members={_name(member): member["probability"] for member in cause["class"]},
-                    parameters={k: (p["value"], p["sigma"]) for k, p in cause["parameters"].items()},
-                )
-                for cause in diagnosis["causes"]
-            ),
+            causes=tuple(causes),
             site=leading if leading and shares[leading] > 0.0 else "",
-            top=_name(top) if top else "",
+            top=name(top) if top else "",
             explained_fraction=gap["shrinkage"],
             interval=gap["interval"],
         )
-
-
-def _name(record: Mapping[str, Any]) -> str:
-    return f"{record['effect']}@{record['site']}"
 
 
 VISIBLE = 63.0
@@ -90,19 +89,17 @@ LEFT = 250.0
 
 
 class Shrunk(BaseModel):
-    """Position errors at held-out commands, against the true poses."""
+    """RMS length of the position error at held-out commands, against the true poses, m; where other instruments than a tracker
+    alone measured, RMS error of their readings in units of the noise."""
 
     model_config = ConfigDict(frozen=True)
 
-    # `before`, `after`: RMS length of the position error, m, of the geometry alone and of the model with the named
-    # causes; where other instruments than a tracker alone measured, RMS error of their readings in units of the noise
-    before: float
-    after: float
-    # The same error, of a fit to which the true causes are given; None if there is no such fit, as where an encoder
-    # reads
-    knowing: float | None = None
-    # The same error, of a Gaussian process that names no cause; None if it was not fitted
-    smoothed: float | None = None
+    before: float  # Of the geometry alone
+    after: float  # Of the model with the named causes
+    knowing: float | None = (
+        None  # Of a fit to which the true causes are given; None without one, as where an encoder reads
+    )
+    smoothed: float | None = None  # Of a Gaussian process that names no cause; None if it was not fitted
 
     @property
     def share(self) -> float:
@@ -117,12 +114,10 @@ class Judged(BaseModel):
 
     name: str
     kind: Kind | None = None  # Kind of case; None if its seal was broken
-    # `poses`, `planned`: Rows of the dataset, and different commands among them
-    poses: int = 0
-    planned: int = 0
+    poses: int = 0  # Rows of the dataset
+    planned: int = 0  # Different commands among them
     truth: tuple[TrueEffect, ...] = ()  # Its true effects with E and D, without displacements
-    # The wrong effect (``effect@site``) that leaves the least energy of a single true effect; empty where not known
-    rival: str = ""
+    rival: str = ""  # The wrong effect that leaves the least energy of a single true effect; empty where not known
     listed: bool = True  # Whether all its effects are in the catalogue
     instruments: tuple[str, ...] | None = None  # Kinds of the instruments that measured it; None for a tracker alone
     testable: bool = True  # Whether the dataset has the covariates that its known effects need
@@ -131,11 +126,9 @@ class Judged(BaseModel):
     # Energy of a single true effect that remains when another effect is fitted to it, by that effect: each member of
     # the named class, and the true effect in its textbook form
     left: dict[str, float] = {}
-    # `without`, `without_error`, `without_left`: The diagnosis with the true effect removed from the catalogue; the
-    # error if that failed; and the energy that the best of the other effects leaves
-    without: Statement | None = None
-    without_error: str | None = None
-    without_left: float | None = None
+    without: Statement | None = None  # The diagnosis with the true effect removed from the catalogue
+    without_error: str | None = None  # The error if that failed
+    without_left: float | None = None  # The energy that the best of the other effects leaves
     shrunk: Shrunk | None = None  # None without true poses, or if the case failed
     # Name, value, sigma and true value of the parameters of causes that are named correctly
     parameters: tuple[tuple[str, float, float, float], ...] = ()
@@ -210,7 +203,7 @@ class Judged(BaseModel):
 
     @property
     def f1(self) -> float:
-        """F1 of the set of causes: 2 right / (named + true)."""
+        """F1 of the set of causes."""
         return _f1(self.named, self.names)
 
     @property
@@ -235,4 +228,5 @@ class Judged(BaseModel):
 
 
 def _f1(named: frozenset[str], true: frozenset[str]) -> float:
+    """2 right / (named + true)."""
     return 2.0 * len(named & true) / max(len(named) + len(true), 1)

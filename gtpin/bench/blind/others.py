@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from gtpin.bench.blind.truth import (
     Kind,
@@ -21,6 +20,7 @@ from gtpin.bench.blind.truth import (
     Truth,
     digest_of_files,
     files_of,
+    read_json,
 )
 from gtpin.data.description import SECOND, Description, describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
@@ -90,17 +90,7 @@ def given(folder: Path) -> list[Given]:
 
 def _truth(folder: Path, name: str) -> Truth:
     file = folder / f"{name}{TRUTH}"
-    try:
-        content = _TruthFile.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        hint = 'write {"effects": [{"effect": ID, "site": SITE}, ...]}'
-        raise GtpinError(str(first["msg"]), file=file, column=key, hint=hint) from None
-    except json.JSONDecodeError as error:
-        raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
-    except (UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
+    content = read_json(file, _TruthFile, 'write {"effects": [{"effect": ID, "site": SITE}, ...]}')
     _check(file, content, folder / name)
     kind = content.kind or kind_of([effect.effect for effect in content.effects])
     return Truth(**{**dict(content), "kind": kind}, poses=_poses(folder, name))

@@ -121,11 +121,8 @@ def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
             "set_f1_visible": visible_f1(some),
             "shrinkage_error": absolute_error(some),
         }
-        found[name] = {
-            "cases": len(some),
-            **not_visible(some),
-            **{key: value.to_json() for key, value in rates.items()},
-        }
+        counts = {"cases": len(some), **not_visible(some)}
+        found[name] = {**counts, **{key: value.to_json() for key, value in rates.items()}}
     return found
 
 
@@ -194,14 +191,14 @@ def _row(
         for c in of_kind(every, "one")
         if c.shrunk and after and c.shrunk.smoothed and c.shrunk.knowing and (left := after(c.shrunk)) is not None
     ]
-    figures: dict[str, Rate] = {
+    found = {
         "strict": rate(c.strict for c in of_kind(cases, "one") if c.leaves > VISIBLE),
         "set_f1": mean(c.f1 for c in of_kind(cases, "two")),
         "false_alarm": rate(bool(c.said and c.said.causes) for c in of_kind(cases, "none")),
         "misnamed": rate(bool(c.false_names) for c in of_kind(cases, "unlisted")),
         "shrinkage": mean(shares),
     }
-    return {name: found.to_json() for name, found in figures.items()}
+    return {name: one.to_json() for name, one in found.items()}
 
 
 def _naming(case: Judged, name: str) -> Judged:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
@@ -106,6 +106,23 @@ class Truth(BaseModel):
         """Leave the noise out where there is none: truths of a tracker's cases keep the digests that were published."""
         found: dict[str, Any] = handler(self)
         return found if self.noise else {name: value for name, value in found.items() if name != "noise"}
+
+
+Content = TypeVar("Content", bound=BaseModel)
+
+
+def read_json(file: Path, kind: type[Content], hint: str) -> Content:
+    """The content of a JSON file. Raises GtpinError if it can't be read, is no JSON, or (with the ``hint``) is no ``kind``."""
+    try:
+        return kind.model_validate(json.loads(read_bytes(file).decode("utf-8-sig")))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise GtpinError(str(first["msg"]), file=file, column=key, hint=hint) from None
+    except json.JSONDecodeError as error:
+        raise GtpinError(f"no JSON ({error.msg})", file=file, row=error.lineno, hint="correct the file") from None
+    except (UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
 
 
 MANIFEST = "gtpin-blind-manifest/1"

@@ -55,16 +55,13 @@ class Built:
     """A machine with its effects and its visits of a day, before anything is measured."""
 
     response: Response  # The machine and all its visits
-    # `active`, `truths`: All its effects with their amplitudes, and the truth about those that the recipe asks for
-    active: Sequence[tuple[Cause, float]]
-    truths: Sequence[EffectTruth]
+    active: Sequence[tuple[Cause, float]]  # All its effects with their amplitudes
+    truths: Sequence[EffectTruth]  # Of the effects that the recipe asks for
     rows: Ints  # Indices of the measured visits, in the order of the dataset's rows
     background: float  # Joint energy E of the weak effects
     repeatability: Floats  # (n,) standard deviation of each actuator, m or rad
     jitter: Deviation  # Random deviations by the repeatability, at every visit
-    # Position (3,), m, and rotation (3, 3) of the base frame in the instrument's frame; None where the two are the
-    # same
-    away: tuple[Floats, Floats] | None
+    away: tuple[Floats, Floats] | None  # Base frame in the instrument's: position, m, rotation; None: the same frame
     rng: np.random.Generator  # Source of the instrument's noise
 
     def in_frame(self, seen: VirtualPoses) -> VirtualPoses:
@@ -111,9 +108,8 @@ def assemble(recipe: Recipe) -> Built:
 
 def build(recipe: Recipe) -> Case:
     """Make the case of a recipe; see :func:`~gtpin.bench.simulator.case.make_case`."""
-    made = assemble(recipe)
-    response, conditions = made.response, recipe.conditions
-    held = np.flatnonzero(response.visits.held)
+    made, conditions = assemble(recipe), recipe.conditions
+    response, held = made.response, np.flatnonzero(made.response.visits.held)
     mine, held_visits = response.visits.take(made.rows), response.visits.take(held)
     truth = made.in_frame(response.seen(made.active)[held])
     true = made.in_frame(response.seen(made.active, made.jitter)[made.rows])
@@ -143,8 +139,9 @@ def measure_at(case: Case, commands: Commands, seed: int = 0) -> Dataset:
     ``commands``: commands, and covariates by name, in the order in which they are measured. ``seed``: seed of the
     instrument's noise and the repeatability. The same seed gives the same bytes.
 
-    Returns one row for each command, with the covariates of the case's dataset and those of the commands. Raises
-    `GtpinError` if conditions contradict each other, or a pose can't be reached.
+    Returns one row for each command, with the covariates of the case's dataset and those of the commands.
+
+    Raises `GtpinError` if conditions contradict each other, or a pose can't be reached.
     """
     made, recipe = assemble(case.recipe), case.recipe
     rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, 5, seed]))

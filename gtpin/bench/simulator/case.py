@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import tomllib
 from collections.abc import Callable, Sequence
 from inspect import signature
 from pathlib import Path
@@ -18,7 +16,7 @@ from gtpin.bench.simulator.build import build, capacity, known_robot
 from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise, Wanted
 from gtpin.bench.simulator.truth import Case, EffectTruth
-from gtpin.data.files import read_text, refuse_control
+from gtpin.data.description import read_toml
 from gtpin.data.names import site_called
 from gtpin.errors import GtpinError, renamed_argument
 from gtpin.references import is_path
@@ -194,16 +192,9 @@ def read_scenario(file: Path | str) -> Scenario:
     """
     file = Path(file)
     try:
-        content = tomllib.loads(read_text(file))
-        refuse_control(content, file)
-        scenario = Scenario.model_validate(content)
+        scenario = Scenario.model_validate(read_toml(file))
     except ValidationError as error:
         raise _explained(file, error) from None
-    except (ValueError, RecursionError) as error:
-        line = re.search(r"at line (\d+)", str(error))
-        hint = "correct the line" if line else "correct the file"
-        what = f"not TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))[:80]}"
-        raise GtpinError(what, file=file, row=int(line[1]) if line else None, hint=hint) from None
     for number, effect in enumerate(scenario.effect):
         if effect.energy is not None and effect.amplitude is not None:
             where = f"effect.{number}"

@@ -36,10 +36,8 @@ SETTLED = 1e-10
 class Response:
     """A machine, its visits of a day, and the instrument that measures them."""
 
-    # `machine`, `visits`: The machine, and all its visits. They are solved together, because effects can depend on
-    # earlier visits.
     machine: RodMachine | ArmMachine
-    visits: VirtualVisits
+    visits: VirtualVisits  # All visits are solved together, because effects can depend on earlier ones
     station: Floats  # (3,) position of the instrument, base frame, m
     read: tuple[str, ...] = ()  # Names of the joints that encoders read
 
@@ -111,8 +109,8 @@ class Past:
     # For each instrument: the stops of its rows (M,), and the whitened derivative (M, c, 6 + k) of its readings by
     # poses and joints; or the sigmas (6,), m and rad, of poses that are measured themselves
     H: tuple[tuple[Ints, Floats], ...] | Floats
-    # (K, p) whitened derivative of all K numbers by the geometry, in units of the tolerances, and by the instruments'
-    # unknowns, in units of their prior sigmas
+    # (K, p) whitened derivative of all K numbers by the geometry and the instruments' unknowns, in units of the tolerances
+    # and of the prior sigmas
     B: Floats
 
     @staticmethod
@@ -124,9 +122,9 @@ class Past:
     def of_readings(gauges: Sequence[Gauge], poses: VirtualPoses, by_tolerance: Floats, jitter: Floats) -> Past:
         """For instruments, and ``poses`` (N) at all stops.
 
-        ``by_tolerance``: (N, 6 + k, p) derivative of poses and joints by the geometry, in units of the tolerances.
-        ``jitter``: (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to
-        the noise, because some instruments are more precise than the machine.
+        ``by_tolerance``: (N, 6 + k, p) as :meth:`~gtpin.bench.simulator.machine.Machine.by_tolerance` gives it. ``jitter``:
+        (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
+        because some instruments are more precise than the machine.
         """
         H, blocks = [], []
         own = [len(gauge.hidden) for gauge in gauges]
@@ -186,7 +184,7 @@ def effects_of(
 def amplitude_for(
     response: Response, cause: Cause, rows: Ints, past: Past, noncentrality: float, largest: float
 ) -> float:
-    """Amplitude of a cause, in typical sizes, at which it has ``energy`` at the visits ``rows``; at most ``largest``."""
+    """Amplitude of a cause, in typical sizes, at which it has an E at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
     for _ in range(STEPS):
         reached = past.noncentrality(response.displacement([(cause, amplitude)])[rows])
@@ -204,9 +202,8 @@ def weak_others(
     response: Response, rows: Ints, past: Past, taken: Collection[tuple[str, str]], rng: np.random.Generator
 ) -> tuple[list[tuple[Cause, float]], float]:
     """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
-    robot = response.machine.robot
     causes, shares, displaced = [], [], []
-    kinds = listed(robot)
+    robot, kinds = response.machine.robot, listed(response.machine.robot)
     for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:

@@ -200,8 +200,7 @@ class Wanted:
 class Recipe:
     """Everything that a case is made from. The same recipe gives the same bytes."""
 
-    # `wanted`, `seed`, `robot`, `poses`, `held_out`, `noise`, `conditions`, `background`: See
-    # :func:`~gtpin.bench.simulator.case.make_case`
+    # See :func:`~gtpin.bench.simulator.case.make_case`
     wanted: tuple[Wanted, ...]
     seed: int
     robot: str

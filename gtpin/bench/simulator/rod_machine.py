@@ -40,10 +40,9 @@ class RodMachine:
     """
 
     geometry: Geometry  # Its true geometry
-    # `plate_mass`, `plate_center`: Mass of the platform, kg, and its centre of mass, TCP frame, m
-    plate_mass: float
-    plate_center: Floats
-    rod_masses: Floats  # (k,) masses of the rods, kg; the centre of mass of a rod of fixed length is at its middle
+    plate_mass: float  # Of the platform, kg
+    plate_center: Floats  # (3,) the platform's centre of mass, TCP frame, m
+    rod_masses: Floats  # (k,) kg; the centre of mass of a rod of fixed length is at its middle
 
     def __post_init__(self) -> None:
         robot = self.robot
@@ -106,7 +105,7 @@ class RodMachine:
 
     @cached_property
     def slides(self) -> Mask:
-        """(n,) whether the drive moves a cart along a track."""
+        """(n,) whether it moves a cart along a track."""
         return np.asarray(~self.is_leg & ~self.robot.revolute)
 
     @cached_property
@@ -180,7 +179,7 @@ class RodMachine:
         return np.concatenate([J, own], axis=1)
 
     def ends(self, q: Floats, deviation: Deviation) -> VirtualRodEnds:
-        """Ends and lengths of the rods at commands q (N, n), with a deviation."""
+        """The rods' ends at commands q (N, n)."""
         arms = ~self.is_leg & ~self.slides
         straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
         moved = deviation.shift + (deviation.travel * self.slides)[..., None] * self.tracks
@@ -286,6 +285,7 @@ def _rod_mass(robot: Chain, rod: int) -> float:
 
 
 def _centre_and_sliding(robot: Chain, rod: int) -> tuple[float, float]:
+    """See :attr:`RodMachine.leg_masses`."""
     extension = robot.rods[rod].extension
     if extension is None:
         return robot.rods[rod].L / 2.0, 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -132,9 +132,8 @@ NUDGE = 1e-5
 
 @dataclass(frozen=True)
 class Rods:
-    """Kinematics of a platform on six rods."""
+    """Kinematics of a platform on six rods, whose true ``geometry`` has the parameters that docs/glossary.md describes."""
 
-    # The true values of the geometry's parameters, with the meaning that docs/glossary.md gives them
     geometry: Geometry
 
     @cached_property
@@ -186,7 +185,7 @@ class Rods:
 
     @cached_property
     def size(self) -> float:
-        """Largest length or coordinate of the machine, m, which determines rounding errors."""
+        """Largest length or coordinate, m, which determines rounding errors."""
         return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
 
     # -------------------------------------------------------------------------------------------------- motion
@@ -205,16 +204,15 @@ class Rods:
     def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the rods can't be closed."""
         q_home, home = self.geometry.robot.home_q, self.home
-        T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
+        T, R = np.tile(home.T, (len(q), 1)), np.tile(home.R, (len(q), 1, 1))
         for first in range(0, len(q), CHUNK):
-            part = q[first : first + CHUNK]
+            some = slice(first, first + CHUNK)
 
-            def way(s: Floats, rows: Ints, part: Floats = part) -> VirtualRodEnds:
+            def way(s: Floats, rows: Ints, part: Floats = q[some]) -> VirtualRodEnds:
                 return self.ends(q_home + s[:, None] * (part[rows] - q_home))
 
-            start = VirtualPoses(np.tile(home.T, (len(part), 1)), np.tile(home.R, (len(part), 1, 1)))
-            poses = led(way, start, self.size)
-            T[first : first + CHUNK], R[first : first + CHUNK] = poses.T, poses.R
+            poses = led(way, VirtualPoses(T[some], R[some]), self.size)
+            T[some], R[some] = poses.T, poses.R
         return VirtualPoses(T, R)
 
     @cached_property
@@ -234,7 +232,7 @@ class Rods:
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.commanded(q), NUDGE)
+        return self._answer(q, poses, self.commanded(q))
 
     def commanded(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each command larger, and smaller, by ``NUDGE``."""
@@ -242,23 +240,21 @@ class Rods:
 
     def geometry_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, p) derivative of the pose by the geometry's parameters: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.changed(q), NUDGE)
+        return self._answer(q, poses, self.changed(q))
 
     def changed(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each parameter of the geometry larger, and smaller, by ``NUDGE``."""
+
+        def ends(values: Floats) -> VirtualRodEnds:
+            return Rods(self.geometry.with_values(values)).ends(q)
+
         values = self.geometry.values
-        steps = NUDGE * np.eye(len(values))
-        return [(self._with(values + step).ends(q), self._with(values - step).ends(q)) for step in steps]
+        return [(ends(values + step), ends(values - step)) for step in NUDGE * np.eye(len(values))]
 
-    def _with(self, values: Floats) -> Rods:
-        return replace(self, geometry=self.geometry.with_values(values))
-
-    def _answer(
-        self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]], nudge: float
-    ) -> Floats:
-        """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``nudge`` of each number."""
+    def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
+        """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``NUDGE`` of each number."""
         # Gaps as half the differences of squared lengths: the same at closed poses, and published cases were made with them.
-        opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * nudge) for one, other in moved]
+        opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * NUDGE) for one, other in moved]
         rods, arm = self.ends(q).rods(poses)
         by = np.concatenate([rods, np.cross(arm, rods)], axis=2)
         return np.asarray(-np.linalg.solve(by, np.stack(opened, axis=2)))

@@ -39,14 +39,11 @@ DATASET_FILES = (*FILES, *TABLES, "commands.csv", "truth.csv")
 class EffectTruth:
     """An effect that a machine has."""
 
-    # `effect`, `site`: Its id and its site
     effect: str
     site: str
     noncentrality: float  # Its E
     amplitude: float  # Its size in typical sizes
-    # (N, 6) displacement of the TCP by this effect alone at the dataset's rows: position, m, and rotation vector, rad,
-    # base frame
-    displacement: Floats
+    displacement: Floats  # (N, 6) of the TCP by it alone at the dataset's rows: m, and rotation vector, rad, base frame
     energy = renamed("energy", "noncentrality")
 
 
@@ -94,7 +91,7 @@ class AnyCase:
             self.write_truth(outside, name)
 
     def write_dataset(self, folder: Path) -> None:
-        """Write the dataset and commands.csv into a folder."""
+        """Write the dataset and commands.csv."""
         self.dataset.write(folder)
         self.commands.write(folder / "commands.csv")
 
@@ -137,13 +134,12 @@ class InstrumentTruth:
 class Tables:
     """A dataset of schema 2."""
 
-    # `robot`, `tcp`: Names of the robot and of its TCP frame in dataset.toml
     robot: str
     tcp: str | None
     reference_temperature: float  # Temperature at which the geometry holds, degC
-    # `pose`, `q`, `covariates`: (N,) id, (N, n) commands and (N,) covariates of each of the machine's stops
+    # At N stops of the machine
     pose: Ids
-    q: Floats
+    q: Floats  # (N, n)
     covariates: dict[str, Column]
     read: tuple[InstrumentTruth, ...]  # Description and table of each instrument
 
