@@ -135,8 +135,7 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
 def _shrunk(
     folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
 ) -> Shrunk | None:
-    """Position errors at the held-out commands, or of all instruments' readings in units of their noise, where these are
-    known and predicted."""
+    """Errors of positions, or of all readings in units of their noise, at held-out commands, where known and predicted."""
     before, after, true = outcome.baseline, outcome.model, truth.poses
     commands, causes = Commands.read(folder / "commands.csv", dataset.n_actuators), _causes(truth, lefts)
     changes: dict[str, object] = {}

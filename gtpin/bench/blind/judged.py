@@ -82,8 +82,7 @@ class Statement(BaseModel):
 
 
 VISIBLE = 63.0
-"""Energy above which an effect must be detected (E) and named (D): four times the 15.8 that a matched filter needs for 95 %
-detections at 1 % false alarms."""
+"""Energy above which an effect must be detected (E) and named (D): 4 times the 15.8 of a matched filter (95 %, 1 % alarms)."""
 LEFT = 250.0
 """Energy of an unlisted effect that known effects must leave unexplained, so that the verdict must be `unknown`."""
 

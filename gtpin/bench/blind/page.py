@@ -107,10 +107,7 @@ CONTENTS = (
 
 
 def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
-    """The score as one self-contained HTML file.
-
-    ``result``: the content of ``score.json``. ``cases``: the judged cases.
-    """
+    """The score as one self-contained HTML file. ``result``: the content of ``score.json``. ``cases``: the judged cases."""
     words = {
         "strict": "single effects named correctly, nothing else named",
         "in_class": "class contains the truth",

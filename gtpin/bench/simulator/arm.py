@@ -15,8 +15,7 @@ from gtpin.typing import Floats, Mask
 TOLERANCE = 5e-4
 """Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""
 CARRIES = 0.2
-"""Payload over moving mass. A UR5 carries 5 kg with a mass of 18 kg, a Panda 3 kg with 16 kg, a UR10 10 kg with 27 kg (their
-data sheets)."""
+"""Payload over moving mass, by data sheets: a UR5 has 5 kg and 18 kg, a Panda 3 kg and 16 kg, a UR10 10 kg and 27 kg."""
 SHORTEST = 0.05
 """Smallest length of a link, m: the housings of a wrist are longer than the offsets between its axes."""
 
@@ -124,8 +123,7 @@ class Arm:
 
     @cached_property
     def linked(self) -> tuple[int, ...]:
-        """Indices of the commands whose link reaches from its joint to the next one, or the TCP; without links that carry no
-        joint, on which a loop closes directly."""
+        """Indices of the commands whose link reaches to a next joint or the TCP, not only to where a loop closes."""
         return tuple(c for c in self.acting if self.counted[c] == self.tcp.joint or self._beyond(self.counted[c]))
 
     def _beyond(self, joint: int) -> tuple[int, ...]:

@@ -20,8 +20,7 @@ from gtpin.typing import Floats, Mask
 CENTRE_SPREAD = 0.01
 """Standard deviation of each body's centre of mass, per axis, m."""
 RANGE, WIDEST = 0.6, 2.4
-"""Largest distance of an open chain's command from the middle of its range: as a share of half the range, and rad for a
-revolute joint."""
+"""Largest distance of an open chain's command from the middle of its range: over half the range; for a revolute joint, rad."""
 SHARE = 0.95
 """Used share of each range where loops close. Bad conditioning limits such a machine more than the ends of its ranges."""
 PER_METRE = 5.0
@@ -118,8 +117,7 @@ class ArmMachine:
         return {f"{name}.{AXES[i]}": float(x) for name, row in values.items() for i, x in enumerate(row)}
 
     def usual_load(self, cart: int) -> float:
-        """Usual load of a commanded joint, N m or N, as a scale of its stiffness; that of the first joint where the commanded
-        one is not between base and TCP."""
+        """Usual load of a commanded joint, N m or N; that of the first joint where it is not between base and TCP."""
         return float(self._usual[cart])
 
     @cached_property
@@ -271,8 +269,7 @@ class ArmMachine:
 
     @cached_property
     def region(self) -> tuple[Floats, Floats]:
-        """(n,) middles and half widths of the ranges from which commands are drawn, rad or m; where loops close, about home for
-        an infinite range."""
+        """(n,) middles and half widths of the ranges of drawn commands, rad or m; with loops, infinite ones about home."""
         robot = self.robot
         ended, free = np.isfinite(robot.upper - robot.lower), np.where(robot.slides, 0.5, np.pi)
         lower, upper = np.where(ended, robot.lower, -np.pi), np.where(ended, robot.upper, np.pi)

@@ -157,8 +157,7 @@ def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
 
 
 class ScenarioEffect(BaseModel):
-    """One ``[[effect]]``: its id; and, unless they are drawn, its site, its energy or its amplitude in typical sizes, and its
-    numbers of periods a turn."""
+    """One ``[[effect]]``: its id; its site, energy or amplitude in typical sizes, and periods a turn, unless they are drawn."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -170,8 +169,7 @@ class ScenarioEffect(BaseModel):
 
 
 class Scenario(BaseModel):
-    """The content of a scenario file. Keys of ``covariates`` that are left out are drawn so that the effects can be
-    detected."""
+    """The content of a scenario file. Missing keys of ``covariates`` are drawn so that the effects can be detected."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

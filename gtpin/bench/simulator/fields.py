@@ -97,8 +97,7 @@ class Field:
 
 
 def play(x: Floats, width: float) -> Floats:
-    """(N,) position of a part that a pin at x (N,), in the order of time, drags along with a play of ``width`` to either
-    side."""
+    """(N,) position of a part that a pin at x (N,), in the order of time, drags along with a play of +-``width``."""
     dragged = np.empty_like(x)
     at = float(x[0]) if len(x) else 0.0
     for i, pin in enumerate(x.tolist()):

@@ -117,8 +117,7 @@ class Loops:
         return x
 
     def _strode(self, x: Floats, driven: Floats) -> tuple[Floats, Floats]:
-        """(N, J) closed coordinates after a stride of the commands from closed ones x (N, J), NaN where it is too long, and the
-        (N,) change of the gaps' slopes."""
+        """(N, J) closed coordinates a stride away from closed ones x, NaN: too far; (N,) change of the gaps' slopes."""
         here = placed(self.joints, x)
         before = self._slopes(here, STRAIGHT, self._ends(here, STRAIGHT))
         inverse = np.linalg.pinv(before, rcond=ZERO)
@@ -150,8 +149,7 @@ class Loops:
         return x if np.isfinite(x).all() else None
 
     def closed(self, x: Floats, driven: Floats, bending: Bending = STRAIGHT, steps: int = STEPS) -> Floats:
-        """(N, J) coordinates that close the loops at ``driven`` coordinates (N, n), from nearby ones x (N, J); NaN where none
-        are found."""
+        """(N, J) coordinates that close the loops at ``driven`` ones (N, n), from nearby ones x; NaN where none are found."""
         x = x.copy()
         x[:, self.driven] = driven
         rows = np.flatnonzero(np.isfinite(x).all(axis=1))

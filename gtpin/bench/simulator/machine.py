@@ -65,8 +65,7 @@ MASS_SPREAD = 0.04
 REACH = 0.8
 """Errors of drives and guideways are functions of places from -REACH to REACH, for every length of range."""
 CONDITIONED = 1.5
-"""Largest ratio of the TCP's motion by unit commands to that at home, or in the middle of the ranges: commands with a larger
-one are not used."""
+"""Largest motion of the TCP by unit commands that is used, over that at home, or in the middle of the ranges."""
 RESOLUTION = 1e-6
 """Step to which commands are rounded, as by a controller, m or rad."""
 TRIES = 50

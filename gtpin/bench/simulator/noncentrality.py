@@ -81,8 +81,7 @@ class Response:
         return VirtualPoses(T + self.station, turn @ now.poses.R, now.seen(self.read).joints)
 
     def displacement(self, active: Active) -> Floats:
-        """(N, 6 + k) displacement by the causes alone of the measured poses, m and rad, base frame, and of the k joints
-        ``read``."""
+        """(N, 6 + k) displacement by causes alone of the measured poses, m and rad, base frame, and of the joints ``read``."""
         return self.seen(active).change(self.there)
 
 

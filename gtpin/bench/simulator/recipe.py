@@ -142,8 +142,7 @@ class SimulatedNoise(BaseModel):
         )
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """A random pose of the base frame in the instrument's frame: T (3,), m, and R (3, 3), with z vertical to about 0.6
-        degrees per axis."""
+        """A random pose of the base frame in the instrument's: T (3,), m, and R (3, 3); z is vertical to some 0.6 degrees."""
         turn = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])) @ exp(0.01 * rng.standard_normal(3))
         return np.asarray(rng.uniform(-5.0, 5.0, 3)), np.asarray(turn)
 

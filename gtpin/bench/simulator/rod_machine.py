@@ -128,8 +128,7 @@ class RodMachine:
 
     @cached_property
     def zoom(self) -> Floats:
-        """(n,) change of the place by a unit command, 1/m or 1/rad: the largest power of two, which has no rounding error, with
-        which places stay within REACH."""
+        """(n,) place over command, 1/m or 1/rad: the largest power of two (no rounding) with which places stay within REACH."""
         half = (self.robot.upper - self.robot.lower) / 2.0
         return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
 
@@ -139,8 +138,7 @@ class RodMachine:
 
     @cached_property
     def leg_masses(self) -> Floats:
-        """(k, 2) for each rod: distance of its centre of mass from its platform joint at command zero, m, and the share of its
-        mass that a leg's drive moves."""
+        """(k, 2) a rod's centre of mass from the platform at command zero, m; the share of its mass that a leg moves."""
         return np.array([_centre_and_sliding(self.robot, i) for i in range(len(self.robot.rods))])
 
     def unbent(self, visits: int) -> Deviation:
@@ -260,8 +258,7 @@ class RodMachine:
         return (q, pose) if pose.reached.all() else (robot.home_q[None], self.kinematics.home)
 
     def _carts(self, joints: Floats) -> Floats:
-        """(N, k) travel, m, of the cart of each rod for positions of the platform's joints (N, k, 3), base frame; NaN out of
-        reach."""
+        """(N, k) travel of each rod's cart, m, for the platform's joints (N, k, 3), base frame; NaN out of reach."""
         kinematics = self.kinematics
         # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
         a = joints - kinematics.C0

@@ -72,8 +72,7 @@ def each_solved(matrices: Floats, right: Floats) -> Floats:
 
 
 def closed(start: VirtualPoses, ends: VirtualRodEnds, size: float) -> tuple[VirtualPoses, Mask]:
-    """Poses (N) at which the rods close, from nearby poses, and (N,) whether they close to the rounding error of ``size``,
-    m."""
+    """Poses (N) at which the rods close, from nearby ones, and (N,) whether they close to the rounding error of ``size``, m."""
     T, R = start.T.copy(), start.R.copy()
     done = np.zeros(len(T), dtype=bool)
     before = np.full(len(T), np.inf)
@@ -126,8 +125,7 @@ def _side(ends: VirtualRodEnds, poses: VirtualPoses) -> Floats:
 CHUNK = 4096
 """Largest number of poses that are solved together."""
 NUDGE = 1e-5
-"""Step of the central differences from which derivatives are computed, m or rad: small, as gaps have curvatures of about
-1/m."""
+"""Step of the central differences of derivatives, m or rad: small, as gaps have curvatures of about 1/m."""
 
 
 @dataclass(frozen=True)

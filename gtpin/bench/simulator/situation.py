@@ -104,8 +104,7 @@ class RodSituation(Postures):
         return np.asarray(d / np.linalg.norm(d, axis=2, keepdims=True))
 
     def held(self, wrench: Floats) -> Floats:
-        """(N, k) rod forces, tension positive, N, that balance a wrench (N, 6) on the platform: force, N, and moment about the
-        TCP, N m, base frame."""
+        """(N, k) rod forces, tension positive, N, that balance a wrench (N, 6) at the TCP: N and N m, base frame."""
         return each_solved(np.swapaxes(by_pose(*self._rods), 1, 2), wrench)
 
     @cached_property

@@ -96,8 +96,7 @@ class AnyCase:
         self.commands.write(folder / "commands.csv")
 
     def write_truth(self, folder: Path, name: str) -> None:
-        """Write ``NAME.truth.json``, and ``NAME.truth.csv`` with the poses at the commands, into a folder that is being
-        written."""
+        """Write ``NAME.truth.json``, and ``NAME.truth.csv`` with the poses at the commands."""
         json_name, csv_name = truth_names(name)
         listed = [{"effect": t.effect, "site": t.site, "energy": t.noncentrality} for t in self.effects]
         text = json.dumps({"effects": listed, **self.more}, indent=1, allow_nan=False) + "\n"

@@ -14,8 +14,7 @@ from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 STRIDES, STEPS = 12, 8
-"""Number of equal steps from the rod's direction at the URDF's zero to the wanted one, and number of Newton's steps at the
-end."""
+"""Equal steps from the rod's direction at the URDF's zero to the wanted one, and Newton's steps at the end."""
 CLOSED = 1e-12
 """Largest difference of two unit vectors that count as equal."""
 
@@ -100,8 +99,7 @@ class Universal:
         return np.asarray((np.linalg.pinv(self.R1 @ slopes) @ change[..., None])[..., 0])
 
     def _angles(self, u: Floats) -> Floats:
-        """(N, 2) angles, rad, at which the rod has the directions u (N, 3); of the solutions, that connected to the URDF's
-        zero."""
+        """(N, 2) angles, rad, at which the rod has the directions u (N, 3): the solution connected to the URDF's zero."""
         x = np.zeros((len(u), 2))
         start = self._points(x)
         for s in np.arange(1, STRIDES + 1) / STRIDES:

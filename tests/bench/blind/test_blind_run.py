@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import joblib
@@ -109,16 +110,21 @@ def _dataset(out: Path) -> None:
     poses.write_text(poses.read_text() + "\n")
 
 
-def _diagnosis(out: Path) -> None:
-    file = out / "diagnoses" / "c.json"
-    file.write_text(file.read_text().replace('"none"', '"unknown"'))
+def _diagnosis(out: Path, name: str = "c") -> None:
+    file = out / "diagnoses" / f"{name}.json"
+    file.write_text(file.read_text().replace('"verdict":"', '"verdict":"un'))
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("edit", "told"),
-    [(_truth_with_its_digests, "truth of e"), (_dataset, "dataset of c"), (_diagnosis, "diagnosis of c")],
+    [
+        (_truth_with_its_digests, "truth of e"),
+        (_dataset, "dataset of c"),
+        (_diagnosis, "diagnosis of c"),
+        (partial(_diagnosis, name="a.without"), "diagnosis without its effect of a"),
+    ],
 )
 def test_what_is_edited_after_the_seals_were_opened_is_reported(
     cases: Path, tmp_path: Path, edit: Callable[[Path], None], told: str
@@ -133,19 +139,6 @@ def test_what_is_edited_after_the_seals_were_opened_is_reported(
         assert again.about["changed"] == [told]
         assert score(again.cases, again.about)["check"]["changed"] == [told]
     assert "changed" not in first.about
-
-
-@pytest.mark.usefixtures("here")
-def test_a_diagnosis_without_its_effect_that_is_edited_is_reported(tmp_path: Path, small: Case) -> None:
-    folder, out = tmp_path / "given", tmp_path / "out"
-    folder.mkdir()
-    told = {"said": diagnosis("explained", cause("backlash@cart1")), "without": diagnosis("unknown")}
-    write_case(folder, "a", small, [("backlash", "cart1")], told)
-    check_given(out, folder, Quiet())
-    file = out / "diagnoses" / "a.without.json"
-    file.write_text(file.read_text().replace('"unknown"', '"none"'))
-    with pytest.warns(GtpinWarning, match="diagnosis without its effect of a"):
-        check_given(out, folder, Quiet())
 
 
 @pytest.mark.usefixtures("here")
@@ -312,70 +305,56 @@ def test_a_dataset_of_schema_2_is_taken_in_with_the_urdf_that_it_names(tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("left", [b"", b'{"diagnosis": {"sch', b"\x00" * 100])
-def test_a_diagnosis_that_a_crash_has_cut_short_is_made_again(cases: Path, tmp_path: Path, left: bytes) -> None:
-    output = tmp_path / "out"
+@pytest.mark.parametrize(
+    ("name", "left"),
+    [
+        ("diagnoses/b.json", b""),
+        ("diagnoses/b.json", b'{"diagnosis": {"sch'),
+        ("diagnoses/b.json", b"\x00" * 100),
+        ("cases/manifest.json", b""),
+    ],
+)
+def test_a_file_that_a_crash_has_cut_short_is_made_again(cases: Path, tmp_path: Path, name: str, left: bytes) -> None:
+    output, watch = tmp_path / "out", Quiet()
     whole = score(check_given(output, cases, Quiet()).cases)
-    (output / "diagnoses" / "b.json").write_bytes(left)
+    before = (output / name).read_bytes()
+    (output / name).write_bytes(left)
     (output / "diagnoses" / ".gtpin-0123.json").write_bytes(left)
     (output / "seconds.txt").write_text("a 0.1")
-    watch = Quiet()
     assert score(check_given(output, cases, watch).cases) == whole
-    assert watch.begun[0] == ("diagnosing", 7, 6)
+    assert (output / name).read_bytes() == before
+    assert ("diagnosing", 7, 6 if "diagnoses" in name else 7) in watch.begun
     assert not list((output / "diagnoses").glob(".*"))
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("here")
-def test_a_manifest_that_a_crash_has_left_empty_is_written_again(cases: Path, tmp_path: Path) -> None:
-    output = tmp_path / "out"
-    whole = score(check_given(output, cases, Quiet()).cases)
-    manifest = (output / "cases" / "manifest.json").read_bytes()
-    (output / "cases" / "manifest.json").write_bytes(b"")
-    assert score(check_given(output, cases, Quiet()).cases) == whole
-    assert (output / "cases" / "manifest.json").read_bytes() == manifest
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("here")
-def test_a_claim_that_could_not_be_written_leaves_nothing(
+def test_a_full_disk_leaves_no_claim_and_does_not_touch_that_of_a_check_that_goes_on(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = Path.write_text
+    out, real = tmp_path / "out", Path.write_text
 
-    def full(path: Path, *rest: object, **more: object) -> int:
-        if "schema" in str(rest[0]):
-            raise OSError(28, "No space left on device")
-        return real(path, *rest, **more)  # type: ignore[arg-type]
+    def check_with_full_disk(word: str) -> None:
+        def full(path: Path, *rest: object, **more: object) -> int:
+            if word in str(rest[0]):
+                raise OSError(28, "No space left on device")
+            return real(path, *rest, **more)  # type: ignore[arg-type]
 
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_text", full)
-        with pytest.raises(GtpinError, match="No space left"):
-            check_given(tmp_path / "out", cases, Quiet())
-    assert not (tmp_path / "out").exists()
-    (tmp_path / "out" / "cases").mkdir(parents=True)  # as versions before have left it
-    (tmp_path / "out" / "check.json").touch()
-    assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "write_text", full)
+            with pytest.raises(GtpinError, match="No space left"):
+                check_given(out, cases, Quiet())
 
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("here")
-def test_a_full_disk_does_not_touch_the_claim_of_a_check_that_goes_on(
-    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    check_given(tmp_path / "out", cases, Quiet())
-    (tmp_path / "out" / "diagnoses" / "b.json").unlink()
-    claim = (tmp_path / "out" / "check.json").read_bytes()
-
-    def full(*_: object, **__: object) -> int:
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_text", full)
-        with pytest.raises(GtpinError, match="No space left"):
-            check_given(tmp_path / "out", cases, Quiet())
-    assert (tmp_path / "out" / "check.json").read_bytes() == claim
-    assert len(check_given(tmp_path / "out", cases, Quiet()).cases) == 7
+    check_with_full_disk("schema")
+    assert not out.exists()
+    (out / "cases").mkdir(parents=True)  # as versions before have left it
+    (out / "check.json").touch()
+    assert len(check_given(out, cases, Quiet()).cases) == 7
+    (out / "diagnoses" / "b.json").unlink()
+    claim = (out / "check.json").read_bytes()
+    check_with_full_disk("")
+    assert (out / "check.json").read_bytes() == claim
+    assert len(check_given(out, cases, Quiet()).cases) == 7
 
 
 @pytest.mark.slow

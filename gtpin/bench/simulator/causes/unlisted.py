@@ -14,8 +14,7 @@ from gtpin.typing import Floats
 
 
 def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
-    """A hose pulls the platform towards its anchor, with a force that increases with the distance, and against the last
-    move."""
+    """A hose pulls the platform towards its anchor, more at larger distances, and against the last move."""
     anchor = np.array([rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8), rng.uniform(0.8, 2.0)])  # m from home
     seat = rng.uniform(-0.15, 0.15, 3)  # TCP frame, m
     stiffness, drag = rng.uniform(15.0, 50.0), rng.uniform(10.0, 30.0)
@@ -59,8 +58,7 @@ def cable_chain(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def plate_bending(site: Site, rng: np.random.Generator) -> Cause:
-    """A payload off centre bends the platform: each of its joints shifts by 20 um per axis at 20 kg, more than proportionally
-    to the payload."""
+    """A payload off centre bends the platform: its joints shift by 20 um per axis at 20 kg, more than in proportion."""
     ways, exponent = 2e-5 * rng.standard_normal((20, 3)), rng.uniform(1.0, 1.4)
     swing = rng.uniform(0.0, 0.3)
 
@@ -119,8 +117,7 @@ def frame_bending(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def thermal_twist(site: Site, rng: np.random.Generator) -> Cause:
-    """A temperature gradient across the frame, the links' temperature less the frame's, rotates and shifts the tracks: 30 urad
-    and 4 um per K."""
+    """A gradient across the frame (links' less frame's temperature) turns and shifts the tracks: 30 urad, 4 um per K."""
     slopes, lifts = rng.standard_normal((6, 2)), rng.standard_normal((6, 2))
     delay = rng.uniform(300.0, 1500.0)
 
@@ -154,8 +151,7 @@ def nest_tilt(site: Site, rng: np.random.Generator, level: bool = False) -> Caus
 
 
 def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
-    """Worn guide blocks: the cart shifts across its track by 30 um and rotates by 40 urad, by direction of approach and
-    speed."""
+    """Worn guide blocks: the cart shifts across its track by 30 um and turns by 40 urad, by approach and speed."""
     lean, roll = rng.standard_normal(2), rng.standard_normal(3)
     lean /= np.linalg.norm(lean)
     worn = curve(rng, -REACH, REACH, 0.2)
@@ -203,8 +199,7 @@ def dress_pack(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def loose_foot(site: Site, rng: np.random.Generator) -> Cause:
-    """A base that lifts off one of its feet when the arm leans to the other side: 0.1 mrad, to one side only, with
-    hysteresis."""
+    """A base that lifts off a foot when the arm leans to the other side: 0.1 mrad, with hysteresis."""
     angle, edge = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.4)
     lag = rng.uniform(0.02, 0.1)
 
@@ -237,8 +232,7 @@ def sunny_side(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def loose_gripper(site: Site, rng: np.random.Generator) -> Cause:
-    """A tool that shifts on its flange when it is tilted, and back when it is tilted the other way: 50 um, more with
-    payload."""
+    """A tool that shifts on its flange when tilted, and back when tilted the other way: 50 um, more with payload."""
     ways, width = rng.standard_normal((2, 3)), rng.uniform(0.15, 0.5)
     directions, heavy = rng.standard_normal((2, 3)), rng.uniform(0.5, 2.0)
 

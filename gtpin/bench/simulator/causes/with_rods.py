@@ -64,8 +64,7 @@ def rack_step(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def zero_shift(site: Site, rng: np.random.Generator, size: float = 3e-5) -> Cause:
-    """30 um, of joints 0.1 mrad, between sessions (homing, a changed battery, a crash), of which some per cent change early in
-    a session, with a time constant of 10 min."""
+    """30 um, of joints 0.1 mrad, between sessions (homing, battery, crash); some per cent settle within 10 min."""
     shifts, settling = rng.standard_normal(20), rng.uniform(0.03, 0.15)
 
     def cause(now: Postures) -> Deviation:
@@ -151,8 +150,7 @@ def cart_rotation(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def encoder_slip(site: Site, rng: np.random.Generator, size: float = 2.5e-5) -> Cause:
-    """A loose coupling or disc of an encoder slips at reversals of long moves: 25 um, of joints 0.1 mrad in all, in random
-    directions; unlisted."""
+    """An encoder's coupling slips at reversals of long moves, to random sides: 25 um, of joints 0.1 mrad; unlisted."""
     slips, hard = rng.standard_normal(4096), rng.uniform(0.5, 0.8)
 
     def cause(now: Postures) -> Deviation:
@@ -201,8 +199,7 @@ def cart_compliance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
-    """Links that stretch, each with its own compliance. They become stiffer under load, are stiffer in compression than in
-    tension, and have some hysteresis."""
+    """Links that stretch, each by its own compliance: stiffer under load and in compression, with some hysteresis."""
     exponent, scale = rng.uniform(0.75, 0.95), rng.uniform(100.0, 400.0)
     give = STRETCH * rng.normal(1.0, 0.12, len(site.rods)).clip(0.6, 1.4)
     harder, friction = rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.05)
@@ -231,8 +228,7 @@ def joint_clearance(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def joint_runout(site: Site, rng: np.random.Generator) -> Cause:
-    """15 um: two balls that are not round, one at the cart and one at the platform. The error changes a little with the
-    load."""
+    """15 um: balls at the cart and at the platform that are not round. The error changes a little with the load."""
     (rod,) = site.rods
     on_cart, on_plate = Field.draw(rng, [0.25] * 3), Field.draw(rng, [0.25] * 3)
     share, load = rng.uniform(0.0, 0.5), rng.uniform(-0.15, 0.15)
@@ -268,8 +264,7 @@ def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
 
 
 def thermal_track(site: Site, rng: np.random.Generator) -> Cause:
-    """A steel guideway that expands from the point at which it is pinned. The frame restrains the expansion, and one end
-    becomes warmer than the other."""
+    """A steel guideway that expands from a pinned point, restrained by the frame, and warmer at one end."""
     pinned, held = rng.uniform(-1.5, 1.5), rng.uniform(0.6, 1.0)
     delay, uneven = rng.uniform(0.0, 300.0), rng.uniform(-0.15, 0.15)
     local, part = curve(rng, 0.0, 1.0, 0.25, "twice"), rng.uniform(0.02, 0.1)

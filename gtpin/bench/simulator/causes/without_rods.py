@@ -14,8 +14,7 @@ from gtpin.typing import Floats
 
 
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
-    """100 ppm of the coordinate, some of them not constant: pitch error of a belt stage, or lost counts of a prismatic
-    joint."""
+    """100 ppm of the coordinate, some of them not constant: pitch of a belt, or lost counts."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
     sign = rng.choice([-1.0, 1.0])
 
@@ -232,8 +231,7 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
 def _beam(
     now: ArmSituation, link: int, flexibility: Floats, softer_twist: float, root: float, exponent: float
 ) -> Floats:
-    """(N, 6) shift, m, and rotation, rad, of a link's end, link's frame: a cantilever with 1/EI ``flexibility`` (3,), 1/(N
-    m^2), about the axes of that frame."""
+    """(N, 6) shift, m, and rotation, rad, of a link's end: a cantilever with 1/EI (3,), 1/(N m^2); link's frame."""
     machine = now.machine
     j = machine.robot.counted[link]
     end = machine.robot.next_frame(j).p

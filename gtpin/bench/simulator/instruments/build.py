@@ -71,13 +71,11 @@ def held_readings(gauges: Sequence[Gauge], poses: VirtualPoses) -> dict[str, tup
 POOL = 1000
 """Number of commands all over the workspace. Instruments are placed by them, and the search of touches starts from them."""
 MOST = 0.2
-"""Largest share of the touches that may fail: where an effect has a step, there can be no command at which the machine
-touches."""
+"""Largest share of the touches that may fail: where an effect has a step, there can be no command that touches."""
 
 
 Own = tuple[Gauge, Floats, Floats | None]
-"""An instrument with its own stops, counted from 0; the commands (M, n) there, m or rad; and the speeds (M, n) along a ball
-bar's circles, m/s or rad/s."""
+"""An instrument with its own stops, counted from 0; the commands (M, n) there; the speeds (M, n) along a ball bar's circles."""
 
 
 def outing(

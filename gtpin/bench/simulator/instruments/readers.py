@@ -28,8 +28,7 @@ from gtpin.typing import Floats, Ints
 CAMERA_AWAY, CAMERA_CLEAR = 2.0, 0.8
 """Distance of a camera from the centre: the first number times the workspace's radius, plus the second, m."""
 SIDEWAYS, ALONG = 3e-5, 1e-4
-"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight. They are proportional to the square of
-the distance."""
+"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight; they grow as the distance squared."""
 WIRE_SIGMA, WIRE_OFFSET_SIGMA = 2e-5, 1e-3
 """Noise of a draw wire's reading, and standard deviation of its offset, m."""
 TAPE = (5e-3, 0.1)
@@ -45,8 +44,7 @@ PIVOT_SIGMA = 5e-3
 READING_SIGMA = 2e-5
 """Noise of an encoder's reading, rad or m, and of a tilt sensor's."""
 ZERO_SIGMA, MOUNT_SIGMA = 1e-2, 1e-2
-"""Standard deviations of an encoder's zero, rad or m, and of a tilt sensor's mounting, per axis, rad: the prior sigmas that a
-dataset has by default."""
+"""Standard deviations of an encoder's zero, rad or m, and of a tilt sensor's mounting, rad: a dataset's default priors."""
 STEEP = 0.1
 """Smallest absolute third component of the unit vector that a tilt sensor measures. Below it the sensor does not read: the two
 others then hardly depend on the tilt, and noise can make their squares sum to more than 1."""

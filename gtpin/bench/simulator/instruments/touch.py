@@ -1,5 +1,4 @@
-"""Instruments that are touched (planes, and sockets for a ball), and commands at which the machine touches them or goes round
-circles."""
+"""Instruments that are touched (planes, sockets for a ball), and commands that touch them or go round circles."""
 
 from __future__ import annotations
 
@@ -309,8 +308,7 @@ def circles(
 
 
 def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats] | None:
-    """(N, n) commands, near ``q``, that bring the target to ``places`` (N, 3), and (N, 3, n) the derivative of its position;
-    None where there are none."""
+    """(N, n) commands near ``q`` that bring the target to ``places`` (N, 3), and its derivative (N, 3, n); None: none."""
     for _ in range(30):
         way = PlainWay(nominal, q)
         miss = _target(way.poses) - places
