@@ -19,7 +19,6 @@ from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth
 from gtpin.data.files import write_table
-from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
 
@@ -29,24 +28,18 @@ ONE_IN = 6
 
 @dataclass(frozen=True, eq=False)
 class LeftOutTouches:
-    """Touches of an instrument that are not in its table."""
+    """M touches of an instrument that are not in its table."""
 
     name: str  # Name of the instrument
-    # `pose`, `q`, `columns`: (M,) ids, (M, n) commands, m or rad, and by name the (M,) covariates and ids of what is
-    # touched, as in a table
-    pose: Ids
-    q: Floats
-    columns: dict[str, Column]
-    # `values`, `sigma`: (M, c) distance of the target from what it touches, without the noise of the touch, and this
-    # noise, m. ``values`` are those of a machine that returns exactly to its commands: no model predicts the scatter
-    # of its repeatability.
+    columns: dict[str, Column]  # Ids, commands, covariates and what is touched, as in a table
+    # (M, c) distance of the target from what it touches, of a machine that returns exactly to its commands (no model
+    # predicts the scatter of its repeatability), and the noise of the touch, m
     values: Floats
     sigma: Floats
 
     def write(self, folder: Path) -> None:
         """Write ``commands-NAME.csv`` into a dataset's folder."""
-        commands: dict[str, Column] = {f"q{i + 1}": values for i, values in enumerate(self.q.T)}
-        write_table(folder / f"commands-{self.name}.csv", {"pose": self.pose, **commands, **self.columns})
+        write_table(folder / f"commands-{self.name}.csv", self.columns)
 
 
 def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[LeftOutTouches, ...]]:
@@ -65,13 +58,15 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
             rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
             kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
             out = gauge.kept(~kept)
-            columns = {name: values[~kept] for name, values in read.columns.items()}
+            columns: dict[str, Column] = {"pose": data.pose[out.stop]}
+            columns |= {f"q{i + 1}": values for i, values in enumerate(data.q[out.stop].T)}
+            columns |= {name: values[~kept] for name, values in read.columns.items()}
             columns |= {name: values[out.stop] for name, values in data.covariates.items()}
             values = out.readings(case.steady[out.stop], out.truth)
-            found.append(LeftOutTouches(gauge.name, data.pose[out.stop], data.q[out.stop], columns, values, out.sigma))
+            found.append(LeftOutTouches(gauge.name, columns, values, out.sigma))
         gauges.append(gauge.kept(kept))
-        columns = {name: values[kept] for name, values in read.columns.items()}
-        tables.append(InstrumentTruth(read.described, read.stop[kept], columns))
+        own = {name: values[kept] for name, values in read.columns.items()}
+        tables.append(InstrumentTruth(read.described, read.stop[kept], own))
         every.append(kept)
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
     fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)
@@ -191,16 +186,14 @@ def recipe(draft: Draft) -> Recipe:
     """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.draw.without_some_touches` leaves out.
     """
-    noncentrality, effects = (
-        POWER_NONCENTRALITY if draft.kind == "power" else None,
-        [(name, None) for name in draft.effects],
-    )
     if draft.kind == "rough":
         found = bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     else:
-        found = drawn_recipe(
-            draft.seed, effects=effects, poses=draft.poses, noncentrality=noncentrality, robot=draft.robot
+        effects, energy = (
+            [(name, None) for name in draft.effects],
+            POWER_NONCENTRALITY if draft.kind == "power" else None,
         )
+        found = drawn_recipe(draft.seed, effects=effects, poses=draft.poses, noncentrality=energy, robot=draft.robot)
     if draft.instruments and set(draft.instruments) <= set(TOUCHED):
         return replace(found, poses=found.poses + found.poses // (ONE_IN - 1))
     return found
@@ -209,11 +202,12 @@ def recipe(draft: Draft) -> Recipe:
 def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
     """Make a case and write its dataset, its commands and the touches that are left out to a folder."""
     left_out: tuple[LeftOutTouches, ...] = ()
-    case: Case | InstrumentCase = made(draft) if not draft.instruments else measured(draft)
-    if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case)
-    case.dataset.write(place)
-    case.commands.write(place / "commands.csv")
+    case: Case | InstrumentCase
+    if draft.instruments:
+        case, left_out = without_some_touches(measured(draft))
+    else:
+        case = made(draft)
+    case.write_dataset(place)
     for touches in left_out:
         touches.write(place)
     return case, truth_of(case, draft.kind, left_out)

@@ -29,26 +29,6 @@ KEY = "digests"
 """The key of ``check.json`` that holds the digests, by kind of file and name."""
 
 
-def compared(claim: Path, kind: str, digests: Mapping[str, str]) -> list[str]:
-    """Compare digests with those that were remembered first, and remember those of new names.
-
-    ``claim``: the ``check.json`` of the check. ``kind``: what the files are, for messages: ``truth``, ``dataset``,
-    ``diagnosis``. ``digests``: SHA-256 of each file, by the case's name.
-
-    Returns ``KIND of NAME`` for each file whose digest is another one, or that was remembered and is not there.
-    """
-    content = json.loads(claim.read_text(encoding="utf-8"))
-    known: dict[str, str] = content.setdefault(KEY, {}).setdefault(kind, {})
-    new = {name: digest for name, digest in digests.items() if name not in known}
-    changed = [f"{kind} of {name}" for name, digest in digests.items() if known.get(name, digest) != digest]
-    changed += [f"{kind} of {name}" for name in known if name not in digests]
-    if new:
-        known.update(new)
-        with placed_file(claim) as unfinished:
-            unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return changed
-
-
 JUDGES = ("bench", "report", "commands")
 """Parts of gtpin that a diagnosis does not depend on."""
 
@@ -57,17 +37,14 @@ JUDGES = ("bench", "report", "commands")
 class Settings:
     """The settings of a check and the digests of its sources. Results are valid for these settings only."""
 
-    # `cases`, `seed`: Number of cases and the seed from which they are drawn; the seed is None for cases that somebody
-    # else made
-    cases: int
+    cases: int  # Number of cases
+    # None for cases that somebody else made: the seed from which they are drawn, and their robot
     seed: int | None
     source: str | None  # Digest of the cases that somebody else made, or None
-    robot: str | None  # Robot of the cases, or None for cases that somebody else made
-    # `plant`, `diagnosis`: Digests of the source files that make the cases, and of those that diagnose them
-    plant: str | None
-    diagnosis: str
-    # Kinds of the instruments, separated by commas; None for a tracker, and for cases that somebody else made
-    instruments: str | None = None
+    robot: str | None
+    plant: str | None  # Digest of the source files that make the cases, or None
+    diagnosis: str  # Digest of those that diagnose them
+    instruments: str | None = None  # Kinds of the instruments, separated by commas; None for a tracker or given cases
 
 
 def diagnosis_digest() -> str:
@@ -100,6 +77,23 @@ class CheckFolder:
     def sealed(self, name: str) -> Path:
         """A case's sealed truth."""
         return self.root / "sealed" / f"{name}.json"
+
+    def compared(self, kind: str, digests: Mapping[str, str]) -> list[str]:
+        """Compare digests, by the case's name, with those that the claim had first, and remember those of new names.
+
+        Returns ``KIND of NAME`` for each file whose digest is another one, or that was remembered and is not there.
+        """
+        claim = self.root / CLAIM
+        content = json.loads(claim.read_text(encoding="utf-8"))
+        known: dict[str, str] = content.setdefault(KEY, {}).setdefault(kind, {})
+        new = {name: digest for name, digest in digests.items() if name not in known}
+        changed = [f"{kind} of {name}" for name, digest in digests.items() if known.get(name, digest) != digest]
+        changed += [f"{kind} of {name}" for name in known if name not in digests]
+        if new:
+            known.update(new)
+            with placed_file(claim) as unfinished:
+                unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        return changed
 
     def digests(self, names: Iterable[str]) -> dict[str, str]:
         """The digests that were published in the cases' folders."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from gtpin.bench.blind.judged import VISIBLE, Judged
 from gtpin.bench.blind.plots import plots
-from gtpin.report.page import Table, render
+from gtpin.report.page import Block, Lead, Plots, Section, Table, report
 from gtpin.report.provenance import versions
 
 
@@ -95,19 +95,33 @@ def statement_words(case: Judged) -> str:
     return f"{case.said.verdict}: {', '.join(causes)}" if causes else case.said.verdict
 
 
-CONTENTS = (
-    ("figures", "Figures"),
-    ("effects", "By effect"),
-    ("instruments", "By instrument"),
-    ("probabilities", "Probabilities and explained fraction of the gap"),
-    ("baselines", "Baselines"),
-    ("failures", "Failures"),
-    ("provenance", "Provenance"),
-)
-
-
 def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
     """The score as one self-contained HTML file. ``result``: the content of ``score.json``. ``cases``: the judged cases."""
+    drawn = plots(result, cases)
+
+    def drawings(*names: str) -> Plots:
+        return Plots([drawn[name] for name in names if name in drawn])
+
+    effects, instruments, failures = effect_table(result), instrument_table(result), failure_table(cases)
+    by_effect: list[Block] = ["There was no case with a single effect of the catalogue."]
+    if effects.rows:
+        by_effect = [effects, drawings("confusion"), drawings("difficulty", "power")]
+    probabilities: list[Block] = [drawings("reliability", "shrinkage"), reliability_table(result)]
+    one_by_one: list[Block] = [
+        f"{len(failures.rows)} cases of {result['cases']} were not correct in the strictest sense: all effects named with "
+        "their sites and nothing else; none without an effect; unknown outside the catalogue.",
+        failures,
+    ]
+    sections = [
+        Section("figures", "Figures", [figure_table(result)]),
+        Section("effects", "By effect", by_effect),
+        Section("instruments", "By instrument", [ABOUT_INSTRUMENTS, instruments]),
+        Section("probabilities", "Probabilities and explained fraction of the gap", probabilities),
+        Section("baselines", "Baselines", [ABOUT_BASELINES, baseline_table(result)]),
+        Section("failures", "Failures, one by one", one_by_one if failures.rows else ["None."], "Failures"),
+    ]
+    if not instruments.rows:
+        del sections[2]
     words = {
         "strict": "single effects named correctly, nothing else named",
         "in_class": "class contains the truth",
@@ -120,22 +134,20 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
         del words["set_f1"]
         words["set_f1_visible"] = "F1 of several visible effects"
     settings = [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
-    return render(
-        "score.html",
-        title="Blind check",
-        contents=[entry for entry in CONTENTS if entry[0] != "instruments" or "by_instrument" in result],
-        plots=plots(result, cases),
-        provenance=Table(("what", "which"), versions() + settings),
-        result=result,
-        headline=headline(result),
-        numbers=[(number(result[key]), words[key]) for key in words],
-        figures=figure_table(result),
-        effects=effect_table(result),
-        instruments=instrument_table(result),
-        reliability=reliability_table(result),
-        baselines=baseline_table(result),
-        failures=failure_table(cases),
-    )
+    numbers = [(number(result[key]), words[key]) for key in words]
+    lead = Lead(f"Blind check · {result['cases']} cases", headline(result), [ABOUT], numbers)
+    return report("Blind check", lead, sections, Table(("what", "which"), versions() + settings))
+
+
+ABOUT = """Machines with hidden effects were made, their truths sealed, their data diagnosed by processes without other
+information, and the seals opened at the end. E is an effect's whitened energy that geometry can't explain; D is the part
+of E that the best wrong effect leaves."""
+ABOUT_INSTRUMENTS = """An effect with E of 63 or less counts as not visible to what measured: a diagnosis of these readings
+need not find it. In the F1 of several effects it is left out, whether it is named or not; the last column says how many of
+the effects in cases with several are such. Fractions have Wilson's 95 % bounds, means (F1, shrinkage error) 1.96 standard
+errors."""
+ABOUT_BASELINES = """Methods to compare a diagnosis with, and a fit to which the true cause is given. Explained fraction:
+mean over the cases with a single effect for which all were computed, against the true poses at held-out commands."""
 
 
 def headline(result: Mapping[str, Any]) -> str:
@@ -155,7 +167,7 @@ def figure_table(result: Mapping[str, Any]) -> Table:
         )
         mark = {True: "reached", False: "missed", None: ""}[row["reached"]]
         rows.append((row["figure"], number(row["value"]), bounds(row), str(row["of"]), target, mark))
-    return Table(("figure", "value", "95 %", "of", "target", ""), rows)
+    return Table(("figure", "value", "95 %", "of", "target", ""), rows, range(1, 5))
 
 
 def effect_table(result: Mapping[str, Any]) -> Table:
@@ -177,7 +189,7 @@ def effect_table(result: Mapping[str, Any]) -> Table:
         cells = {key: number(row[key]) for key in columns if not key.endswith("bounds")}
         cells |= {"strict_bounds": f"{low:.2f} .. {high:.2f}", "taken_out": str(row["taken_out"])}
         rows.append((effect, str(row["cases"]), *(cells[key] for key in columns)))
-    return Table(("effect", "cases", *columns.values()), rows)
+    return Table(("effect", "cases", *columns.values()), rows, range(1, 10))
 
 
 def instrument_table(result: Mapping[str, Any]) -> Table:
@@ -200,7 +212,7 @@ def instrument_table(result: Mapping[str, Any]) -> Table:
         (name, str(row["cases"]), *(cell(row[key]) for key in columns), f"{row['not_visible']} of {row['effects']}")
         for name, row in result.get("by_instrument", {}).items()
     ]
-    return Table(("instrument", "cases", *columns.values(), "not visible"), rows)
+    return Table(("instrument", "cases", *columns.values(), "not visible"), rows, (1,))
 
 
 def reliability_table(result: Mapping[str, Any]) -> Table:
@@ -209,7 +221,7 @@ def reliability_table(result: Mapping[str, Any]) -> Table:
     for t in result["reliability"]["causes"]:
         right, tenth = t["right"], f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}"
         rows.append((tenth, number(t["said"]), number(right["value"]), bounds(right), str(right["of"])))
-    return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows)
+    return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows, range(1, 4))
 
 
 def baseline_table(result: Mapping[str, Any]) -> Table:
@@ -222,7 +234,7 @@ def baseline_table(result: Mapping[str, Any]) -> Table:
         "shrinkage": "explained fraction",
     }
     rows = [(name, *(number(row[key]["value"]) for key in columns)) for name, row in result["baselines"].items()]
-    return Table(("", *columns.values()), rows)
+    return Table(("", *columns.values()), rows, range(1, 6))
 
 
 def failure_table(cases: Sequence[Judged]) -> Table:

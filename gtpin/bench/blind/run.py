@@ -12,7 +12,7 @@ from statistics import median
 from typing import Any, Protocol
 
 from gtpin.bench.blind.draw import ROBOT, Draft, drafts, written
-from gtpin.bench.blind.folder import CLAIM, CheckFolder, Settings, claimed, compared, diagnosis_digest
+from gtpin.bench.blind.folder import CheckFolder, Settings, claimed, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.others import given, source_digest, take_in
@@ -126,12 +126,11 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
     """Diagnose the remaining cases of a manifest, then open the seals and judge."""
     digests = read_manifest(folder.manifest)
     manifest = digest_of(folder.manifest.read_bytes())
-    claim, changed = folder.root / CLAIM, list[str]()
-    changed += compared(claim, "truth", digests)
-    changed += compared(claim, "dataset", {name: folder.dataset_digest(name) for name in digests})
+    changed = folder.compared("truth", digests)
+    changed += folder.compared("dataset", {name: folder.dataset_digest(name) for name in digests})
     watch.published(manifest)
     _diagnose(folder, dict.fromkeys(digests, ()), watch, address, "diagnosing")
-    changed += compared(claim, "diagnosis", {name: folder.outcome_digest(name) for name in digests})
+    changed += folder.compared("diagnosis", {name: folder.outcome_digest(name) for name in digests})
     truths = {}
     for name, digest in digests.items():
         with contextlib.suppress(SealError):  # the judge reports it
@@ -139,7 +138,7 @@ def _diagnosed_and_judged(folder: CheckFolder, settings: Settings, watch: Watch,
     taken_out = _taken_out(truths)
     _diagnose(folder, taken_out, watch, address, "with effects taken out")
     without = {name: folder.outcome_digest(name, without=True) for name in taken_out}
-    changed += compared(claim, "diagnosis without its effect", without)
+    changed += folder.compared("diagnosis without its effect", without)
     watch.begin("judging", len(digests), 0)
     judged: dict[str, Judged] = {}
 

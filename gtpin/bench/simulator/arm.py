@@ -153,10 +153,6 @@ class Arm:
         """Length of the body of a joint, m."""
         return max(float(np.linalg.norm(self.next_frame(joint).p)), SHORTEST)
 
-    def reach_from(self, joint: int) -> float:
-        """Length of the stretched chain from a joint on, m."""
-        return sum(self.length(j) for j in self.onward(joint))
-
     @cached_property
     def capacity(self) -> float:
         """Payload that it may carry, kg, from its moving mass, in steps of 0.5 kg."""

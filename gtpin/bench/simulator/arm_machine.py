@@ -103,10 +103,6 @@ class ArmMachine:
         return np.where(self.robot.slides, 1.0, PER_METRE)
 
     @property
-    def gravity(self) -> Floats:
-        return self.robot.gravity
-
-    @property
     def readable(self) -> tuple[str, ...]:
         return tuple(self.joints[j].name for j in self.robot.loops.passive[:1])
 
@@ -130,11 +126,6 @@ class ArmMachine:
         """1/EI of a link made for its load, 1/(N m^2): its end turns by 0.1 mrad under half the usual load of its joint."""
         return 1e-4 / (self.robot.length(self.robot.counted[cart]) * 0.5 * float(self._usual[cart]))
 
-    @cached_property
-    def common_flexibility(self) -> float:
-        """1/EI of links with the same cross section, 1/(N m^2): that of the stiffest link."""
-        return min(self.flexibility(cart) for cart in self.robot.linked)
-
     # -------------------------------------------------------------------------------------------------- motion
 
     @cached_property
@@ -148,7 +139,10 @@ class ArmMachine:
     @cached_property
     def loops(self) -> Loops:
         """Its loops, with the true placements of the joints and of the points at which the loops close."""
-        return replace(self.robot.loops.with_ends_moved(self.ends), joints=self.joints)
+        loops = self.robot.loops
+        points = [end for pair in loops.pairs for end in pair]
+        there = [replace(end, p=end.p + R @ d) for end, R, d in zip(points, loops.axes, self.ends, strict=True)]
+        return replace(loops, joints=self.joints, pairs=tuple(zip(there[::2], there[1::2], strict=True)))
 
     @cached_property
     def tcp(self) -> TreeFrame:
@@ -307,7 +301,7 @@ class ArmMachine:
         robot = self.robot
         bodies = self.bodies(q)[0]
         tcp = bodies.at(self.tcp).T
-        whole = robot.reach_from(robot.way[0]) if robot.way else 1.0
+        whole = sum(robot.length(j) for j in robot.way) if robot.way else 1.0  # stretched out
         up = -robot.gravity / (float(np.linalg.norm(robot.gravity)) or 1.0)
         heights = np.column_stack([bodies.p[:, j] @ up for j in robot.way[1:]] + [tcp @ up])
         distance = np.linalg.norm(tcp, axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -78,12 +78,6 @@ class Loops:
             home_q=robot.home_q,
             start=np.array([robot.home_coordinates.get(name, 0.0) for name in names]),
         )
-
-    def with_ends_moved(self, moved: Floats) -> Loops:
-        """The same loops with the 2 L points moved by (2 L, 3), m, in the frames of their links."""
-        points = [end for pair in self.pairs for end in pair]
-        there = [replace(end, p=end.p + R @ d) for end, R, d in zip(points, self.axes, moved, strict=True)]
-        return replace(self, pairs=tuple(zip(there[::2], there[1::2], strict=True)))
 
     @cached_property
     def closing(self) -> tuple[int, ...]:

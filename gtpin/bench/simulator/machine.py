@@ -102,10 +102,6 @@ class Machine(Moved, Protocol):
         """() or (n,) repeatability of a drive, m or rad, over that of a cart on a track, m."""
 
     @property
-    def gravity(self) -> Floats:
-        """(3,) acceleration of gravity, base frame, m/s^2."""
-
-    @property
     def readable(self) -> tuple[str, ...]:
         """Name of the passive joint that an encoder reads; empty where there is none."""
 

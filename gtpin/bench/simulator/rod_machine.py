@@ -82,10 +82,6 @@ class RodMachine:
         return 1.0
 
     @property
-    def gravity(self) -> Floats:
-        return np.array(self.robot.description.gravity)
-
-    @property
     def readable(self) -> tuple[str, ...]:
         return (self.universal.name,)
 

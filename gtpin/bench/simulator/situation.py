@@ -20,6 +20,8 @@ from gtpin.bench.simulator.tree import Bending, Placed
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.typing import Floats
 
+STEEL, ALUMINIUM = 11.5e-6, 23e-6
+"""Coefficients of linear expansion, 1/K."""
 SLIDING = 0.3
 """Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
 
@@ -62,6 +64,10 @@ class Postures:
         """The error (N,) of a drive: of a cart along its track, m, of an arm or a joint about its axis, rad, of a leg, m."""
         return self.off(travel=(cart, error))
 
+    def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
+        """Add the expansion of a link that is warmer by ``growth`` (N,), K."""
+        raise NotImplementedError
+
     @cached_property
     def motion(self) -> Floats:
         """(N, 3) unit vectors of the last move of the platform or the target, base frame."""
@@ -91,6 +97,9 @@ class RodSituation(Postures):
     def seen(self, read: tuple[str, ...]) -> VirtualPoses:
         """The platform's poses, with the angle of the first rod's universal joint where ``read`` names it."""
         return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
+
+    def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
+        deviation.length[:, link] = STEEL * self.machine.kinematics.L0[link] * growth
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
@@ -185,6 +194,12 @@ class ArmSituation(Postures):
         """The error of a joint by an angle (N,), rad; of a prismatic joint by ``SLIDING`` times as many m."""
         return self.off(travel=(cart, error * (SLIDING if self.machine.robot.slides[cart] else 1.0)))
 
+    def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
+        robot = self.machine.robot
+        if link in robot.linked:
+            reach = robot.next_frame(robot.counted[link]).p
+            deviation.tip[:, link, :3] = ALUMINIUM * np.multiply.outer(growth, reach)
+
     @property
     def looped(self) -> bool:
         """Whether the machine has loops."""
@@ -215,7 +230,7 @@ class ArmSituation(Postures):
         machine, tool = self.machine, self.machine.robot.tcp.joint
         force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
         for j in range(len(machine.joints)):
-            force[:, j] = machine.masses[j] * machine.gravity
+            force[:, j] = machine.masses[j] * machine.robot.gravity
             moment[:, j] = np.cross(self._centre(j), force[:, j])
         if tool >= 0:
             force[:, tool] += self._on_tool
@@ -224,7 +239,7 @@ class ArmSituation(Postures):
 
     @property
     def _on_tool(self) -> Floats:
-        return np.asarray(self.visits.payload[:, None] * self.machine.gravity + self.visits.force)
+        return np.asarray(self.visits.payload[:, None] * self.machine.robot.gravity + self.visits.force)
 
     def _centre(self, joint: int) -> Floats:
         """(N, 3) centre of mass of a joint's body, base frame, m."""
@@ -266,7 +281,7 @@ class ArmSituation(Postures):
         """
         machine, j = self.machine, self.machine.robot.counted[cart]
         if self.looped:
-            weight = machine.masses[j] * machine.gravity
+            weight = machine.masses[j] * machine.robot.gravity
             end = self.bodies.at(machine.robot.next_frame(j), self.bending).T
             force = self._loads[0][:, j] - weight
             moment = self._loads[1][:, j] - np.cross(self._centre(j), weight) - np.cross(end, force)

@@ -8,9 +8,9 @@ from plant_machines import a_plant, cause, nominal
 
 from gtpin.bench.simulator.case import make_case
 from gtpin.bench.simulator.causes.kinds import ARM_CATALOGUE, ARM_UNLISTED, CATALOGUE, kind
-from gtpin.bench.simulator.causes.without_rods import ALUMINIUM, _beam
+from gtpin.bench.simulator.causes.without_rods import _beam
 from gtpin.bench.simulator.noncentrality import Response
-from gtpin.bench.simulator.situation import ArmSituation
+from gtpin.bench.simulator.situation import ALUMINIUM, ArmSituation
 from gtpin.bench.simulator.visits import VirtualVisits
 
 ARM = nominal("seven")[1]

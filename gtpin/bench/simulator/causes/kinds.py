@@ -61,7 +61,7 @@ ARM_CATALOGUE = (
     CauseKind("axis_motion", "joints", without_rods.axis_motion, largest=5.0),
     CauseKind("joint_clearance", "joints", without_rods.joint_clearance, ("force",), largest=6.0),
     CauseKind("link_compliance", "arm", without_rods.link_compliance, ("payload",), largest=10.0),
-    CauseKind("thermal_links", "arm", without_rods.thermal_links, ("heat",), largest=4.0),
+    CauseKind("thermal_links", "arm", with_rods.thermal_links, ("heat",), largest=4.0),
     CauseKind("tracker_drift", "frame", instrument.tracker_drift),
     CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),

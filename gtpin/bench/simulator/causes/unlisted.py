@@ -10,7 +10,6 @@ from gtpin.bench.simulator.fields import Field, curve, play
 from gtpin.bench.simulator.machine import REACH, Deviation
 from gtpin.bench.simulator.poses import across
 from gtpin.bench.simulator.situation import ArmSituation, Postures, RodSituation
-from gtpin.typing import Floats
 
 
 def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
@@ -26,18 +25,11 @@ def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
         way = anchor - from_home - lever
         force = stiffness * way * (1.0 + 0.2 * stiffer(from_home))[:, None]
         force -= drag * (1.0 + 0.5 * np.tanh(from_home[:, [0]] / 0.2)) * now.motion
-        return _yielding(now, now.held(np.hstack([force, np.cross(lever, force)])))
+        forces = now.held(np.hstack([force, np.cross(lever, force)]))  # of the rods, which stretch
+        travel = np.stack([now.pressing(cart, forces) for cart in range(now.machine.n_carts)], axis=1)
+        return now.off(length=(..., STRETCH * forces), travel=(..., GIVE * travel))
 
     return cause
-
-
-def _yielding(now: RodSituation, forces: Floats) -> Deviation:
-    """The deviation of an elastic machine by additional rod forces (N, k), N."""
-    deviation = now.unbent()
-    deviation.length[:] = STRETCH * forces
-    for cart in range(now.machine.n_carts):
-        deviation.travel[:, cart] = GIVE * now.pressing(cart, forces)
-    return deviation
 
 
 def cable_chain(site: Site, rng: np.random.Generator) -> Cause:

@@ -7,7 +7,7 @@ import numpy as np
 from gtpin.bench.simulator.causes.cause import Cause, Site
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
 from gtpin.bench.simulator.machine import REACH, Deviation
-from gtpin.bench.simulator.situation import Postures, RodSituation
+from gtpin.bench.simulator.situation import STEEL, Postures, RodSituation
 from gtpin.typing import Floats
 
 
@@ -241,23 +241,18 @@ def joint_runout(site: Site, rng: np.random.Generator) -> Cause:
     return cause
 
 
-STEEL = 11.5e-6
-"""Coefficient of linear expansion, 1/K."""
-
-
 def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
-    """Steel links, each a little warmer or cooler than the sensor, with a delay, and a factor that changes over the day."""
-    warmer = rng.normal(1.0, 0.06, len(site.rods))
-    delays = rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, len(site.rods))
-    local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in site.rods], rng.uniform(0.01, 0.04)
+    """Links, each a little warmer or cooler than the sensor, with a delay, and a factor that changes over the day: of steel; on
+    machines without rods of aluminium, each expands from its own joint to the next."""
+    count = len(site.rods)
+    warmer, delays = rng.normal(1.0, 0.06, count), rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, count)
+    local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in range(count)], rng.uniform(0.01, 0.04)
 
-    def cause(now: RodSituation) -> Deviation:
-        visits, lengths = now.visits, now.machine.kinematics.L0
-        deviation = now.unbent()
-        for i, rod in enumerate(site.rods):
+    def cause(now: Postures) -> Deviation:
+        visits, deviation = now.visits, now.unbent()
+        for i, link in enumerate(site.rods):
             growth = warmer[i] * (visits.day.link_at(visits.time, delays[i]) - visits.day.link[0])
-            growth *= 1.0 + part * local[i](visits.phase)
-            deviation.length[:, rod] = STEEL * lengths[rod] * growth
+            now.grow(deviation, link, growth * (1.0 + part * local[i](visits.phase)))
         return deviation
 
     return cause

@@ -216,11 +216,11 @@ def link_compliance(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: ArmSituation) -> Deviation:
         machine, deviation = now.machine, now.unbent()
-        common = machine.common_flexibility
+        stiffest = min(machine.flexibility(cart) for cart in machine.robot.linked)
         for i, link in enumerate(site.rods):
             if link not in machine.robot.linked:
                 continue
-            flexibility = each[i] * (common if len(site.rods) > 1 else machine.flexibility(link))
+            flexibility = each[i] * (stiffest if len(site.rods) > 1 else machine.flexibility(link))
             bent = _beam(now, link, flexibility * uneven[i], softer_twist, root[i], exponent)
             deviation.tip[:, link] = bent
         return deviation
@@ -252,26 +252,3 @@ def _beam(
     shift = np.cross(flexibility * (0.5 * length**2 * moment + length**3 / 3.0 * lever), u)
     at_root = root * flexibility * length * (moment + length * lever)
     return np.hstack([shift + np.cross(at_root, length * u), turn + at_root])
-
-
-ALUMINIUM = 23e-6
-"""Coefficient of linear expansion, 1/K."""
-
-
-def thermal_links(site: Site, rng: np.random.Generator) -> Cause:
-    """Aluminium links that expand from their own joint to the next; each is warmer or cooler than the sensor, with a delay."""
-    count = len(site.rods)
-    warmer, delays = rng.normal(1.0, 0.06, count), rng.uniform(0.0, 150.0) + rng.uniform(0.0, 40.0, count)
-    local, part = [curve(rng, 0.0, 1.0, 0.25, "twice") for _ in range(count)], rng.uniform(0.01, 0.04)
-
-    def cause(now: ArmSituation) -> Deviation:
-        visits, machine, deviation = now.visits, now.machine, now.unbent()
-        for i, link in enumerate(site.rods):
-            if link in machine.robot.linked:
-                growth = warmer[i] * (visits.day.link_at(visits.time, delays[i]) - visits.day.link[0])
-                growth = growth * (1.0 + part * local[i](visits.phase))
-                reach = machine.robot.next_frame(machine.robot.counted[link]).p
-                deviation.tip[:, link, :3] = ALUMINIUM * np.multiply.outer(growth, reach)
-        return deviation
-
-    return cause
