@@ -3,14 +3,16 @@ and that of the Gantry-Tau."""
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from urdfs import joint, loop, own, urdf
 
 import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot
 from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import kind
+from gtpin.bench.simulator.causes.kinds import kind as kind_of
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.visits import plan
@@ -21,26 +23,11 @@ FIVE_BAR = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 
 
-def _link(name: str, mass: float, centre: str, rpy: str = "0 0 0") -> str:
-    at = f'<origin xyz="{centre}" rpy="{rpy}"/>'
-    return f'<link name="{name}"><inertial>{at}<mass value="{mass}"/>{INERTIA}</inertial></link>'
-
-
-def _fixed(name: str, parent: str, child: str, xyz: str, rpy: str = "0 0 0") -> str:
-    return (
-        f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
-    )
-
-
-def _hinge(
-    name: str, parent: str, child: str, xyz: str, rpy: str, axis: str, kind: str = "revolute", limit: float = 0.6
-) -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        f'<limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/></joint>'
-    )
+def hinge(name: str, parent: str, child: str, xyz: str, axis: str, mass: float, centre: str, **more: Any) -> str:
+    """A joint and its link, with a mass."""
+    turn = more.pop("turn", "0 0 0")
+    body = f'<inertial><origin xyz="{centre}" rpy="{turn}"/><mass value="{mass}"/>{INERTIA}</inertial>'
+    return joint(name, parent, child, xyz, axis, body=body, **{"limit": 0.6, **more})
 
 
 def level() -> str:
@@ -50,41 +37,30 @@ def level() -> str:
 
 def spatial() -> str:
     """A crank, a coupler that hangs on it by a universal joint, and a rocker to which a ball joint leads: one command."""
-    return (
-        '<robot name="rusr"><link name="base"/>'
-        + _link("crank", 1.0, "0.1 0 0")
-        + _link("cross", 0.2, "0 0 0")
-        + _link("coupler", 0.8, "0.25 0.01 0")
-        + _link("rocker", 1.1, "0.2 0 0.02")
-        + _hinge("crank_joint", "base", "crank", "0 0 0", "0 0 0", "0 0 1")
-        + _hinge("cross_joint", "crank", "cross", "0.2 0 0", "0 0 1.0", "0 0 1")
-        + _hinge("coupler_joint", "cross", "coupler", "0 0 0", "0 0 0", "0 1 0")
-        + _hinge("rocker_joint", "base", "rocker", "0.6 0 0", "0.3 0 1.9", "0 0 1")
-        + '<loop_joint name="ball" type="spherical"><link1 link="coupler" xyz="0.5 0 0"/>'
-        '<link2 link="rocker" xyz="0.45 0 0"/></loop_joint><link name="tool0"/>'
-        + _fixed("flange", "rocker", "tool0", "0.5 0.1 0")
-        + '<gtpin><actuator joint="crank_joint"/><platform link="tool0"/></gtpin></robot>'
+    return urdf(
+        "rusr",
+        hinge("crank_joint", "base", "crank", "0 0 0", "0 0 1", 1.0, "0.1 0 0"),
+        hinge("cross_joint", "crank", "cross", "0.2 0 0", "0 0 1", 0.2, "0 0 0", rpy="0 0 1.0"),
+        hinge("coupler_joint", "cross", "coupler", "0 0 0", "0 1 0", 0.8, "0.25 0.01 0"),
+        hinge("rocker_joint", "base", "rocker", "0.6 0 0", "0 0 1", 1.1, "0.2 0 0.02", rpy="0.3 0 1.9"),
+        joint("flange", "rocker", "tool0", "0.5 0.1 0", kind="fixed"),
+        loop("coupler", "0.5 0 0", "rocker", "0.45 0 0", "ball"),
+        own(["crank_joint"], "tool0"),
     )
 
 
 def parallelogram() -> str:
     """A column that turns; on it a parallelogram that keeps its plate level; on the plate an elbow."""
-    return (
-        '<robot name="parallelogram"><link name="base"/>'
-        + _link("column", 4.0, "0 0.05 0.2")
-        + _link("crank", 2.0, "0 0.02 0.25")
-        + _link("rocker", 0.8, "0 0 0.25")
-        + _link("plate", 1.5, "0 0 0.05")
-        + _link("wrist", 1.0, "0.2 0.03 0")
-        + _hinge("waist", "base", "column", "0 0 0", "0 0 0", "0 0 1")
-        + _hinge("shoulder", "column", "crank", "0.1 0 0.3", "0 0 0", "0 1 0")
-        + _hinge("follow", "column", "rocker", "-0.1 0 0.3", "0 0 0", "0 1 0")
-        + _hinge("top", "crank", "plate", "0 0 0.5", "0 0 0", "0 1 0")
-        + _hinge("elbow", "plate", "wrist", "0.1 0 0.1", "0 0 0", "0 1 0")
-        + '<link name="tool0"/>'
-        + _fixed("flange", "wrist", "tool0", "0.4 0 0")
-        + '<loop_joint name="pin" type="spherical"><link1 link="plate" xyz="-0.2 0 0"/><link2 link="rocker" xyz="0 0 0.5"/>'
-        '</loop_joint><gtpin><actuator joint="waist"/><actuator joint="shoulder"/><actuator joint="elbow"/></gtpin></robot>'
+    return urdf(
+        "parallelogram",
+        hinge("waist", "base", "column", "0 0 0", "0 0 1", 4.0, "0 0.05 0.2"),
+        hinge("shoulder", "column", "crank", "0.1 0 0.3", "0 1 0", 2.0, "0 0.02 0.25"),
+        hinge("follow", "column", "rocker", "-0.1 0 0.3", "0 1 0", 0.8, "0 0 0.25"),
+        hinge("top", "crank", "plate", "0 0 0.5", "0 1 0", 1.5, "0 0 0.05"),
+        hinge("elbow", "plate", "wrist", "0.1 0 0.1", "0 1 0", 1.0, "0.2 0.03 0"),
+        joint("flange", "wrist", "tool0", "0.4 0 0", kind="fixed"),
+        loop("plate", "-0.2 0 0", "rocker", "0 0 0.5"),
+        own(["waist", "shoulder", "elbow"]),
     )
 
 
@@ -101,15 +77,14 @@ JOINTS = (
 
 def seven() -> str:
     """An arm of six turning joints and a sliding one, in skew places."""
-    parts, parent = ['<link name="base"/>'], "base"
-    for name, moves, xyz, rpy, axis, mass, centre, limit in JOINTS:
-        link = f"{name}_link"
-        parts += [_link(link, mass, centre, "0.3 0 0"), _hinge(name, parent, link, xyz, rpy, axis, moves, limit)]
-        parent = link
-    parts += [_link("bracket", 0.5, "0 0.01 0"), _fixed("f", parent, "bracket", "0 0.05 0", "0 0 1")]
-    parts += ['<link name="tool0"/>', _fixed("t", "bracket", "tool0", "0 0 0.1")]
-    named = "".join(f'<actuator joint="{joint[0]}"/>' for joint in JOINTS)
-    return f'<robot name="seven">{"".join(parts)}<gtpin>{named}<platform link="tool0"/></gtpin></robot>'
+    parts, parent = [], "base"
+    for name, kind, xyz, rpy, axis, mass, centre, limit in JOINTS:
+        more = {"kind": kind, "rpy": rpy, "limit": limit, "turn": "0.3 0 0"}
+        parts.append(hinge(name, parent, f"{name}_link", xyz, axis, mass, centre, **more))
+        parent = f"{name}_link"
+    parts.append(hinge("f", parent, "bracket", "0 0.05 0", "", 0.5, "0 0.01 0", kind="fixed", rpy="0 0 1"))
+    parts.append(joint("t", "bracket", "tool0", "0 0 0.1", kind="fixed"))
+    return urdf("seven", *parts, own([row[0] for row in JOINTS], "tool0"))
 
 
 ROBOTS = {
@@ -154,4 +129,4 @@ def a_plant(name: str, poses: int = 50, warming: float = 1.5) -> Response:
 def cause(robot: str, effect: str, site: str, seed: int = 0) -> Cause:
     """An error of a machine of a robot."""
     parts = plant_robot(robot)
-    return kind(effect, parts).at(parts, site, np.random.default_rng(seed))
+    return kind_of(effect, parts).at(parts, site, np.random.default_rng(seed))
