@@ -26,19 +26,11 @@ nanometre. Assumed."""
 class ClosureFit:
     """A geometry that makes the closures of measured poses small.
 
-    Parameters
-    ----------
-    geometry
-        The identified geometry.
-    cost
-        (k,) sum over the poses of each rod's squared closure residual L^2 - \\|T + R P - C\\|^2, m^4: Table II's last column.
-    steps
-        Levenberg-Marquardt steps taken.
+    ``cost``: (k,) sum over the poses of each rod's squared closure residual, m^4: Table II's last column.
     """
 
     geometry: Geometry
     cost: Floats
-    steps: int
 
 
 def closure_residual(geometry: Geometry, q: Floats, poses: Poses) -> Floats:
@@ -70,16 +62,14 @@ def fit_closures(geometry: Geometry, q: Floats, poses: Poses, *, priors: bool = 
         raise DatasetError("no poses to fit", hint="measure some")
     if geometry.outside_tracks(q).any():
         raise DatasetError("a pose lies outside the measured tracks", hint="leave it out")
-    x, steps = np.zeros(len(geometry.parameters)), 0
-    weight = np.ones(len(geometry.robot.rod_sites))
+    x, weight = np.zeros(len(geometry.parameters)), np.ones(len(geometry.robot.rod_sites))
     for _ in range(ROUNDS if priors else 1):
         if priors:
             residual = closure_residual(_moved(geometry, x), q, poses)
             weight = 1.0 / np.maximum(np.sqrt((residual**2).mean(axis=0)), SMALLEST)
-        x, taken = _minimise(geometry, q, poses, x, weight, 1.0 if priors else 0.0)
-        steps += taken
+        x = _minimise(geometry, q, poses, x, weight, 1.0 if priors else 0.0)
     found = _moved(geometry, x)
-    return ClosureFit(found, np.asarray((closure_residual(found, q, poses) ** 2).sum(axis=0)), steps)
+    return ClosureFit(found, np.asarray((closure_residual(found, q, poses) ** 2).sum(axis=0)))
 
 
 def _moved(geometry: Geometry, x: Floats) -> Geometry:
@@ -87,16 +77,14 @@ def _moved(geometry: Geometry, x: Floats) -> Geometry:
     return geometry.with_values(geometry.values + geometry.tolerance * x)
 
 
-def _minimise(
-    geometry: Geometry, q: Floats, poses: Poses, x: Floats, weight: Floats, prior: float
-) -> tuple[Floats, int]:
+def _minimise(geometry: Geometry, q: Floats, poses: Poses, x: Floats, weight: Floats, prior: float) -> Floats:
     def at(x: Floats) -> tuple[Geometry, Floats]:
         moved = _moved(geometry, x)
         return moved, closure_residual(moved, q, poses) * weight
 
     here, r = at(x)
     cost, damping = float((r**2).sum() + prior * (x**2).sum()), DAMPING
-    for step_number in range(MAX_STEPS):
+    for _ in range(MAX_STEPS):
         gradient = RodKinematics(here).closure_gradient(q, _of_the_arm(here, poses))
         J = (-2.0 * weight[:, None] * gradient * geometry.tolerance).reshape(r.size, -1)
         A, g = J.T @ J + prior * np.eye(len(x)), -(J.T @ r.ravel()) - prior * x
@@ -108,12 +96,10 @@ def _minimise(
                 break
             damping *= 10.0
             if damping > 1e16:
-                return x, step_number  # no direction lowers the cost beyond rounding
+                return x  # no direction lowers the cost beyond rounding
         gained = cost - trial_cost
         x, here, r, cost, damping = x + step, trial, trial_r, trial_cost, max(damping / 10.0, 1e-12)
         if gained <= 1e-9 * max(cost, 1e-300):
-            return x, step_number + 1
-    raise ConvergenceError(
-        f"the closure fit has not converged in {MAX_STEPS} steps",
-        hint="keep the tolerances as priors, or measure more poses",
-    )
+            return x
+    what = f"the closure fit has not converged in {MAX_STEPS} steps"
+    raise ConvergenceError(what, hint="keep the tolerances as priors, or measure more poses")

@@ -11,15 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data import Dataset
+from gtpin.output.shown import Shown, present
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
-
-from gtpin.data import Dataset
-from gtpin.output.shown import Shown, present
-
-if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 Rows = npt.NDArray[np.intp]
@@ -146,18 +143,17 @@ class Comparison(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``compare.json``."""
-        rows = []
-        for held, interval in zip(self.held, self.intervals(), strict=True):
-            rows.append(
-                {
-                    "model": held.model,
-                    **held.figures(),
-                    "poses": len(held.position),
-                    "interval": {name: None if ends is None else list(ends) for name, ends in interval.items()},
-                    "closure_cost_m4": None if held.closure_cost is None else held.closure_cost.tolist(),
-                    "measured_tracks": list(held.measured),
-                }
-            )
+        rows = [
+            {
+                "model": held.model,
+                **held.figures(),
+                "poses": len(held.position),
+                "interval": {name: None if ends is None else list(ends) for name, ends in interval.items()},
+                "closure_cost_m4": None if held.closure_cost is None else held.closure_cost.tolist(),
+                "measured_tracks": list(held.measured),
+            }
+            for held, interval in zip(self.held, self.intervals(), strict=True)
+        ]
         return {"schema": "gtpin-compare/1", "cost": self.cost, "seed": self.seed, "models": rows}
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:

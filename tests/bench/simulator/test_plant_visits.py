@@ -113,6 +113,8 @@ def test_curves_have_mean_0_and_rms_1_and_stay_so_beyond_their_ends(smoothness: 
     assert drawn.values.mean() == pytest.approx(0.0, abs=1e-12)
     assert np.sqrt((drawn.values**2).mean()) == pytest.approx(1.0)
     assert drawn(np.array([5.0]))[0] == drawn.values[-1]
+    for seed in range(10):
+        assert np.sqrt((uneven_curve(np.random.default_rng(seed), -0.8, 0.8).values ** 2).mean()) == pytest.approx(1.0)
 
 
 def test_shorter_lengths_wiggle_more() -> None:
@@ -122,11 +124,6 @@ def test_shorter_lengths_wiggle_more() -> None:
         )
 
     assert steepness(0.05) > 3.0 * steepness(0.3)
-
-
-def test_uneven_curves_are_of_rms_1() -> None:
-    for seed in range(10):
-        assert np.sqrt((uneven_curve(np.random.default_rng(seed), -0.8, 0.8).values ** 2).mean()) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
