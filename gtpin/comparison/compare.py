@@ -93,15 +93,11 @@ def compare(
     )
     robot = robot_of(dataset) if robot is None else robot
     if not robot.rod_sites:
-        raise ModelError(
-            f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="use gtpin calibrate"
-        )
+        what = f"models 1 to 5 are for carts on tracks, which {robot.name} has not"
+        raise ModelError(what, hint="use gtpin calibrate")
     if (cost == "closure" or choice == "validation") and not _closures_known(dataset):
-        raise DatasetError(
-            "closure residuals need orientations in the robot's frame",
-            file=dataset.path,
-            hint="use cost pose, choice paper",
-        )
+        what = "closure residuals need orientations in the robot's frame"
+        raise DatasetError(what, file=dataset.path, hint="use cost pose, choice paper")
     numbers = [n for n in MODELS if n not in MEASURED or dataset.carts is not None]
     dataset = counted_once(dataset)  # a copy in the other half would not be held out
     dataset = dataset.take(within_tracks(robot, dataset))

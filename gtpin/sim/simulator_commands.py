@@ -99,9 +99,8 @@ def commands_for_simulator(
     commands = np.array(q, dtype=float)
     robot = model.robot
     if commands.ndim != 2 or commands.shape[1] != robot.n_actuators or not np.isfinite(commands).all():
-        raise ModelError(
-            f"commands of shape {commands.shape} for {robot.n_actuators} actuators", hint="give finite numbers, (N, n)"
-        )
+        what = f"commands of shape {commands.shape} for {robot.n_actuators} actuators"
+        raise ModelError(what, hint="give finite numbers, (N, n)")
     if simulator is not None and simulator.effects:
         raise ModelError("the simulator's model has effects", hint="give the geometry alone: simulator.without(...)")
     machine = machine_of(model)
@@ -117,14 +116,12 @@ def commands_for_simulator(
 
 def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses]:
     """The simulator's commands (N, n) for wanted poses, by Gauss-Newton from the machine's ``q``, and its poses at them."""
-    rows = 6 if q.shape[1] >= 6 else 3
-    poses = shown.forward(q)
+    rows, poses = 6 if q.shape[1] >= 6 else 3, shown.forward(q)
     for _ in range(STEPS):
         _all_there(poses, "the simulated robot")
         inverse = np.linalg.pinv(shown.command_jacobian(q, poses)[:, :rows], rcond=SINGULAR)
         step = np.einsum("nij,nj->ni", inverse, wanted.minus(poses)[:, :rows])
-        q = q + step
-        poses = shown.forward(q)
+        q, poses = q + step, shown.forward(q + step)
         if np.abs(step).max(initial=0.0) <= CLOSE:
             break
     return q, poses
@@ -226,12 +223,9 @@ class Diagnosed:
         q = np.array(action, dtype=float)
         self._approach = np.where(q == self._before, self._approach, np.sign(q - self._before))
         self._before = q
-        found = self._commands(q)
-        observation, reward, terminated, truncated, info = self.environment.step(found.q[0])
-        return observation, reward, terminated, truncated, {**info, "simulator_commands": found}
-
-    def _commands(self, q: npt.NDArray[np.float64]) -> SimulatorCommands:
         known: dict[str, Column] = {f"approach{i + 1}": np.array([a]) for i, a in enumerate(self._approach)}
         for name, value in self._conditions.items():
             known[name] = np.array([value]) if name != "session" else np.array([value], dtype=object)
-        return commands_for_simulator(self.machine, q[None], known, simulator=self._simulator)
+        found = commands_for_simulator(self.machine, q[None], known, simulator=self._simulator)
+        observation, reward, terminated, truncated, info = self.environment.step(found.q[0])
+        return observation, reward, terminated, truncated, {**info, "simulator_commands": found}

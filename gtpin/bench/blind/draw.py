@@ -17,7 +17,7 @@ from gtpin.bench.simulator.instruments.build import build_measured
 from gtpin.bench.simulator.instruments.touch import TOUCHED
 from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
-from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, InstrumentTruth
+from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase
 from gtpin.data.files import write_table
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
@@ -58,15 +58,10 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
             rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
             kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
             out = gauge.kept(~kept)
-            columns: dict[str, Column] = {"pose": data.pose[out.stop]}
-            columns |= {f"q{i + 1}": values for i, values in enumerate(data.q[out.stop].T)}
-            columns |= {name: values[~kept] for name, values in read.columns.items()}
-            columns |= {name: values[out.stop] for name, values in data.covariates.items()}
             values = out.readings(case.steady[out.stop], out.truth)
-            found.append(LeftOutTouches(gauge.name, columns, values, out.sigma))
+            found.append(LeftOutTouches(gauge.name, data.table(read.take(~kept)), values, out.sigma))
         gauges.append(gauge.kept(kept))
-        own = {name: values[kept] for name, values in read.columns.items()}
-        tables.append(InstrumentTruth(read.described, read.stop[kept], own))
+        tables.append(read.take(kept))
         every.append(kept)
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
     fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)

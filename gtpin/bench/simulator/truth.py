@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from gtpin.data.table import Column
 from gtpin.errors import renamed
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
-from gtpin.typing import Floats, Ints
+from gtpin.typing import Floats, Ints, Mask
 
 SCHEMA = "gtpin-dataset/2"
 TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
@@ -128,6 +128,10 @@ class InstrumentTruth:
     stop: Ints
     columns: dict[str, Column]
 
+    def take(self, rows: Mask) -> InstrumentTruth:
+        """Some rows of the table."""
+        return replace(self, stop=self.stop[rows], columns={name: x[rows] for name, x in self.columns.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class Tables:
@@ -153,10 +157,13 @@ class Tables:
         text = tomli_w.dumps({**head, **about, "instrument": [one.described for one in self.read]})
         (folder / "dataset.toml").write_text(text, encoding="utf-8", newline="\n")
         for one in self.read:
-            columns: dict[str, Column] = {"pose": self.pose[one.stop]}
-            columns |= {f"q{i + 1}": values for i, values in enumerate(self.q[one.stop].T)}
-            columns |= one.columns | {name: values[one.stop] for name, values in self.covariates.items()}
-            write_table(folder / f"{one.described['name']}.csv", columns)
+            write_table(folder / f"{one.described['name']}.csv", self.table(one))
+
+    def table(self, one: InstrumentTruth) -> dict[str, Column]:
+        """All columns of an instrument's table."""
+        columns: dict[str, Column] = {"pose": self.pose[one.stop]}
+        columns |= {f"q{i + 1}": values for i, values in enumerate(self.q[one.stop].T)}
+        return columns | one.columns | {name: values[one.stop] for name, values in self.covariates.items()}
 
 
 @dataclass(frozen=True, eq=False)
