@@ -184,10 +184,8 @@ def recipe(draft: Draft) -> Recipe:
     if draft.kind == "rough":
         found = bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     else:
-        effects, energy = (
-            [(name, None) for name in draft.effects],
-            POWER_NONCENTRALITY if draft.kind == "power" else None,
-        )
+        effects = [(name, None) for name in draft.effects]
+        energy = POWER_NONCENTRALITY if draft.kind == "power" else None
         found = drawn_recipe(draft.seed, effects=effects, poses=draft.poses, noncentrality=energy, robot=draft.robot)
     if draft.instruments and set(draft.instruments) <= set(TOUCHED):
         return replace(found, poses=found.poses + found.poses // (ONE_IN - 1))

@@ -95,9 +95,7 @@ class Shrunk(BaseModel):
 
     before: float  # Of the geometry alone
     after: float  # Of the model with the named causes
-    knowing: float | None = (
-        None  # Of a fit to which the true causes are given; None without one, as where an encoder reads
-    )
+    knowing: float | None = None  # Of a fit to which the true causes are given; None without one
     smoothed: float | None = None  # Of a Gaussian process that names no cause; None if it was not fitted
 
     @property
