@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from gtpin.bench.blind.judged import Named, Statement
 from gtpin.bench.blind.truth import read_json
@@ -19,10 +19,8 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Word = Annotated[str, Field(min_length=1)]
 
 
-class OtherEffect(BaseModel):
+class OtherEffect(BaseModel, frozen=True, extra="forbid"):
     """Another effect that a cause could be: its id and its site."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     effect: Word
     site: Word
@@ -33,7 +31,7 @@ class OtherEffect(BaseModel):
         return f"{self.effect}@{self.site}"
 
 
-class AnsweredCause(OtherEffect):
+class AnsweredCause(OtherEffect, frozen=True):
     """A named cause.
 
     ``probability``: probability that it is a cause. ``class_``: what else the cause could be. The cause itself need not be
@@ -44,7 +42,7 @@ class AnsweredCause(OtherEffect):
     class_: Annotated[tuple[OtherEffect, ...], Field(alias="class")] = ()
 
 
-class Answer(BaseModel):
+class Answer(BaseModel, frozen=True, extra="forbid"):
     """The answer to one case.
 
     - ``causes``: the named causes, the most important first; empty where none is named.
@@ -55,8 +53,6 @@ class Answer(BaseModel):
     - ``explained_fraction``: expected 1 - (a / b)^2, with a the RMS error of the predictions with the causes, and b that of
       the geometry alone; None: not predicted.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     schema_: Annotated[str, Field(alias="schema", pattern=f"^{SCHEMA}$")] = SCHEMA
     causes: tuple[AnsweredCause, ...] = ()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from gtpin.bench.blind.draw import Draft, drafts, written
 from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of, digest_of_files, files_of
@@ -24,10 +24,8 @@ FILE = Path(__file__).parent / "set1.json"
 SCHEMA = "gtpin-benchmark/1"
 
 
-class Block(BaseModel):
+class Block(BaseModel, frozen=True):
     """Cases of one machine, measured by one instrument."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str  # Beginning of the cases' names
     robot: str  # Name of a robot, or of a URDF file in the set's folder
@@ -49,10 +47,8 @@ class Block(BaseModel):
             yield replace(draft, name=f"{self.name}-{number:02d}")
 
 
-class Published(BaseModel):
+class Published(BaseModel, frozen=True):
     """What is published of a case."""
-
-    model_config = ConfigDict(frozen=True)
 
     # `dataset`, `truth`: SHA-256 of the files that a solver sees, and of the truth
     dataset: str
@@ -61,10 +57,8 @@ class Published(BaseModel):
     leaves: float | None = None
 
 
-class PublicSet(BaseModel):
+class PublicSet(BaseModel, frozen=True):
     """A set of cases that anybody can make again."""
-
-    model_config = ConfigDict(frozen=True)
 
     schema_: Annotated[str, Field(alias="schema", pattern=f"^{SCHEMA}$")]
     plant: str  # Digest of the plant's sources that made the set first

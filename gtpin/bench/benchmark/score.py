@@ -14,8 +14,7 @@ from gtpin.bench.benchmark.answer import Answer
 from gtpin.bench.benchmark.public_set import TRUTHS, PublicSet
 from gtpin.bench.blind.figures import Rate, mean, rate
 from gtpin.bench.blind.judged import VISIBLE, Judged
-from gtpin.bench.blind.truth import digest_of, opened
-from gtpin.data.files import read_bytes
+from gtpin.bench.blind.truth import Truth, read_json
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
@@ -60,9 +59,7 @@ def score_answers(
 
 
 def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
-    published = public.cases[name]
-    file_of_truth = folder / TRUTHS / f"{name}.json"
-    truth = opened(file_of_truth, digest_of(read_bytes(file_of_truth)))
+    published, truth = public.cases[name], read_json(folder / TRUTHS / f"{name}.json", Truth, "make the set anew")
     answer = Answer.read(file) if file.exists() else None
     if answer is not None:
         answer.check(file, _sites(public.robot(name)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from gtpin.bench.blind.truth import Kind, TrueEffect
 
@@ -13,10 +13,8 @@ CONFIDENT = 0.95
 """Smallest probability of a cause that is named with confidence."""
 
 
-class Named(BaseModel):
+class Named(BaseModel, frozen=True):
     """A cause in the diagnosis: ``effect@site``, its probability, and the members of its class with their probabilities."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     probability: float
@@ -24,10 +22,8 @@ class Named(BaseModel):
     parameters: dict[str, tuple[float, float]] = {}
 
 
-class Statement(BaseModel):
+class Statement(BaseModel, frozen=True):
     """The scored part of a diagnosis."""
-
-    model_config = ConfigDict(frozen=True)
 
     # As in ``diagnosis.json``; names are ``effect@site``
     verdict: Literal["none", "explained", "ambiguous", "unknown"]
@@ -87,11 +83,9 @@ LEFT = 250.0
 """Energy of an unlisted effect that known effects must leave unexplained, so that the verdict must be `unknown`."""
 
 
-class Shrunk(BaseModel):
+class Shrunk(BaseModel, frozen=True):
     """RMS length of the position error at held-out commands, against the true poses, m; where other instruments than a tracker
     alone measured, RMS error of their readings in units of the noise."""
-
-    model_config = ConfigDict(frozen=True)
 
     before: float  # Of the geometry alone
     after: float  # Of the model with the named causes
@@ -104,10 +98,8 @@ class Shrunk(BaseModel):
         return 1.0 - (self.after / self.before) ** 2 if self.before > 0.0 else 0.0
 
 
-class Judged(BaseModel):
+class Judged(BaseModel, frozen=True):
     """A case, its truth and its diagnosis."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     kind: Kind | None = None  # Kind of case; None if its seal was broken

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from gtpin.bench.blind.truth import (
     Kind,
@@ -54,10 +54,8 @@ class Given:
         return self.folder.name
 
 
-class _TruthFile(BaseModel):
+class _TruthFile(BaseModel, frozen=True):
     """The content of ``NAME.truth.json``; all keys but ``effects`` are there only if gtpin wrote it."""
-
-    model_config = ConfigDict(frozen=True)
 
     effects: tuple[TrueEffect, ...]
     kind: Kind | None = None

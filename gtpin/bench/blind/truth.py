@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import BaseModel, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from gtpin.data.files import placed_file, read_bytes
 from gtpin.errors import GtpinError
@@ -24,10 +24,8 @@ Triple = tuple[Finite, Finite, Finite]
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
-class TrueEffect(BaseModel):
+class TrueEffect(BaseModel, frozen=True):
     """A true effect of a machine."""
-
-    model_config = ConfigDict(frozen=True)
 
     # `effect`, `site`: Its id and its site; the id of an unlisted effect is in no catalogue
     effect: Annotated[str, Field(min_length=1)]
@@ -46,10 +44,8 @@ class TrueEffect(BaseModel):
         return f"{self.effect}@{self.site}"
 
 
-class TruePoses(BaseModel):
+class TruePoses(BaseModel, frozen=True):
     """True poses at a case's ``commands.csv``: ids, positions (H, 3), m, and quaternions (H, 4), scalar first, if known."""
-
-    model_config = ConfigDict(frozen=True)
 
     pose: tuple[str, ...]
     position: tuple[Triple, ...]
@@ -61,7 +57,7 @@ class TruePoses(BaseModel):
         return np.array(self.position).reshape(-1, 3)
 
 
-class TrueReadings(BaseModel):
+class TrueReadings(BaseModel, frozen=True):
     """What an instrument reads without noise at a case's ``commands-NAME.csv`` or, without this file, ``commands.csv``.
 
     Stations, planes or targets are assigned to the rows of ``commands.csv`` in turn, in alphabetical order of their ids; the
@@ -69,28 +65,22 @@ class TrueReadings(BaseModel):
     touches.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     name: str  # Name of the instrument
     # `values`, `sigma`: (H, c) readings and their noise, m or rad; for a tracker, positions
     values: tuple[tuple[Finite, ...], ...]
     sigma: tuple[tuple[Finite, ...], ...]
 
 
-class TrueNoise(BaseModel):
+class TrueNoise(BaseModel, frozen=True):
     """The noise of an instrument's readings with which E is computed."""
-
-    model_config = ConfigDict(frozen=True)
 
     name: str  # Name of the instrument
     # (M, c) sigma of every number in the rows of its table, with the scatter by the machine's repeatability, m or rad
     sigma: tuple[tuple[Finite, ...], ...]
 
 
-class Truth(BaseModel):
+class Truth(BaseModel, frozen=True):
     """The sealed truth of a case."""
-
-    model_config = ConfigDict(frozen=True)
 
     kind: Kind  # Kind of case
     effects: tuple[TrueEffect, ...]  # True effects of the machine; can be empty

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ParamSpec
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import build, capacity, known_robot
@@ -156,10 +156,8 @@ def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
     )
 
 
-class ScenarioEffect(BaseModel):
+class ScenarioEffect(BaseModel, frozen=True, extra="forbid"):
     """One ``[[effect]]``: its id; its site, energy or amplitude in typical sizes, and periods a turn, unless they are drawn."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     id: str
     site: str | None = None
@@ -168,10 +166,8 @@ class ScenarioEffect(BaseModel):
     periods: Annotated[tuple[Annotated[float, Field(gt=0.0, le=1000.0)], ...], Field(max_length=9)] = ()
 
 
-class Scenario(BaseModel):
+class Scenario(BaseModel, frozen=True, extra="forbid"):
     """The content of a scenario file. Missing keys of ``covariates`` are drawn so that the effects can be detected."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     robot: str = "gantry_tau"
     seed: Annotated[int, Field(ge=0)] = 0

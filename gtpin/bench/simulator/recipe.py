@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from gtpin.bench.simulator.machine import Machine
 from gtpin.bench.simulator.poses import VirtualPoses, exp
@@ -23,7 +23,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Micro = Annotated[float, Field(ge=0.0, le=1e-3)]
 
 
-class SimulatedConditions(BaseModel):
+class SimulatedConditions(BaseModel, frozen=True, extra="forbid"):
     """Measurement conditions of a machine.
 
     Parameters
@@ -52,8 +52,6 @@ class SimulatedConditions(BaseModel):
     without
         Columns (or beginnings of their names, such as ``temp``) that the files lack.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rest: Share = 0.5
     sessions: Annotated[int, Field(ge=1, le=20)] = 1
@@ -91,7 +89,7 @@ class SimulatedConditions(BaseModel):
         )
 
 
-class SimulatedNoise(BaseModel):
+class SimulatedNoise(BaseModel, frozen=True, extra="forbid"):
     """Random errors of the instrument and the machine.
 
     - ``position_sigma``, ``orientation_sigma``: standard deviation per axis, m and rad.
@@ -108,8 +106,6 @@ class SimulatedNoise(BaseModel):
       any orientation.
     - ``station``: position of the instrument, base frame, m.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     position_sigma: Positive = 1.5e-5
     orientation_sigma: Positive = 5e-5

@@ -109,22 +109,6 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     return well_conditioned(machine, robot.name, robot.home_q, draw, count, hint)
 
 
-def measure(
-    machine: TrueRobot, q: Floats, instrument: InstrumentSection, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Measured positions (N, 3), m, and quaternions (N, 4), scalar first, base frame, with the instrument's noise.
-
-    Raises GtpinError if the instrument states no sigmas.
-    """
-    if instrument.position_sigma is None or instrument.orientation_sigma is None:
-        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
-    true = machine.predict(q)
-    position = true.T + instrument.position_sigma * rng.standard_normal(true.T.shape)
-    turn = Rotation.from_rotvec(instrument.orientation_sigma * rng.standard_normal(true.T.shape))
-    quaternion = (turn * Rotation.from_matrix(true.R)).as_quat(canonical=True, scalar_first=True)
-    return position, np.asarray(quaternion)
-
-
 def simulate(
     robot: Chain,
     reference: str,
@@ -164,7 +148,12 @@ def simulate(
     q = draw_commands(machine, poses, rng)
     again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
     visited = rng.permutation(np.concatenate([np.arange(poses), again]))
-    position, quaternion = measure(machine, q[visited], instrument, rng)
+    if instrument.position_sigma is None or instrument.orientation_sigma is None:
+        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
+    true = machine.predict(q[visited])
+    position = true.T + instrument.position_sigma * rng.standard_normal(true.T.shape)
+    turn = Rotation.from_rotvec(instrument.orientation_sigma * rng.standard_normal(true.T.shape))
+    quaternion = (turn * Rotation.from_matrix(true.R)).as_quat(canonical=True, scalar_first=True)
     dataset = Dataset(
         robot=reference,
         pose=ids(visited),
