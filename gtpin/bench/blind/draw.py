@@ -214,10 +214,7 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
     also has the noise of every number in the instruments' tables, their own and that of the machine's repeatability, with which
     E is computed.
     """
-    effects = [
-        vars(effect) | {"energy": effect.noncentrality, "displacement": effect.displacement.tolist()}
-        for effect in case.effects
-    ]
+    effects = [vars(e) | {"energy": e.noncentrality, "displacement": e.displacement.tolist()} for e in case.effects]
     truth: dict[str, object] = {"kind": kind, "effects": effects}
     if isinstance(case, Case) or [gauge.name for gauge in case.gauges] == ["tracker"]:
         poses = {"position": case.truth.T.tolist(), "orientation": case.truth.quaternions.tolist()}
@@ -227,10 +224,8 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
         truth["sigma"] = (usual.position_sigma,) * 3 + (usual.orientation_sigma,) * 3
         return Truth.model_validate(truth)
     if "poses" not in truth:
-        readings = case.held | {one.name: (one.values, one.sigma) for one in left_out}
-        truth["readings"] = [
-            {"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in readings.items()
-        ]
+        held = case.held | {one.name: (one.values, one.sigma) for one in left_out}
+        truth["readings"] = [{"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in held.items()]
     if case.recipe is not None:
         moves, noise = jitter(case), []
         for gauge in case.gauges:

@@ -179,9 +179,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
     farthest = Rate(max(off, default=None), None, None, len(off))
     # A member of the class that does not fit the true effect.
-    wrong = rate(
-        any(c.left.get(name, 0.0) > VISIBLE for name in (c.said.members - c.names if c.said else ())) for c in seen
-    )
+    others = ((c.left, c.said.members - c.names if c.said else ()) for c in seen)
+    wrong = rate(any(left.get(name, 0.0) > VISIBLE for name in members) for left, members in others)
     # Where the instruments can't show all effects, F1 of the visible ones has the target.
     whole = Figure("two effects: F1 of the set", mean(c.f1 for c in two), least=0.95)
     sets = [whole]

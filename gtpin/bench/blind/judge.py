@@ -142,9 +142,8 @@ def _shrunk(
     if before is not None and after is not None and true is not None:
         T = _true_positions(commands, true)
         found = Shrunk(before=_rms(np.array(before) - T), after=_rms(np.array(after) - T))
-        in_robot = (
-            dataset.instrument.frame != "free" and not dataset.readings.names
-        )  # both baselines are fitted to poses
+        # Both baselines are fitted to poses in the robot's frame.
+        in_robot = dataset.instrument.frame != "free" and not dataset.readings.names
         if baseline is None or truth.kind not in CAUSES_GIVEN or not in_robot:
             return found
         if causes:

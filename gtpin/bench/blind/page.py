@@ -162,9 +162,8 @@ def figure_table(result: Mapping[str, Any]) -> Table:
     """Figures with their targets."""
     rows = []
     for row in result["figures"]:
-        target = "".join(
-            f"{sign} {row[key]:g}" for sign, key in (("≥", "least"), ("≤", "most")) if row[key] is not None
-        )
+        ends = (("≥", row["least"]), ("≤", row["most"]))
+        target = "".join(f"{sign} {end:g}" for sign, end in ends if end is not None)
         mark = {True: "reached", False: "missed", None: ""}[row["reached"]]
         rows.append((row["figure"], number(row["value"]), bounds(row), str(row["of"]), target, mark))
     return Table(("figure", "value", "95 %", "of", "target", ""), rows, range(1, 5))

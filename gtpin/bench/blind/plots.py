@@ -47,11 +47,8 @@ def _diagonal(start: float) -> Trace:
 
 def _rates(x: Sequence[float], rates: Sequence[Mapping[str, Any]], **more: Any) -> Trace:
     """Rates with their bounds, and their numbers of cases as text."""
-    bounds = {
-        "array": [r["high"] - r["value"] for r in rates],
-        "arrayminus": [r["value"] - r["low"] for r in rates],
-    }
-    bars = {"type": "data", "symmetric": False, **bounds, "thickness": 1}
+    above, below = [r["high"] - r["value"] for r in rates], [r["value"] - r["low"] for r in rates]
+    bars = {"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1}
     texts = [f"{r['of']} cases" for r in rates]
     return {"x": x, "y": [r["value"] for r in rates], "error_y": bars, "text": texts, **more}
 
@@ -103,14 +100,9 @@ def _confusion(counts: Mapping[str, Mapping[str, int]]) -> Plot | None:
         "xgap": 1,
         "ygap": 1,
     }
-    layout: Trace = {
-        "yaxis": {"autorange": "reversed"},
-        "xaxis": {"side": "top", "tickangle": -60},
-        "margin": {"t": 110},
-    }
-    caption = (
-        "Rows: the true effect; columns: the leading cause, or the verdict if no cause is named. Numbers of cases."
-    )
+    axes = {"yaxis": {"autorange": "reversed"}, "xaxis": {"side": "top", "tickangle": -60}}
+    layout: Trace = {**axes, "margin": {"t": 110}}
+    caption = "Numbers of cases, by the true effect (rows) and the leading cause, or the verdict if no cause is named."
     title = "Confusion matrix of single effects"
     return _plot("confusion", title, caption, [trace], layout, height=130 + 24 * len(counts))
 
@@ -151,10 +143,8 @@ def _difficulty(cases: Sequence[Judged]) -> Plot | None:
     traces = []
     for name, (color, some) in groups.items():
         look = {"mode": "markers", "name": name, "marker": {"color": color, "size": 6}}
-        texts = [f"{c.name} {c.single.name}" for c in some]
-        traces.append(
-            {"x": [c.noncentrality for c in some], "y": [max(c.leaves, 1.0) for c in some], "text": texts, **look}
-        )
+        x, y = [c.noncentrality for c in some], [max(c.leaves, 1.0) for c in some]
+        traces.append({"x": x, "y": y, "text": [f"{c.name} {c.single.name}" for c in some], **look})
     line = {"type": "line", "y0": VISIBLE, "y1": VISIBLE, "xref": "paper", "x0": 0, "x1": 1, "line": DOTTED}
     axes: Trace = {"xaxis": _axis("E", type="log"), "yaxis": _axis("D", type="log"), "shapes": [line]}
     title, caption = "Energy, and what the best wrong effect leaves", "Single effects; dotted: D = 63."

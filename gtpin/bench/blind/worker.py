@@ -102,12 +102,8 @@ def readings_at(model: Model, folder: Path, commands: Commands) -> dict[str, lis
             ids = {name: column for name, column in columns.items() if name in one.known}
             read = predicted_readings(model, model.predict(own.q, own.covariates), one.name, ids)
         else:  # ids in alphabetical order, repeated over the rows
-            turn = np.arange(len(commands))
-            ids = {
-                name: np.array(sorted(known), dtype=object)[turn % len(known)]
-                for name, known in one.known.items()
-                if known
-            }
+            orders = {name: np.array(sorted(known), dtype=object) for name, known in one.known.items() if known}
+            ids = {name: order[np.arange(len(commands)) % len(order)] for name, order in orders.items()}
             read = predicted_readings(model, poses, one.name, ids)
         found[one.name] = np.column_stack([values for name, values in read.items() if name not in ORIENTATION]).tolist()
     return found

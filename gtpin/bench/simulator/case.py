@@ -93,11 +93,8 @@ def drawn_recipe(
     if effects is None:
         chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
         effects = [(k.name, None) for k in chosen]
-    span = (
-        (noncentrality, noncentrality)
-        if isinstance(noncentrality, int | float)
-        else noncentrality or noncentralities(found)
-    )
+    span = noncentralities(found) if noncentrality is None else noncentrality
+    span = (span, span) if isinstance(span, int | float) else span
     wanted = []
     for name, site in effects:
         sites = kind(name, found).sites(found)

@@ -19,9 +19,7 @@ from gtpin.typing import Floats
 class Deviation:
     """Changes at N visits of a machine with n drives, and k rods or J joints. Arrays for what it does not have are empty."""
 
-    travel: (
-        Floats  # (N, n) motions of carts along tracks, m, of arms and joints about axes, rad, or of legs' lengths, m
-    )
+    travel: Floats  # (N, n) motions of carts along tracks, m, of arms and joints, rad, or of legs' lengths, m
     shift: Floats  # (N, n, 3) on rods: shifts of the carts, base frame, m
     turn: Floats  # (N, n, 3) on rods: rotation vectors of the carts about the mean of their joints, base frame, rad
     length: Floats  # (N, k) changes of the rods' lengths, m

@@ -130,12 +130,9 @@ class SimulatedNoise(BaseModel, frozen=True, extra="forbid"):
         """The instrument as the dataset declares it."""
         frame: Literal["robot", "free"] = "free" if self.free else "robot"
         target: Literal["tcp", "free"] = "free" if self.free_target else "tcp"
-        if not self.declared:
-            return InstrumentSection(frame=frame, target=target)
-        turns = self.orientation_sigma if self.orientations else None
-        return InstrumentSection(
-            position_sigma=self.position_sigma, orientation_sigma=turns, frame=frame, target=target
-        )
+        position = self.position_sigma if self.declared else None
+        turns = self.orientation_sigma if self.declared and self.orientations else None
+        return InstrumentSection(position_sigma=position, orientation_sigma=turns, frame=frame, target=target)
 
     def elsewhere(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """A random pose of the base frame in the instrument's: T (3,), m, and R (3, 3); z is vertical to some 0.6 degrees."""

@@ -166,9 +166,7 @@ class Bending:
     # that is fixed to each joint's body, about the body's end, body's frame
     axis: Floats | None = None
     tip: Floats | None = None
-    ends: Floats | None = (
-        None  # (J, 3) the bodies' ends, own frames, m; None where a body carries everything at its end
-    )
+    ends: Floats | None = None  # (J, 3) the bodies' ends, own frames, m; None: everything is carried there
 
     def take(self, rows: Ints) -> Bending:
         """The deviations at some of the poses."""

@@ -153,9 +153,8 @@ def guide_whip(site: Site, rng: np.random.Generator) -> Cause:
         speed, way = np.abs(now.visits.speed[:, cart]), now.visits.approach[:, cart]
         size = way * (0.3 + np.tanh(speed / 0.1)) * (1.0 + 0.4 * worn(now.places[:, cart]))
         axes = np.vstack([now.machine.across[cart], now.machine.tracks[cart]])
-        return now.off(
-            shift=(cart, 3e-5 * size[:, None] * (lean @ axes[:2])), turn=(cart, 4e-5 * size[:, None] * (roll @ axes))
-        )
+        shift, turn = 3e-5 * size[:, None] * (lean @ axes[:2]), 4e-5 * size[:, None] * (roll @ axes)
+        return now.off(shift=(cart, shift), turn=(cart, turn))
 
     return cause
 

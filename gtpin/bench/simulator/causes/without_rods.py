@@ -180,9 +180,8 @@ def joint_compliance(site: Site, rng: np.random.Generator) -> Cause:
         cart = site.cart
         load = now.load(cart) / now.machine.usual_load(cart)
         left = 1.0 - friction * now.visits.approach[:, cart] * np.sign(load)
-        return now.driven(
-            site.cart, 1.5e-4 * left * hertz(load, exponent, 1.0) * (1.0 + part * softer(now.places[:, cart]))
-        )
+        give = 1.0 + part * softer(now.places[:, cart])
+        return now.driven(cart, 1.5e-4 * left * hertz(load, exponent, 1.0) * give)
 
     return cause
 
@@ -242,10 +241,8 @@ def _beam(
     weight = np.einsum("nji,j->ni", now.bodies.R[:, j], WEIGHT * machine.masses[j] * machine.robot.gravity)
     force = force + weight
     usual = machine.usual_load(link)
-    force, moment = (
-        usual / length * hertz(force * length / usual, exponent, 3.0),
-        usual * hertz(moment / usual, exponent, 3.0),
-    )
+    force = usual / length * hertz(force * length / usual, exponent, 3.0)
+    moment = usual * hertz(moment / usual, exponent, 3.0)
     lever = np.cross(u, force)
     twisting = np.outer(moment @ u, u)
     turn = flexibility * (length * (moment - twisting + softer_twist * twisting) + 0.5 * length**2 * lever)

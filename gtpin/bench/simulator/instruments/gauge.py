@@ -31,9 +31,7 @@ class Hidden:
 
     name: str  # Name of the parameter, such as ``wire.station[A].x``
     value: float  # Its true value, m or rad
-    prior: (
-        float  # Its prior standard deviation for the user, m or rad: 0 where known exactly, infinite where not at all
-    )
+    prior: float  # Its prior standard deviation for the user, m or rad: 0 where known, infinite where not at all
 
 
 def hidden(stem: str, values: Iterable[float], prior: float, axes: Iterable[str] = AXES) -> list[Hidden]:

@@ -221,10 +221,8 @@ def begun(
         solved, good = felt(PlainWay(machine, pool[rng.permutation(nearest)]), [some], [np.zeros_like(some.sigma)])
         good &= ((solved.q >= lower + room) & (solved.q <= upper - room)).all(axis=1)
         if good.sum() < len(rows):
-            raise UnreachableError(
-                f"the target does not get to all of {gauge.name}'s {gauge.kind}s",
-                hint="use an instrument that needs no touch, or a robot that can move its target in three directions",
-            )
+            hint = "use an instrument that needs no touch, or a robot that can move its target in three directions"
+            raise UnreachableError(f"the target does not get to all of {gauge.name}'s {gauge.kind}s", hint=hint)
         found[rows] = solved.q[good][: len(rows)]
     return found
 
@@ -301,10 +299,8 @@ def circles(
             there, along = np.stack(ways, axis=1), np.stack(speeds, axis=1)
             both = [np.stack([there, there[:, ::-1]], axis=1), np.stack([along, -along[:, ::-1]], axis=1)]
             return both[0].reshape(-1, pool.shape[1]), both[1].reshape(-1, pool.shape[1])
-    raise UnreachableError(
-        "the robot can't go round a ball bar's circles",
-        hint="use an instrument that needs no circles, or a robot that moves its target in two directions",
-    )
+    hint = "use an instrument that needs no circles, or a robot that moves its target in two directions"
+    raise UnreachableError("the robot can't go round a ball bar's circles", hint=hint)
 
 
 def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats] | None:
