@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gtpin.bench.blind.difficulty import SCALES
 from gtpin.bench.blind.judged import Judged, Statement
 from gtpin.bench.blind.truth import TrueEffect
 from gtpin.bench.blind.worker import Outcome
@@ -110,6 +111,16 @@ class Quiet:
 
     def one_more(self) -> None:
         self.done += 1
+
+
+def left_by_definition(B: np.ndarray, X: np.ndarray, d: np.ndarray) -> tuple[float, float]:
+    """The scale of largest evidence, and the energy of d that geometry B and an effect X leave there, by whole matrices."""
+    plain = np.eye(len(d)) + B @ B.T
+    trials = ((scale, plain + scale**2 * X @ X.T) for scale in SCALES)
+    scale, whole = max(
+        trials, key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1]
+    )
+    return float(scale), float(d @ np.linalg.solve(whole, d))
 
 
 def shifted(T: np.ndarray, by: float) -> list[list[float]]:

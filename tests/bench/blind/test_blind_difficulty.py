@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from handmade import left_by_definition
 
 from gtpin import Geometry, load_robot
 from gtpin.bench.blind.baselines import fit_known_causes, gaussian_process_positions
-from gtpin.bench.blind.difficulty import SCALES, Difficulty, true_parameters
+from gtpin.bench.blind.difficulty import Difficulty, true_parameters
 from gtpin.bench.simulator.case import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.calibration.calibrate import calibrate
@@ -66,14 +67,10 @@ def test_what_an_effect_leaves_is_by_the_definition(
     effect, _, site = name.partition("@")
     basis = effects_by_id()[effect].basis(at, site)
     B, X = whitened(at, basis)
-    d = (true.displacement / SIGMA).ravel()
-    best = max(
-        ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
-        key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1],
-    )
+    scale, left = left_by_definition(B, X, (true.displacement / SIGMA).ravel())
     found = difficulty.left(true.displacement)[name]
-    assert found.scale == best[0]
-    assert found.left == pytest.approx(d @ np.linalg.solve(best[1], d), rel=1e-6)
+    assert found.scale == scale
+    assert found.left == pytest.approx(left, rel=1e-6)
 
 
 def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(difficulty: Difficulty) -> None:

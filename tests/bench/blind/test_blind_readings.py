@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from handmade import Quiet, cause, diagnosis
+from handmade import Quiet, cause, diagnosis, left_by_definition
 from scipy.stats import chi2
 
 import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
 from gtpin.bench.blind.baselines import fit_known_causes_to_readings
-from gtpin.bench.blind.difficulty import SCALES, Difficulty
+from gtpin.bench.blind.difficulty import Difficulty
 from gtpin.bench.blind.draw import Draft, jitter, made, measured, recipe, truth_of, without_some_touches
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
@@ -105,13 +105,10 @@ def test_what_an_effect_leaves_of_readings_is_by_the_definition(
     B = np.hstack([by_geometry, difficulty.unknowns.reshape(len(by_geometry), -1)])
     X = difficulty.whitened(basis.displacement(at) * basis.sigma)
     d = difficulty.whitened(displacement[difficulty.row][:, :, None])[:, 0]
-    best = max(
-        ((s, np.eye(len(d)) + B @ B.T + s**2 * X @ X.T) for s in SCALES),
-        key=lambda trial: -0.5 * d @ np.linalg.solve(trial[1], d) - 0.5 * np.linalg.slogdet(trial[1])[1],
-    )
+    scale, left = left_by_definition(B, X, d)
     found = difficulty.left(displacement)[name]
-    assert found.scale == best[0]
-    assert found.left == pytest.approx(d @ np.linalg.solve(best[1], d), rel=1e-5)
+    assert found.scale == scale
+    assert found.left == pytest.approx(left, rel=1e-5)
 
 
 @pytest.mark.slow
