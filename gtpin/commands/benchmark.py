@@ -12,8 +12,7 @@ from gtpin.errors import GtpinError, warn
 from gtpin.output.results import results_folder
 
 Cases = Annotated[
-    list[str] | None,
-    typer.Option("--case", help="Only this case. Can be given several times.", show_default="all 100"),
+    list[str] | None, typer.Option("--case", help="Only this case. Can be given several times.", show_default="all 100")
 ]
 benchmark_app = typer.Typer(
     name="benchmark",
@@ -43,8 +42,8 @@ def make(output: Output, case: Cases = None, force: Force = False, as_json: AsJs
 
 @benchmark_app.command(cls=Command, epilog="Example: gtpin lab benchmark score set answers -o score")
 def score(
-    made: Annotated[Path, typer.Argument(help="Folder in which the set was made.", show_default=False)],
-    answers: Annotated[Path, typer.Argument(help="Folder with NAME.json for each case.", show_default=False)],
+    made: Annotated[Path, typer.Argument(help="Folder in which the set was made.")],
+    answers: Annotated[Path, typer.Argument(help="Folder with NAME.json for each case.")],
     output: Output,
     case: Cases = None,
     force: Force = False,

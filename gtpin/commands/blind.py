@@ -9,12 +9,11 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-from rich.text import Text
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from gtpin.bench.simulator.instruments.build import KINDS
 from gtpin.bench.simulator.recipe import digest
-from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
+from gtpin.commands.simulate import Instruments
+from gtpin.commands.terminal import AsJson, Force, Output, Seed, SpeedColumn, tell, write_json
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder
 
@@ -23,27 +22,17 @@ CASES = 100
 
 def blind(
     output: Output,
-    cases: Annotated[int | None, typer.Option("--cases", help=f"Number of cases; default {CASES}.", min=1)] = None,
+    cases: Annotated[int | None, typer.Option(help=f"Number of cases; default {CASES}.", min=1)] = None,
     seed: Seed = 0,
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", help="Name of a robot, or the path of a URDF or MJCF file; default Gantry-Tau."),
+        str | None, typer.Option(help="Name of a robot, or the path of a URDF or MJCF file; default Gantry-Tau.")
     ] = None,
-    instrument: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--instrument",
-            help=f"What measures: {', '.join(KINDS)}. Can be given several times.",
-            show_default="a tracker, schema 1",
-        ),
-    ] = None,
+    instrument: Instruments = None,
     source: Annotated[
         Path | None,
         typer.Option("--from", help="Score cases that somebody else made: NAME/ and NAME.truth.json in a folder."),
     ] = None,
-    cluster: Annotated[
-        str | None, typer.Option("--cluster", help="Address of a dask scheduler, such as tcp://host:8786.")
-    ] = None,
+    cluster: Annotated[str | None, typer.Option(help="Address of a dask scheduler, such as tcp://host:8786.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -87,14 +76,6 @@ def _text(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-class _CaseRate(ProgressColumn):
-    """Number of cases per minute."""
-
-    def render(self, task: Task) -> Text:
-        """The column's text."""
-        return Text(f"{60.0 * task.speed:.0f} a minute" if task.speed else "")
-
-
 class _Bars:
     """One bar for each part of the work."""
 
@@ -120,6 +101,12 @@ class _Bars:
 @contextmanager
 def _watched(plant: str | None) -> Iterator[_Bars]:
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _CaseRate(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        SpeedColumn("{:.0f} a minute", seconds=60.0),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         yield _Bars(bars, plant)

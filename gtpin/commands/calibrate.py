@@ -18,6 +18,7 @@ from gtpin.commands.terminal import (
     progress_of,
     read_dataset,
     tell,
+    written,
 )
 from gtpin.effects.active import ActiveEffect
 from gtpin.model.measured_robot import check_same_robot
@@ -32,18 +33,13 @@ def calibrate(
     output: Output,
     model: Annotated[
         int | None,
-        typer.Option(
-            "--model", help="One of the paper's models 1 to 5 instead of the default parameters.", min=1, max=5
-        ),
+        typer.Option(help="One of the paper's models 1 to 5 instead of the default parameters.", min=1, max=5),
     ] = None,
     orientations: CartOrientation = False,
     keep_effects: Annotated[
         str | None,
         typer.Option(
-            "--keep-effects",
-            help="Folder of an earlier model of this machine: its effects stay as they are.",
-            metavar="<model>",
-            show_default=False,
+            help="Folder of an earlier model of this machine: its effects stay as they are.", metavar="<model>"
         ),
     ] = None,
     tcp: Tcp = None,
@@ -66,5 +62,4 @@ def calibrate(
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
     table = "".join(f"\n{words}\n" for words in controller_words(calibration.model, str(output), UNTESTED))
-    written = f"\nWritten: {', '.join(str(output / name) for name in CALIBRATION)}\nOpen {output / 'report.html'}"
-    tell(result, shown.terminal() + table + written, as_json)
+    tell(result, f"{shown.terminal()}{table}\n{written(output, CALIBRATION, 'report.html')}", as_json)

@@ -18,6 +18,7 @@ from gtpin.commands.terminal import (
     read_dataset,
     rendered,
     tell,
+    written,
 )
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
@@ -30,10 +31,8 @@ def certify(
     model: Annotated[
         str | None,
         typer.Option(
-            "--model",
             metavar="MODEL",
             help="The model that corrects the machine, identified before; by default these data are diagnosed.",
-            show_default=False,
         ),
     ] = None,
     instrument: Annotated[
@@ -42,7 +41,6 @@ def certify(
             "--instrument-uncertainty",
             metavar="METRES",
             help="Standard uncertainty of the instrument's systematic error at the TCP, per axis, from its certificate.",
-            show_default=False,
         ),
     ] = None,
     seed: Seed = 0,
@@ -58,5 +56,5 @@ def certify(
             found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
         shown = CertificatePresentation(found)
         result = shown.write(folder)
-    written = f"Written: {output / 'certificate.json'}, {output / 'model'}"
-    tell(result, rendered(shown.terminal(), written, f"Open {output / 'certificate.html'}"), as_json)
+    files = written(output, ("certificate.json", "model"), "certificate.html")
+    tell(result, rendered(shown.terminal(), files), as_json)

@@ -18,6 +18,7 @@ from gtpin.commands.terminal import (
     progress_of,
     read_dataset,
     tell,
+    written,
 )
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.errors import GtpinError
@@ -61,5 +62,5 @@ def compare(
             )
         shown = ComparisonPresentation(comparison)
         result = shown.write(folder)
-    written = f"Written: {output / 'compare.csv'}, {output / 'compare.json'}\nOpen {output / 'report.html'}"
-    tell(result, f"{shown.text()}{written}", as_json)
+    files = written(output, ("compare.csv", "compare.json"), "report.html")
+    tell(result, f"{shown.text()}{files}", as_json)

@@ -47,7 +47,7 @@ FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 def demo(
     output: Annotated[Path, output_option("Folder for the results; created.", show_default=True)] = Path("gtpin-demo"),
     robot: Annotated[
-        DemoRobot, typer.Option("--robot", help="The virtual machine: a parallel robot or an arm.")
+        DemoRobot, typer.Option(help="The virtual machine: a parallel robot or an arm.")
     ] = DemoRobot.GANTRY_TAU,
     seed: Seed = 0,
     force: Force = False,

@@ -20,6 +20,7 @@ from gtpin.commands.terminal import (
     read_dataset,
     rendered,
     tell,
+    written,
 )
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
@@ -42,36 +43,27 @@ def diagnose(
     exclude: Annotated[
         list[str] | None,
         typer.Option(
-            "--exclude",
             metavar="EFFECT[@SITE]",
             help="Removes an effect, or an effect at a site, from the catalogue; may be given more than once.",
-            show_default=False,
         ),
     ] = None,
     against: Annotated[
         str | None,
-        typer.Option(
-            "--against",
-            metavar="MODEL",
-            help="An earlier model: find what has changed since, from as few as ten poses.",
-            show_default=False,
-        ),
+        typer.Option(metavar="MODEL", help="An earlier model: find what has changed since, from as few as ten poses."),
     ] = None,
     history: Annotated[
         Path | None,
         typer.Option(
-            "--history",
             metavar="FILE.html|DIR",
             help="With --against: add this check to a log of checks, a page with a table and a plot over time.",
-            show_default=False,
         ),
     ] = None,
     hold_out: Annotated[
-        HoldOut, typer.Option("--hold-out", help="What is left out together to compute the gap on poses not fitted.")
+        HoldOut, typer.Option(help="What is left out together to compute the gap on poses not fitted.")
     ] = "region",
     tcp: Tcp = None,
     false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
+        float, typer.Option(help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
     trust_data: TrustData = False,
@@ -106,8 +98,7 @@ def diagnose(
     text = [shown.terminal()]
     if against is None:
         text += [*controller_words(found.model, str(output), doubt_of(found.verdict)), *corrections_hint(found, output)]
-    written = ", ".join(str(output / name) for name in ("diagnosis.json", "baseline", "model"))
-    text += [f"Written: {written}", f"Open {output / 'report.html'}"]
+    text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
     if history is not None:
         files = HistoryFiles.named(history)
         text.append(f"All checks: {files.folder / files.page}")

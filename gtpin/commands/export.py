@@ -35,59 +35,41 @@ def export(
             ".cfg (Klipper), .g (RepRapFirmware, with a height map)."
         ),
     ],
-    form: Annotated[
-        Format | None, typer.Option("--format", help="The format, where the suffix is another.", show_default=False)
-    ] = None,
+    form: Annotated[Format | None, typer.Option("--format", help="The format, where the suffix is another.")] = None,
     session: Annotated[
-        str | None,
-        typer.Option(
-            "--session", help="Tables of corrections, and .xml: whose zero shifts they hold.", show_default=False
-        ),
+        str | None, typer.Option(help="Tables of corrections, and .xml: whose zero shifts they hold.")
     ] = None,
     commands: Annotated[
-        Path | None,
-        typer.Option(
-            "--commands",
-            help="Write these commands again (.csv), corrected for all effects of the model.",
-            show_default=False,
-        ),
+        Path | None, typer.Option(help="Write these commands again (.csv), corrected for all effects of the model.")
     ] = None,
     controller: Annotated[
         str | None,
         typer.Option(
-            "--controller",
-            help="With --commands, .cfg, .g and grid: the model of the controller's kinematics; by default the nominal robot.",
+            help="With --commands, .cfg, .g and grid: the model of the controller's kinematics; by default the nominal robot."
         ),
     ] = None,
     temperature: Annotated[
         list[float] | None,
         typer.Option(
-            "--temperature",
-            help=".cfg, .g and grid: of all parts, degC, several times for several steps; by default that of the fit.",
-            show_default=False,
+            help=".cfg, .g and grid: of all parts, degC, several times for several steps; by default that of the fit."
         ),
     ] = None,
     box: Annotated[
         tuple[float, float, float, float, float, float] | None,
         typer.Option(
-            "--box",
             metavar="X0 X1 Y0 Y1 Z0 Z1",
             help=".cfg and .g: where the machine works, in the controller's coordinates, m.",
-            show_default=False,
         ),
     ] = None,
     origin: Origin = ZERO,
     firmware: Annotated[
         Path | None,
         typer.Option(
-            "--firmware",
-            help=".cfg and .g: the present printer.cfg or config.g of a delta, to correct its dimensions too.",
-            show_default=False,
+            help=".cfg and .g: the present printer.cfg or config.g of a delta, to correct its dimensions too."
         ),
     ] = None,
     undetermined: Annotated[
-        bool,
-        typer.Option("--undetermined", help=".cfg and .g: change also settings that the data do not determine."),
+        bool, typer.Option("--undetermined", help=".cfg and .g: change also settings that the data do not determine.")
     ] = False,
     tcp: Tcp = None,
     force: Force = False,

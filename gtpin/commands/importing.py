@@ -23,18 +23,13 @@ from gtpin.importers.touches import Touches, write_touches
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 
-SourceFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to read.", show_default=False)]
+SourceFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to read.")]
 Folder = Annotated[Path, output_option("Folder of the dataset; created.")]
-RobotName = Annotated[
-    str,
-    typer.Option("--robot", help="Name of the robot, or path of its URDF or MJCF file.", show_default=False),
-]
+RobotName = Annotated[str, typer.Option("--robot", help="Name of the robot, or path of its URDF or MJCF file.")]
 ProbeOffset = Annotated[
     Vector,
     typer.Option(
-        "--probe-offset",
-        metavar="X Y Z",
-        help="The probe's offset as the firmware's configuration has it, mm.",
+        "--probe-offset", metavar="X Y Z", help="The probe's offset as the firmware's configuration has it, mm."
     ),
 ]
 Normal = Annotated[
@@ -42,8 +37,7 @@ Normal = Annotated[
     typer.Option("--normal", metavar="X Y Z", help="Of the surface, towards the side that was touched, base frame."),
 ]
 Sigma = Annotated[
-    float | None,
-    typer.Option("--sigma", help="1 sigma of a touch along the normal, m.", show_default="estimated"),
+    float | None, typer.Option("--sigma", help="1 sigma of a touch along the normal, m.", show_default="estimated")
 ]
 Name = Annotated[str, typer.Option("--name", help="Of the instrument, and of its table.")]
 Frame = Annotated[
@@ -54,10 +48,7 @@ Target = Annotated[
     Literal["free", "tcp"],
     typer.Option("--target", help="free: where the target sits is unknown; tcp: at the robot's TCP."),
 ]
-Within = Annotated[
-    float | None,
-    typer.Option("--within", help="Longest time between a reading and its command, s.", show_default=False),
-]
+Within = Annotated[float | None, typer.Option("--within", help="Longest time between a reading and its command, s.")]
 Read = Callable[..., Dataset | Touches]
 UP: Vector = (0.0, 0.0, 1.0)
 TOUCHES_NEEDED = """Touches of a printer's bed, what they leave over for a check, and the sigmas (mm) of the delta radius, the
@@ -163,7 +154,7 @@ def klipper_probe(file: SourceFile, probe_offset: ProbeOffset = ZERO) -> Touches
 @importer("gtpin import klipper-mesh printer.cfg --robot printer.urdf -o touches", TOUCHES_NEEDED)
 def klipper_mesh(
     file: SourceFile,
-    profile: Annotated[str, typer.Option("--profile", help="Name of the mesh.")] = "default",
+    profile: Annotated[str, typer.Option(help="Name of the mesh.")] = "default",
     probe_offset: ProbeOffset = ZERO,
 ) -> Touches:
     """Klipper: the points of a bed mesh, from a printer.cfg that SAVE_CONFIG wrote."""
@@ -179,7 +170,7 @@ def rrf_heightmap(file: SourceFile, probe_offset: ProbeOffset = ZERO) -> Touches
 @importer("gtpin import rrf-g32 console.txt --points bed.g --robot printer.urdf -o touches", TOUCHES_NEEDED)
 def rrf_g32(
     file: SourceFile,
-    points: Annotated[Path, typer.Option("--points", help="The bed.g that was run.", show_default=False)],
+    points: Annotated[Path, typer.Option(help="The bed.g that was run.")],
     probe_offset: ProbeOffset = ZERO,
 ) -> Touches:
     """RepRapFirmware: the heights that the console reports (G32 bed probe heights: ...), at the points of bed.g."""
@@ -189,18 +180,15 @@ def rrf_g32(
 @importer("gtpin import linuxcnc-probe probe.txt --unit mm --axes XYZ --robot mill.urdf -o touches")
 def linuxcnc_probe(
     file: SourceFile,
-    unit: Annotated[Unit, typer.Option("--unit", help="Of the program's lengths.", show_default=False)],
+    unit: Annotated[Unit, typer.Option(help="Of the program's lengths.")],
     axes: Annotated[
         str,
         typer.Option(
-            "--axes",
             help="The letters that are q1, q2, ...: XYZ, XYZAC.",
             show_default="X Y Z is the TCP, and q follows from the robot",
         ),
     ] = "",
-    target: Annotated[
-        Vector, typer.Option("--target", metavar="X Y Z", help="Tip of the probe in the TCP frame, m.")
-    ] = ZERO,
+    target: Annotated[Vector, typer.Option(metavar="X Y Z", help="Tip of the probe in the TCP frame, m.")] = ZERO,
     origin: Origin = ZERO,
     normal: Normal = UP,
     name: Name = "probe",
@@ -219,32 +207,22 @@ def points(
     columns: Annotated[
         str,
         typer.Option(
-            "--columns",
-            help="Names of the columns in their order, between commas: pose, x, y, z, qw, qx, qy, qz, q1 ..., -.",
-            show_default=False,
+            help="Names of the columns in their order, between commas: pose, x, y, z, qw, qx, qy, qz, q1 ..., -."
         ),
     ],
-    unit: Annotated[Length, typer.Option("--unit", help="Of lengths.", show_default=False)],
-    separator: Annotated[Separator, typer.Option("--separator", help="Between columns.", show_default=False)],
-    angle: Annotated[
-        Angle | None,
-        typer.Option("--angle", help="Unit of commands that are angles.", show_default=False),
-    ] = None,
+    unit: Annotated[Length, typer.Option(help="Of lengths.")],
+    separator: Annotated[Separator, typer.Option(help="Between columns.")],
+    angle: Annotated[Angle | None, typer.Option(help="Unit of commands that are angles.")] = None,
     commands: Annotated[
         Path | None,
         typer.Option(
-            "--commands",
             help="Table with the columns pose, q1 .. qn, SI units; or joint values as a controller logs them: pose or "
-            "nothing, then a column for each joint.",
-            show_default=False,
+            "nothing, then a column for each joint."
         ),
     ] = None,
-    match: Annotated[
-        Match | None,
-        typer.Option("--match", help="How rows and commands belong together.", show_default=False),
-    ] = None,
+    match: Annotated[Match | None, typer.Option(help="How rows and commands belong together.")] = None,
     within: Within = None,
-    header: Annotated[int, typer.Option("--header", help="Lines at the beginning to pass over.", min=0)] = 0,
+    header: Annotated[int, typer.Option(help="Lines at the beginning to pass over.", min=0)] = 0,
     decimal_comma: Annotated[bool, typer.Option("--decimal-comma", help="Numbers have a comma.")] = False,
     frame: Frame = "free",
     target: Target = "free",
@@ -274,19 +252,10 @@ def points(
 def ros_poses(
     file: SourceFile,
     robot: RobotName,
-    commands: Annotated[
-        Path,
-        typer.Option("--commands", help="Table with the columns pose, q1 .. qn, time, SI units.", show_default=False),
-    ],
-    match: Annotated[
-        Literal["row", "time"],
-        typer.Option("--match", help="How rows and commands belong together.", show_default=False),
-    ],
+    commands: Annotated[Path, typer.Option(help="Table with the columns pose, q1 .. qn, time, SI units.")],
+    match: Annotated[Literal["row", "time"], typer.Option(help="How rows and commands belong together.")],
     within: Within = None,
-    prefix: Annotated[
-        str | None,
-        typer.Option("--prefix", help="Which pose, where the message has several.", show_default=False),
-    ] = None,
+    prefix: Annotated[str | None, typer.Option(help="Which pose, where the message has several.")] = None,
     frame: Frame = "free",
     target: Target = "free",
     tcp: Tcp = None,

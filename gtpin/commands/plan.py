@@ -18,6 +18,7 @@ from gtpin.commands.terminal import (
     rendered,
     tell,
     write_json,
+    written,
 )
 from gtpin.data import Commands
 from gtpin.diagnosis.diagnose import FALSE_ALARM
@@ -36,39 +37,35 @@ FILES = ("commands.csv", "plan.json")
 
 def plan(
     model: ModelReference,
-    purpose: Annotated[Purpose, typer.Option("--for", help="What the poses are for.", show_default=False)],
-    poses: Annotated[int, typer.Option("--poses", help="Number of poses.", min=1, show_default=False)],
+    purpose: Annotated[Purpose, typer.Option("--for", help="What the poses are for.")],
+    poses: Annotated[int, typer.Option(help="Number of poses.", min=1)],
     output: Output,
     candidates: Annotated[
         Path | None,
         typer.Option(
-            "--candidates",
-            help="Table of commands to choose from, such as a dataset's poses.csv; by default some that fill the workspace.",
+            help="Table of commands to choose from, such as a dataset's poses.csv; by default some that fill the workspace."
         ),
     ] = None,
     position_sigma: Annotated[
-        float | None, typer.Option("--position-sigma", help="1 sigma per axis, m; by default that of the model's fit.")
+        float | None, typer.Option(help="1 sigma per axis, m; by default that of the model's fit.")
     ] = None,
     orientation_sigma: Annotated[
-        float | None, typer.Option("--orientation-sigma", help="1 sigma, rad; by default that of the model's fit.")
+        float | None, typer.Option(help="1 sigma, rad; by default that of the model's fit.")
     ] = None,
     positions_only: Annotated[bool, typer.Option("--positions-only", help="Orientations are not measured.")] = False,
     between: Annotated[
         list[str] | None,
         typer.Option(
-            "--between",
             metavar="EFFECT[@SITE]",
             help="For discrimination: effects to tell apart; may be given more than once. By default all.",
-            show_default=False,
         ),
     ] = None,
     tcp: Tcp = None,
     frame: Annotated[
-        Place | None,
-        typer.Option("--frame", help="free: the instrument may stand anywhere. By default, as it was for the model."),
+        Place | None, typer.Option(help="free: the instrument may stand anywhere. By default, as it was for the model.")
     ] = None,
     false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="For health: chance of an alarm without a change.", min=1e-4, max=0.5)
+        float, typer.Option(help="For health: chance of an alarm without a change.", min=1e-4, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
     force: Force = False,
@@ -95,8 +92,7 @@ def plan(
         found.commands.write(folder / "commands.csv")
         result = found.to_json()
         write_json(folder / "plan.json", result)
-    written = f"Written: {', '.join(str(output / name) for name in FILES)}"
-    tell(result, rendered(PosePlanPresentation(found).terminal(), written), as_json)
+    tell(result, rendered(PosePlanPresentation(found).terminal(), written(output, FILES)), as_json)
 
 
 def _noise(model: Model, position: float | None, orientation: float | None, positions_only: bool) -> Noise | None:

@@ -24,19 +24,12 @@ if TYPE_CHECKING:
 
 def predict(
     model: ModelReference,
-    commands: Annotated[
-        Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.", show_default=False)
-    ],
+    commands: Annotated[Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.")],
     output: Annotated[Path, output_option("CSV file for the poses.")],
     tcp: Tcp = None,
     instrument: Annotated[
         str | None,
-        typer.Option(
-            "--instrument",
-            help="Name of an instrument of the model's dataset: write its readings.",
-            metavar="<name>",
-            show_default=False,
-        ),
+        typer.Option(help="Name of an instrument of the model's dataset: write its readings.", metavar="<name>"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

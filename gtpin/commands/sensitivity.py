@@ -9,21 +9,19 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.analysis import analyse
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell
+from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell, written
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
 from gtpin.report.accuracy import AccuracyPresentation
 
-WRITTEN = ("sensitivity.csv", "accuracy.json", "report.html")
-
 
 def sensitivity(
     model: ModelReference,
     output: Output,
     poses: Annotated[
-        Path | None, typer.Option("--poses", help="Table of commands; by default some that fill the workspace.")
+        Path | None, typer.Option(help="Table of commands; by default some that fill the workspace.")
     ] = None,
     tcp: Tcp = None,
     seed: Seed = 0,
@@ -46,9 +44,5 @@ def sensitivity(
         progress("each parameter at each pose", 0, float("nan"))
         shown = AccuracyPresentation(analyse(found, q, seed=seed))
         result = shown.write(folder)
-    written = f"Written: {_named(output, WRITTEN)}\nOpen {output / 'report.html'}"
-    tell(result, f"{shown.terminal()}\n{written}", as_json)
-
-
-def _named(folder: Path, files: tuple[str, ...]) -> str:
-    return ", ".join(str(folder / name) for name in files)
+    files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
+    tell(result, f"{shown.terminal()}\n{files}", as_json)

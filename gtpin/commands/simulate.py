@@ -24,6 +24,12 @@ from gtpin.typing import Floats
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
 """Defaults of the simulation."""
+Instruments = Annotated[
+    list[str] | None,
+    typer.Option(
+        help=f"What measures: {', '.join(KINDS)}. Can be given several times.", show_default="a tracker, schema 1"
+    ),
+]
 
 
 def simulate(
@@ -31,32 +37,18 @@ def simulate(
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot",
-            help="Name of a robot, or path of a URDF or MJCF file.",
-            show_default="the scenario's, or gantry_tau",
+            help="Name of a robot, or path of a URDF or MJCF file.", show_default="the scenario's, or gantry_tau"
         ),
     ] = None,
-    scenario: Annotated[
-        Path | None,
-        typer.Option("--scenario", help="TOML file that says which effects the machine has.", show_default=False),
-    ] = None,
+    scenario: Annotated[Path | None, typer.Option(help="TOML file that says which effects the machine has.")] = None,
     poses: Annotated[
-        int | None,
-        typer.Option("--poses", help="Number of measured poses.", min=1, show_default="the scenario's, or 200"),
+        int | None, typer.Option(help="Number of measured poses.", min=1, show_default="the scenario's, or 200")
     ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option("--seed", help="Makes every random step repeatable.", min=0, show_default="the scenario's, or 0"),
+        int | None, typer.Option(help="Makes every random step repeatable.", min=0, show_default="the scenario's, or 0")
     ] = None,
     tcp: Tcp = None,
-    instrument: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--instrument",
-            help=f"What measures: {', '.join(KINDS)}. Can be given several times.",
-            show_default="a tracker, schema 1",
-        ),
-    ] = None,
+    instrument: Instruments = None,
     truth: Annotated[
         bool, typer.Option("--truth", help="Also write truth.csv, the true poses at commands.csv.")
     ] = False,
@@ -113,14 +105,13 @@ def _case(
     tcp: str | None,
 ) -> AnyCase:
     """A scenario's machine, or one without effects, measured by a tracker or by instruments."""
-    if not instruments:
-        assert scenario is not None
-        return simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
-    if scenario is not None:
+    if scenario is None:
+        name, given = robot or ROBOT, instruments or ()
+        found = load_robot(name, tcp)
+        return simulate_measured(found, name, given, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
+    if instruments:
         return build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instruments)
-    name = robot or ROBOT
-    found = load_robot(name, tcp)
-    return simulate_measured(found, name, instruments, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
+    return simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
 
 
 def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -35,40 +35,31 @@ def output_option(text: str, *, show_default: bool = False) -> Any:
 
 Output = Annotated[Path, output_option("Folder for the results; created.")]
 Force = Annotated[
-    bool,
-    typer.Option("--force", help="Move what gtpin has not written, or was changed since, aside (NAME.old-1)."),
+    bool, typer.Option("--force", help="Move what gtpin has not written, or was changed since, aside (NAME.old-1).")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Seed = Annotated[int, typer.Option("--seed", help="Makes every random step repeatable.", min=0)]
 CartOrientation = Annotated[
     bool, typer.Option("--cart-orientation", help="Measured tracks: interpolate the measured cart orientation too.")
 ]
-DatasetFolder = Annotated[
-    Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.", show_default=False)
-]
+DatasetFolder = Annotated[Path, typer.Argument(help="Folder that holds dataset.toml and poses.csv.")]
 ModelReference = Annotated[
     str,
     typer.Argument(
-        help="Folder of a model, name of a robot (gtpin robots lists them), or path of a URDF or MJCF file.",
-        show_default=False,
+        help="Folder of a model, name of a robot (gtpin robots lists them), or path of a URDF or MJCF file."
     ),
 ]
 Tcp = Annotated[
-    str | None,
-    typer.Option(
-        "--tcp", metavar="LINK", help="The link that is the TCP, where it is not the robot's own.", show_default=False
-    ),
+    str | None, typer.Option("--tcp", metavar="LINK", help="The link that is the TCP, where it is not the robot's own.")
 ]
 
 TrustData = Annotated[
-    bool,
-    typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them."),
+    bool, typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them.")
 ]
 
 Vector = tuple[float, float, float]
 Origin = Annotated[
-    Vector,
-    typer.Option("--origin", metavar="X Y Z", help="The controller's zero in the robot's base frame, m."),
+    Vector, typer.Option("--origin", metavar="X Y Z", help="The controller's zero in the robot's base frame, m.")
 ]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -117,6 +108,12 @@ def not_its_input(output: Path, read: Path) -> None:
         raise GtpinError("this is read", file=output, hint="name another file for the result")
 
 
+def written(output: Path, names: Iterable[str], page: str = "") -> str:
+    """The lines that name what was written into a folder, and its page to open."""
+    files = f"Written: {', '.join(str(output / name) for name in names)}"
+    return f"{files}\nOpen {output / page}" if page else files
+
+
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result on standard output: the text, or only the JSON."""
     try:
@@ -139,19 +136,24 @@ def rendered(*parts: RenderableType) -> str:
     return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
 
 
-class _IterationRate(ProgressColumn):
-    """Iterations per second: the number of iterations of a fit is not known beforehand."""
+class SpeedColumn(ProgressColumn):
+    """The speed of a task, by a format of the number of steps in ``seconds``."""
+
+    def __init__(self, text: str, seconds: float = 1.0) -> None:
+        super().__init__()
+        self._text, self._seconds = text, seconds
 
     def render(self, task: Task) -> Text:
         """The column's text."""
-        return Text(f"{task.speed:.1f} iterations a second" if task.speed else "")
+        return Text(self._text.format(self._seconds * task.speed) if task.speed else "")
 
 
 @contextmanager
 def progress_of(what: str) -> Iterator[Progress]:
     """Show progress of long work on standard error, if that is a terminal; yields the function to report it to."""
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), _IterationRate(), TimeElapsedColumn())
+    rate = SpeedColumn("{:.1f} iterations a second")  # the number of iterations of a fit is not known beforehand
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), rate, TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
 

@@ -19,12 +19,11 @@ from gtpin.view.still import write_still
 def view(
     model: ModelReference,
     dataset: Annotated[
-        Path | None,
-        typer.Argument(help="Folder of measured poses or readings, whose gap is shown.", show_default=False),
+        Path | None, typer.Argument(help="Folder of measured poses or readings, whose gap is shown.")
     ] = None,
     output: Annotated[Path | None, output_option("Write a still image (PNG, SVG, PDF) instead.")] = None,
-    host: Annotated[str, typer.Option("--host", help="Address that the page is served at.")] = "localhost",
-    port: Annotated[int, typer.Option("--port", help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
+    host: Annotated[str, typer.Option(help="Address that the page is served at.")] = "localhost",
+    port: Annotated[int, typer.Option(help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
     tcp: Tcp = None,
     force: Force = False,
     as_json: AsJson = False,
