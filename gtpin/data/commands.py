@@ -188,10 +188,10 @@ class CartMeasurements:
         table.warn_of_covariates(taken)
         return carts
 
-    def write(self, file: Path) -> None:
-        """Write a CSV, or Parquet by the suffix, which `read` reads back bit-identically."""
-        table: dict[str, Column] = {"cart": self.cart, "q": self.q}
-        table |= dict(zip(POSITION, self.position.T, strict=True))
+    @property
+    def columns(self) -> dict[str, Column]:
+        """The columns of carts.csv, which `read` reads back bit-identically."""
+        table: dict[str, Column] = {"cart": self.cart, "q": self.q, **dict(zip(POSITION, self.position.T, strict=True))}
         if self.orientation is not None:
             table |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
-        write_table(file, table | dict(self.covariates))
+        return table | dict(self.covariates)

@@ -23,29 +23,22 @@ from gtpin.data.description import (
     InstrumentSection,
     describe,
     read_toml,
-    write_description,
 )
-from gtpin.data.files import check_folder, find_table, read_table, write_table
+from gtpin.data.files import check_folder, find_table, read_table
+from gtpin.data.folder import SUFFIXES, tables_there, write_folder
 from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
 from gtpin.data.read_instruments import read_instruments
-from gtpin.data.second_schema import tables_there
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
-from gtpin.output.ownership import refuse_foreign, was_moved_aside
-from gtpin.output.results import results_folder, writing
 from gtpin.output.shown import Shown, present
 from gtpin.references import is_path
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-SUFFIXES = ("csv", "parquet")
-FILES = ("dataset.toml", "poses.csv", "poses.parquet", "carts.csv", "carts.parquet")
-"""Names of the files of a dataset's folder."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,7 +140,7 @@ class Dataset(Shown):
             "actuators": description.actuators,
             "instrument": description.instrument,
             "conditions": description.conditions,
-            "drivers": tuple(Driver(**table.model_dump()) for table in description.driver),
+            "drivers": description.drivers,
             "tolerance": dict(description.tolerance),
             "row": rows.line,
         }
@@ -279,7 +272,7 @@ class Dataset(Shown):
             tolerance=common.tolerance,
             tcp=common.tcp,
             actuators=common.actuators,
-            drivers=tuple(Driver(**driver.model_dump()) for driver in common.driver),
+            drivers=common.drivers,
             carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
             path=path,
             **rows,
@@ -301,10 +294,6 @@ class Dataset(Shown):
         since. With `force`, such tables and such a dataset.toml are renamed (NAME.old-1), and other files stay.
         """
         folder = Path(folder)
-        if not force and folder.is_dir():
-            with writing(folder, DatasetError):
-                names = (name for name in sorted(os.listdir(folder)) if not was_moved_aside(name))
-                refuse_foreign(folder, names, force, DatasetError)
         description, sections = self._description(self._robot_seen_from(folder)), []
         tables: dict[str, dict[str, Column]] = {}
         for index, one in enumerate(self.readings.tables):
@@ -313,13 +302,11 @@ class Dataset(Shown):
                 tables[one.name or "poses"] = self._columns(mine, self.readings.columns_of(index))
                 if one.name:  # [instrument] describes a lone tracker
                     sections.append(written(one.model_copy(update={"file": None})))
-        there = [f"{name}.{suffix}" for name in self.readings.names for suffix in SUFFIXES]
-        with results_folder(folder, (*FILES, *tables_there(folder), *there), force=force, kind=DatasetError) as new:
-            write_description(new / "dataset.toml", description, sections)
-            for name, columns in tables.items():
-                write_table(new / f"{name}.{table}", columns)
-            if self.carts is not None:
-                self.carts.write(new / f"carts.{table}")
+        if self.carts is not None:
+            tables["carts"] = self.carts.columns
+        empty = [f"{name}.{suffix}" for name in self.readings.names for suffix in SUFFIXES if name not in tables]
+        old = (*tables_there(folder), *empty)
+        write_folder(folder, description, sections, tables, table, old=old, force=force)
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write a dataset folder with CSV tables; see :meth:`write`."""

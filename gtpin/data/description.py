@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic.fields import FieldInfo
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import DatasetError
@@ -23,12 +24,11 @@ SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
 TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
-_DRIVER = {
-    "column": 'write column = "NAME", a covariate of poses.csv',
-    "site": 'write site = "NAME": a link, a joint, platform or frame',
-    "motion": f"write motion = one of {', '.join(MOTIONS)}",
-    "size": "write size = the typical motion over the column's range, m or rad, above 0",
-}
+
+
+def hint(text: str) -> Any:
+    """What errors about the annotated key tell the user to write."""
+    return Field(description=text)
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,10 @@ class TomlSection(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+_ABOVE = "above 0; leave it out to have the noise estimated"
+Frame = Annotated[Literal["robot", "free"], hint('write "robot" or "free"')]
+
+
 class InstrumentSection(TomlSection):
     """The instrument that measured the poses.
 
@@ -74,26 +78,29 @@ class InstrumentSection(TomlSection):
     - `station`: the instrument's own position in its frame, m; None where it is not known.
     """
 
-    position_sigma: TomlPositive | None = None
-    orientation_sigma: TomlPositive | None = None
-    frame: Literal["robot", "free"] = "robot"
-    target: Literal["tcp", "free"] = "tcp"
-    station: Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None = None
+    position_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in m, {_ABOVE}")] = None
+    orientation_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in rad, {_ABOVE}")] = None
+    frame: Frame = "robot"
+    target: Annotated[Literal["tcp", "free"], hint('write "free", or leave it out where the target is the TCP')] = "tcp"
+    station: Annotated[
+        Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None,
+        hint("station = [x, y, z], three finite numbers in m"),
+    ] = None
 
 
 class Conditions(TomlSection):
     """The reference temperature, degC: the nominal geometry is valid at it, and thermal effects are zero."""
 
-    reference_temperature: TomlFinite = 20.0
+    reference_temperature: Annotated[TomlFinite, hint("a finite number, in degC")] = 20.0
 
 
 class DriverTable(TomlSection):
     """One `[[driver]]`: see :class:`~gtpin.data.description.Driver`."""
 
-    column: TomlName
-    site: TomlName
-    motion: Motion
-    size: TomlPositive
+    column: Annotated[TomlName, hint('write column = "NAME", a covariate of poses.csv')]
+    site: Annotated[TomlName, hint('write site = "NAME": a link, a joint, platform or frame')]
+    motion: Annotated[Motion, hint(f"write motion = one of {', '.join(MOTIONS)}")]
+    size: Annotated[TomlPositive, hint("write size = the typical motion over the column's range, m or rad, above 0")]
 
 
 class Description(TomlSection):
@@ -103,24 +110,29 @@ class Description(TomlSection):
     empty: the robot's own. `tolerance` has standard deviations by kind of parameter, m, rad or m/m.
     """
 
-    schema_: Literal["gtpin-dataset/1"] = Field(alias="schema")
-    robot: TomlName
-    tcp: TomlName | None = None
-    actuators: Annotated[tuple[TomlName, ...], Field(strict=False)] = ()
+    schema_: Literal["gtpin-dataset/1"] = Field(
+        alias="schema", description=f'write schema = "{SCHEMA}", or "{SECOND}" for several instruments'
+    )
+    robot: Annotated[TomlName, hint('write robot = "NAME" (gtpin robots lists them), or a path to a URDF or MJCF file')]
+    tcp: Annotated[TomlName | None, hint('write tcp = "LINK"')] = None
+    actuators: Annotated[
+        tuple[TomlName, ...], Field(strict=False), hint('write actuators = ["JOINT", "JOINT", ...]')
+    ] = ()
     instrument: InstrumentSection = InstrumentSection()
     conditions: Conditions = Conditions()
-    tolerance: dict[TomlName, TomlPositive] = {}
-    driver: Annotated[tuple[DriverTable, ...], Field(strict=False)] = ()
+    tolerance: Annotated[dict[TomlName, TomlPositive], hint("a tolerance is 1 sigma, a finite number above 0")] = {}
+    driver: Annotated[tuple[DriverTable, ...], Field(strict=False), hint("each driver is a table [[driver]]")] = ()
+
+    @property
+    def drivers(self) -> tuple[Driver, ...]:
+        """The drivers that are tested as causes."""
+        return tuple(Driver(**table.model_dump()) for table in self.driver)
 
 
 _SECTIONS: dict[str, type[TomlSection]] = {
-    "": Description,
     "instrument": InstrumentSection,
     "conditions": Conditions,
     "driver": DriverTable,
-}
-_KEYS = {
-    section: [field.alias or name for name, field in model.model_fields.items()] for section, model in _SECTIONS.items()
 }
 
 
@@ -171,61 +183,53 @@ def write_description(file: Path, description: Description, instruments: Sequenc
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def explained(file: Path | None, error: ValidationError) -> DatasetError:
-    """Turn the first of pydantic's errors into one line with a hint."""
+def explained(
+    file: Path | None, error: ValidationError, model: type[BaseModel] = Description, *place: str
+) -> DatasetError:
+    """Turn the first of pydantic's errors into one line with a hint.
+
+    ``model``, ``place``: what was validated, and the keys that lead to it.
+    """
     first = error.errors(include_url=False)[0]
     location = [str(part) for part in first["loc"] if part != "[key]"]
-    column = ".".join(location)
-    what, hint = _explanation(first["type"], location, first)
-    return DatasetError(what, file=file, column=column, hint=hint)
+    what, hint = _explanation(first["type"], location, first, model)
+    return DatasetError(what, file=file, column=".".join([*place, *location]), hint=hint)
 
 
-def _explanation(kind: str, location: list[str], first: Any) -> tuple[str, str]:
-    key, section = location[-1], location[0] if len(location) > 1 else ""
+def _explanation(kind: str, location: list[str], first: Any, model: type[BaseModel]) -> tuple[str, str]:
+    """What is wrong, and what to write."""
+    given = f"{str(first['input'])[:60]!r}"
+    if kind == "mistake":
+        return first["msg"], first["ctx"]["hint"]
+    section = _SECTIONS.get(location[0], model) if model is Description and len(location) > 1 else model
     if kind == "extra_forbidden":
-        return "unknown key", _nearest(key, section)
+        return "unknown key", _nearest(location[-1], section)
+    # Of a place such as instrument.station.2, the key is station; of planes.A.normal, it is planes.
+    hints = {name: field.description for model_ in (model, section) for name, field in _fields(model_).items()}
+    key = next((part for part in location[section is not model :] if part in hints), location[0])
+    hint = hints.get(key) or ("a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value")
     if kind == "missing":
-        example = {
-            "schema": f'write schema = "{SCHEMA}"',
-            "robot": 'write robot = "NAME" or a path to a URDF',
-            **_DRIVER,
-        }
-        return "the key is missing", example.get(key, "station needs three numbers")
+        return "the key is missing", hint
     if key == "schema":
-        hint = f'write schema = "{SCHEMA}", or "gtpin-dataset/2" for several instruments'
-        return f"{first['input']!r} is not a schema that this version reads", hint
-    hints = {
-        "position_sigma": "1 sigma per axis in m, above 0; leave it out to have the noise estimated",
-        "orientation_sigma": "1 sigma per axis in rad, above 0; leave it out to have the noise estimated",
-        "frame": 'write "robot" or "free"',
-        "target": 'write "free", or leave it out where the target is the TCP',
-        "robot": "the name of a robot (gtpin robots lists them), or a path to a URDF or MJCF file",
-        "tcp": 'write tcp = "LINK"',
-        "reference_temperature": "a finite number, in degC",
-    }
-    if location[0] == "actuators":
-        return f"{str(first['input'])[:60]} can't be", 'write actuators = ["JOINT", "JOINT", ...]'
-    if location[0] == "driver":
-        return f"{str(first['input'])[:60]!r} can't be", _DRIVER.get(key, "each driver is a table [[driver]]")
-    if "station" in location:
-        return f"{str(first['input'])[:60]} can't be", "station = [x, y, z], three finite numbers in m"
-    if section == "tolerance":
-        return f"{str(first['input'])[:60]} can't be", "a tolerance is 1 sigma, a finite number above 0"
+        return f"{given} is not a schema that this version reads", hint
     if key == "instrument" and isinstance(first["input"], list):
-        return (
-            "several instruments are of schema 2",
-            'write schema = "gtpin-dataset/2", or [instrument] in single brackets',
-        )
-    if isinstance(first["input"], dict) or kind in ("model_type", "model_attributes_type", "dict_type"):
-        return "of the wrong kind", hints.get(key, f"[{key}] is a section of its own")
-    return f"{str(first['input'])[:60]!r} can't be", hints.get(key, "correct the value")
+        return "several instruments are of schema 2", f'write schema = "{SECOND}", or [instrument] in single brackets'
+    if kind in ("model_type", "dict_type") and key in ("instrument", "conditions", "tolerance"):
+        return "of the wrong kind", f"[{key}] is a section of its own"
+    return f"{given} can't be", hint
 
 
-def _nearest(key: str, section: str) -> str:
-    for other, keys in _KEYS.items():
-        if other != section and key in keys:
-            return f"it belongs under [{other}]" if other else "it belongs at the top, before any [section]"
-    close = difflib.get_close_matches(key.lower(), _KEYS.get(section, []), n=1)
-    if close:
-        return f"did you mean {close[0]}?"
-    return f"known here: {', '.join(_KEYS.get(section, []))}"
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def _nearest(key: str, model: type[BaseModel]) -> str:
+    """What an unknown key may have been meant to be."""
+    own = list(_fields(model))
+    if issubclass(model, TomlSection):
+        sections: list[tuple[str, type[TomlSection]]] = [("", Description), *_SECTIONS.items()]
+        for name, other in sections:
+            if other is not model and key in _fields(other):
+                return f"it belongs under [{name}]" if name else "it belongs at the top, before any [section]"
+    close = difflib.get_close_matches(key.lower(), own, n=1)
+    return f"did you mean {close[0]}?" if close else f"known here: {', '.join(own)}"

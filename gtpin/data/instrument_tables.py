@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from gtpin.data.description import SCHEMA, Description, Frame, describe, explained, hint
+from gtpin.errors import DatasetError
 
 LARGEST = 1e12
 """Largest absolute value, m or rad, of a number in a description or a reading: its fourth power is still finite."""
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
+Sigma = Annotated[Positive | None, hint("1 sigma of its reading, m or rad, above 0; leave it out to have it estimated")]
 NAME = r"[A-Za-z0-9_-]+"
 """Pattern of an instrument's name."""
-Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+RESERVED = ("carts", "commands", "truth")
+"""Names of tables of a dataset's folder that are no instrument's."""
+NAME_HINT = "letters, digits, - and _: it is part of parameters' names"
+Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$"), hint(NAME_HINT)]
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
+_TARGET = hint("target = [x, y, z], three finite numbers in m, TCP frame")
+_DISTANCES = 'distances = [["S1", "S2", 0.05, 5e-5]]: two sockets, m, and 1 sigma'
+
+
+def mistake(key: str, what: str, hint: str) -> ValidationError:
+    """The error of keys that do not go together, named at one of them."""
+    error = PydanticCustomError("mistake", what, {"hint": hint})
+    return ValidationError.from_exception_data("instrument", [{"type": error, "loc": (key,), "input": None}])
 
 
 class InstrumentTable(BaseModel):
@@ -56,15 +75,26 @@ class InstrumentTable(BaseModel):
     name: Name
     kind: Text
     file: Text | None = None
-    sigma: Positive | None = None
-    target: Point | None = None
-    targets: dict[Text, Point] = {}
+    sigma: Sigma = None
+    target: Annotated[Point | None, _TARGET] = None
+    targets: Annotated[dict[Text, Point], hint("targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame")] = {}
     target_sigma: NotNegative = 0.0
+    sightless: ClassVar[str] = ""
+    """What it is called in the error that it has no target; empty where it has one."""
+
+    @model_validator(mode="after")
+    def _has_one_kind_of_target(self) -> Self:
+        if self.sightless and (self.target is not None or self.targets):
+            key = "targets" if self.targets else "target"
+            raise mistake(key, f"{self.sightless} has no target", "leave it out")
+        if self.target is not None and self.targets:
+            raise mistake("targets", "target and targets", "write one of the two")
+        return self
 
     @property
     def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
         """Targets by id, (3,) each, TCP frame, m; a single target has the id ``""``."""
-        return self.targets or {"": self.target or (0.0, 0.0, 0.0)}
+        return self.targets or {"": self.target if isinstance(self.target, tuple) else (0.0, 0.0, 0.0)}
 
     @property
     def measured_joints(self) -> tuple[str, ...]:
@@ -86,17 +116,17 @@ class TrackerTable(InstrumentTable):
     ids: ClassVar[tuple[str, ...]] = ("target",)
 
     kind: Literal["tracker"]
-    target: Point | Literal["free", "tcp"] | None = None  # type: ignore[assignment]
-    position_sigma: Positive | None = None
-    orientation_sigma: Positive | None = None
-    frame: Literal["robot", "free"] = "robot"
+    target: Annotated[Point | Literal["free", "tcp"] | None, _TARGET] = None  # type: ignore[assignment]
+    position_sigma: Sigma = None
+    orientation_sigma: Sigma = None
+    frame: Frame = "robot"
     station: Point | None = None
 
-    @property
-    def fixed_targets(self) -> dict[str, tuple[float, float, float]]:
-        """Targets by id, (3,) each, TCP frame, m; a single target has the id ``""``. A free one is declared at the TCP."""
-        one = self.target if isinstance(self.target, tuple) else (0.0, 0.0, 0.0)
-        return self.targets or {"": one}
+    @model_validator(mode="after")
+    def _has_one_sigma_of_positions(self) -> Self:
+        if self.sigma is not None and self.position_sigma is not None:
+            raise mistake("sigma", "sigma and position_sigma", "write one of the two: they are the same")
+        return self
 
 
 class RangeTable(InstrumentTable):
@@ -111,7 +141,9 @@ class RangeTable(InstrumentTable):
     ids: ClassVar[tuple[str, ...]] = ("station", "target")
 
     kind: Literal["range"]
-    stations: dict[Text, Point] = Field(min_length=1)
+    stations: Annotated[
+        dict[Text, Point], hint("stations = {A = [x, y, z]}, m, base frame: where each stands, roughly")
+    ] = Field(min_length=1)
     station_sigma: NotNegative = 0.5
     offset_sigma: NotNegative = 0.0
 
@@ -144,7 +176,9 @@ class PlaneTable(InstrumentTable):
     ids: ClassVar[tuple[str, ...]] = ("plane", "target")
 
     kind: Literal["plane"]
-    planes: dict[Text, PlaneOf] = Field(min_length=1)
+    planes: Annotated[
+        dict[Text, PlaneOf], hint("planes = {A = {point = [x, y, z], normal = [x, y, z]}}, m, base frame")
+    ] = Field(min_length=1)
     plane_sigma: NotNegative = 5e-3
     normal_sigma: NotNegative = 5e-3
 
@@ -161,9 +195,19 @@ class SocketTable(InstrumentTable):
     needed: ClassVar[tuple[str, ...]] = ("socket",)
 
     kind: Literal["socket"]
-    sockets: dict[Text, Point] = {}
+    sockets: Annotated[dict[Text, Point], hint("sockets = {S1 = [x, y, z]}, m, base frame")] = {}
     socket_sigma: Positive | None = None
-    distances: Annotated[tuple[Distance, ...], Field(strict=False)] = ()
+    distances: Annotated[tuple[Distance, ...], Field(strict=False), hint(_DISTANCES)] = ()
+
+    @model_validator(mode="after")
+    def _has_known_points_with_a_sigma_and_distances_between_two(self) -> Self:
+        if bool(self.sockets) != (self.socket_sigma is not None):
+            without = "sockets without socket_sigma" if self.sockets else "socket_sigma without sockets"
+            raise mistake("socket_sigma", without, "give both where points are known, and neither where they are not")
+        for one, two, *_ in self.distances:
+            if one == two:
+                raise mistake("distances", f"a distance from {one} to itself", _DISTANCES)
+        return self
 
 
 class TiltTable(InstrumentTable):
@@ -173,6 +217,7 @@ class TiltTable(InstrumentTable):
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
+    sightless: ClassVar[str] = "a tilt sensor"
 
     kind: Literal["tilt"]
     mount_sigma: NotNegative = 1e-2
@@ -185,9 +230,10 @@ class EncoderTable(InstrumentTable):
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("reading",)
+    sightless: ClassVar[str] = "an encoder"
 
     kind: Literal["encoder"]
-    joint: Text
+    joint: Annotated[Text, hint('write joint = "NAME", as in the URDF')]
     zero_sigma: NotNegative = 1e-2
 
     @property
@@ -211,20 +257,49 @@ TABLES: dict[str, type[InstrumentTable]] = {
     "encoder": EncoderTable,
 }
 """The class of the ``[[instrument]]`` section of each kind that gtpin knows."""
-HINTS: dict[str, str] = {
-    "name": "letters, digits, - and _: it is part of parameters' names",
-    "kind": f"write kind = one of {', '.join(TABLES)}",
-    "sigma": "1 sigma of its reading, m or rad, above 0; leave it out to have it estimated",
-    "target": "target = [x, y, z], three finite numbers in m, TCP frame",
-    "targets": "targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame",
-    "stations": "stations = {A = [x, y, z]}, m, base frame: where each stands, roughly",
-    "planes": "planes = {A = {point = [x, y, z], normal = [x, y, z]}}, m, base frame",
-    "sockets": "sockets = {S1 = [x, y, z]}, m, base frame",
-    "distances": 'distances = [["S1", "S2", 0.05, 5e-5]]: two sockets, m, and 1 sigma',
-    "joint": 'write joint = "NAME", as in the URDF',
-    "frame": 'write "robot" or "free"',
-}
-"""What to write under a key."""
+
+
+def describe_second(
+    values: Mapping[str, Any], file: Path | None, own: Mapping[str, type[InstrumentTable]]
+) -> tuple[Description, tuple[InstrumentTable, ...]]:
+    """What a dataset.toml of schema 2 shares with schema 1, and its instruments; `DatasetError` names an invalid key.
+
+    ``own``: classes of the tables of the user's own instruments, by kind.
+    """
+    given = values.get("instrument")
+    if not isinstance(given, list) or not given or not all(isinstance(one, dict) for one in given):
+        text = "write [[instrument]], in double brackets, once for each, with name and kind"
+        raise DatasetError("schema 2 has a list of instruments", file=file, column="instrument", hint=text)
+    common = describe({key: value for key, value in values.items() if key != "instrument"} | {"schema": SCHEMA}, file)
+    kinds = {**TABLES, **own}
+    tables = tuple(_instrument(f"instrument.{i}", one, file, kinds) for i, one in enumerate(given))
+    names = [table.name.lower() for table in tables]  # names of files: some file systems ignore case
+    for i, table in enumerate(tables):
+        column, text = f"instrument.{i}.name", "give each a name of its own"
+        if names[i] in names[:i]:
+            what = f"two instruments are called {table.name}"
+            raise DatasetError(what, file=file, column=column, hint=text + ", that differs by more than case")
+        if names[i] in RESERVED:
+            what = f"no instrument can be called {table.name}, as another file of the folder is"
+            raise DatasetError(what, file=file, column=column, hint=text)
+    return common, tables
+
+
+def _instrument(
+    place: str, values: Mapping[str, Any], file: Path | None, kinds: Mapping[str, type[InstrumentTable]]
+) -> InstrumentTable:
+    for key, text in (("name", NAME_HINT), ("kind", f"write kind = one of {', '.join(TABLES)}")):
+        if not isinstance(values.get(key), str):
+            raise DatasetError(f"an instrument needs a {key}", file=file, column=f"{place}.{key}", hint=text)
+    kind = kinds.get(values["kind"])
+    if kind is None:
+        close = difflib.get_close_matches(values["kind"].lower(), kinds, n=1)
+        text = f"did you mean {close[0]}?" if close else f"kinds are {', '.join(kinds)}"
+        raise DatasetError(f"no instrument is of kind {values['kind']!r}", file=file, column=f"{place}.kind", hint=text)
+    try:
+        return kind.model_validate(dict(values))
+    except ValidationError as error:
+        raise explained(file, error, kind, place) from None
 
 
 def written(table: InstrumentTable) -> dict[str, Any]:

@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtpin.data.checks import CheckedRows
 from gtpin.data.description import Description, InstrumentSection, read_toml
 from gtpin.data.files import read_table
+from gtpin.data.folder import columns_beside, file_of, warn_of_files
 from gtpin.data.ids import Ids
 from gtpin.data.instrument_rows import InstrumentRows
-from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
+from gtpin.data.instrument_tables import InstrumentTable, TrackerTable, describe_second
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
-from gtpin.data.second_schema import columns_beside, describe_second, file_of, warn_of_files
 from gtpin.data.table import Column, DataTable
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
@@ -28,21 +27,20 @@ SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The rows of one instrument.
-
-    - ``table``, ``file``: its section of dataset.toml, and the file of its table.
-    - ``line``: (N,) line of each row.
-    - ``pose``, ``q``: (N,) ids, and (N, n) commands, m or rad.
-    - ``readings``, ``covariates``: columns of its kind of instrument, and all other columns: (N,) each, by name.
-    """
+    """The rows of one instrument: its section of dataset.toml, (N,) ids, (N, n) commands, m or rad, and by name (N,) columns:
+    those of its kind of instrument, and all others."""
 
     table: InstrumentTable
-    file: Path
-    line: NDArray[np.int64]
+    rows: CheckedRows
     pose: Ids
     q: Floats
     readings: dict[str, Column]
     covariates: dict[str, Column]
+
+    @property
+    def file(self) -> Path:
+        assert self.rows.file is not None
+        return self.rows.file
 
 
 def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Description, dict[str, Any]]:
@@ -54,27 +52,25 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
     that only some instruments have, and that are left out.
     """
     toml = path / "dataset.toml"
-    own: dict[str, type[InstrumentTable]] = {kind: one.Table for kind, one in kinds.items()}
-    common, tables = describe_second(read_toml(toml), toml, own)
+    common, tables = describe_second(read_toml(toml), toml, {kind: one.Table for kind, one in kinds.items()})
     files = [file_of(path, i, table) for i, table in enumerate(tables)]
     parts = [_part(files[i], table, columns_beside(toml, i, tables, files)) for i, table in enumerate(tables)]
     n = parts[0].q.shape[1]
     for part in parts[1:]:
-        if part.q.shape[1] != n:
-            what = f"{part.q.shape[1]} commands, but {n} in {parts[0].file.name}"
-            raise DatasetError(
-                what, file=part.file, row=1, column=f"q{part.q.shape[1]}", hint="give all tables q1 .. qn"
-            )
+        own = part.q.shape[1]
+        if own != n:
+            what, hint = f"{own} commands, but {n} in {files[0].name}", "give all tables q1 .. qn"
+            raise DatasetError(what, file=part.file, row=1, column=f"q{own}", hint=hint)
     _check_commands(parts)
-    warn_of_files(path, {part.file.name for part in parts})
+    warn_of_files(path, {file.name for file in files})
     counts = [len(part.pose) for part in parts]
-    names = dict.fromkeys(name for part in parts for name in part.readings)
+    kinds_of_cells = {name: column.dtype for part in parts for name, column in part.readings.items()}
     rows = InstrumentRows(
         tables=tables,
-        files=tuple(part.file for part in parts),
+        files=tuple(files),
         of=np.repeat(np.arange(len(parts)), counts),
-        line=np.concatenate([part.line for part in parts]),
-        columns={name: np.concatenate([_filled(part, name, parts) for part in parts]) for name in names},
+        line=np.concatenate([part.rows.line for part in parts]),
+        columns={name: _joined(parts, name, kind) for name, kind in kinds_of_cells.items()},
         component=np.full(sum(counts), -1),
         known=tuple(
             {n: tuple(dict.fromkeys(map(str, part.readings[n]))) for n in part.table.ids if n in part.readings}
@@ -85,9 +81,19 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
     found = {"pose": np.concatenate([part.pose for part in parts]), "q": np.concatenate([part.q for part in parts])}
     covariates, measured = _covariates(toml, parts), _poses(rows)
     if measured is None:
-        _warn_of_stations(toml, tables)
+        stands = [table.name for table in tables if isinstance(table, TrackerTable) and table.station is not None]
+        if stands:
+            only = "only data of one tracker, at the TCP or a free target, use a station"
+            warn(f"{toml}: {only}: that of {', '.join(stands)} is not used")
         measured = {"position": np.zeros((len(rows), 3)), "file": path, "readings": rows}
     return common, {**found, "covariates": covariates, **measured}
+
+
+def _joined(parts: list[_Part], name: str, dtype: np.dtype[Any]) -> Column:
+    """(N,) a column of readings in all rows; NaN, or "" for ids, in those of instruments that do not have it."""
+    empty = "" if dtype.kind == "O" else np.nan
+    columns = (part.readings.get(name, np.full(len(part.pose), empty, dtype=dtype)) for part in parts)
+    return np.concatenate([*columns])
 
 
 def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
@@ -117,15 +123,13 @@ def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
 def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
     """The rows of a table, without the columns ``beside`` that other instruments read in the same file."""
     read = read_table(file, ids=table.ids)
-    line = read.row
-    rows = CheckedRows.of(file, line, len(line))
-    q = rows.commands(read.commands())
-    pose = rows.ids(read.column("pose"), "pose")
+    rows = CheckedRows.of(file, read.row, len(read))
+    q, pose = rows.commands(read.commands()), rows.ids(read.column("pose"), "pose")
     readings = _readings(read, table, rows)
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
     covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
     read.warn_of_covariates(taken)
-    return _Part(table, file, line, pose, q, readings, covariates)
+    return _Part(table, rows, pose, q, readings, covariates)
 
 
 def _readings(read: DataTable, table: InstrumentTable, rows: CheckedRows) -> dict[str, Column]:
@@ -148,55 +152,27 @@ def _check_tracker(read: DataTable, found: dict[str, Column], rows: CheckedRows)
     quaternions = read.orientation()
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
-    needed = SIGMAS if quaternions is not None else SIGMAS[:3]
-    present = [name for name in SIGMAS if name in found]
-    if not present:
+    if not any(name in found for name in SIGMAS):
         return
-    for name in needed:
+    for name in SIGMAS if quaternions is not None else SIGMAS[:3]:
         values = read.column(name)
         bad = np.flatnonzero(~(np.asarray(values, dtype=float) > 0.0))
         if len(bad):
             raise rows.error(int(bad[0]), name, f"{values[bad[0]]:.6g} can't be", "a sigma is above 0, m or rad")
 
 
-def _warn_of_stations(toml: Path, tables: tuple[InstrumentTable, ...]) -> None:
-    """Warn of trackers' stations that are not used, because the data are not those of one tracker alone."""
-    names = [table.name for table in tables if isinstance(table, TrackerTable) and table.station is not None]
-    if names:
-        only = "only data of one tracker, at the TCP or a free target, use a station"
-        warn(f"{toml}: {only}: that of {', '.join(names)} is not used")
-
-
 def _check_commands(parts: list[_Part]) -> None:
     """Raise where rows that share a pose id, in one table or in two, differ in their commands."""
     known: dict[str, tuple[Floats, Path]] = {}
     for part in parts:
-        CheckedRows.of(part.file, part.line, len(part.line)).same_commands(part.pose, part.q)
+        part.rows.same_commands(part.pose, part.q)
         ids, first = np.unique(part.pose.astype(str), return_index=True)
         for pose, index in zip(ids, first, strict=True):
-            q = part.q[index]
-            if pose not in known:
-                known[pose] = (q, part.file)
-            elif np.abs(known[pose][0] - q).max() > 1e-12:
-                raise DatasetError(
-                    f"pose {pose} has other commands here than in {known[pose][1].name}",
-                    file=part.file,
-                    row=int(part.line[index]),
-                    column="pose",
-                    hint="rows that share a pose id are one stop of the machine; give each stop an id of its own",
-                )
-
-
-def _filled(part: _Part, name: str, parts: list[_Part]) -> Column:
-    """(N,) column ``name`` of one instrument's readings; full of NaN, or "" for ids, where the instrument does not have it."""
-    if name in part.readings:
-        return part.readings[name]
-    of = next(p.readings[name] for p in parts if name in p.readings)
-    if of.dtype == object:
-        empty = np.empty(len(part.pose), dtype=object)
-        empty[:] = ""
-        return empty
-    return np.full(len(part.pose), np.nan)
+            q, file = known.setdefault(pose, (part.q[index], part.file))
+            if np.abs(q - part.q[index]).max() > 1e-12:
+                what = f"pose {pose} has other commands here than in {file.name}"
+                hint = "rows that share a pose id are one stop of the machine; give each stop an id of its own"
+                raise part.rows.error(index, "pose", what, hint)
 
 
 def _covariates(toml: Path, parts: list[_Part]) -> dict[str, Column]:
@@ -205,28 +181,21 @@ def _covariates(toml: Path, parts: list[_Part]) -> dict[str, Column]:
     A table without the column takes the values of other tables at the same poses. Where those do not have all its poses, the
     covariate is left out, with a warning.
     """
-    names = dict.fromkeys(name for part in parts for name in part.covariates)
     found: dict[str, Column] = {}
     lost: list[str] = []
-    for name in names:
+    for name in dict.fromkeys(name for part in parts for name in part.covariates):
         of_pose: dict[str, object] = {}
         for part in parts:
-            if name in part.covariates:
-                for pose, value in zip(part.pose, part.covariates[name], strict=True):
-                    of_pose.setdefault(pose, value)
-        values: list[object] = []
-        for part in parts:
-            if name in part.covariates:
-                values += list(part.covariates[name])
-            elif all(pose in of_pose for pose in part.pose):
-                values += [of_pose[pose] for pose in part.pose]
-            else:
-                lost.append(f"{name} (not in {part.file.name})")
-                break
-        else:
-            column: Column = np.array(values, dtype=object if name == "session" else float)
-            column.setflags(write=False)
-            found[name] = column
+            for pose, value in zip(part.pose, part.covariates.get(name, ()), strict=False):
+                of_pose.setdefault(pose, value)
+        lacking = [p for p in parts if name not in p.covariates and not of_pose.keys() >= set(p.pose)]
+        if lacking:
+            lost.append(f"{name} (not in {lacking[0].file.name})")
+            continue
+        columns = (p.covariates.get(name, [of_pose.get(pose) for pose in p.pose]) for p in parts)
+        values = [value for column in columns for value in column]
+        found[name] = np.array(values, dtype=object if name == "session" else float)
+        found[name].setflags(write=False)
     if lost:
         warn(f"{toml.parent}: covariates that only some tables have are left out: {', '.join(lost)}")
     return found

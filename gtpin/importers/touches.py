@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,20 +12,17 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from gtpin.data import Commands
-from gtpin.data.dataset import FILES
-from gtpin.data.description import SECOND, write_description
-from gtpin.data.files import write_table
-from gtpin.data.instrument_tables import written
+from gtpin.data.description import SECOND
+from gtpin.data.folder import write_folder
+from gtpin.data.instrument_tables import describe_second, written
 from gtpin.data.names import command_names
-from gtpin.data.second_schema import describe_second
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
 from gtpin.importers.matched import check_ranges
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics, kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.output.ownership import alone_in, recorded, refuse_foreign, was_moved_aside
-from gtpin.output.results import results_folder, writing
+from gtpin.output.ownership import alone_in, recorded
 from gtpin.references import seen_from
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
@@ -303,18 +299,10 @@ def write_instrument(
     ``instrument``: the keys of ``[[instrument]]``. ``columns``: (N,) columns of its table, by name.
     """
     content = {"schema": SECOND, "robot": robot, "tcp": tcp, "actuators": actuators, "instrument": [instrument]}
-    common, instruments = describe_second(content, None, {})
-    name = instruments[0].name
-    if not force and folder.is_dir():
-        with writing(folder, DatasetError):
-            there = [name for name in sorted(os.listdir(folder)) if not was_moved_aside(name)]
-            refuse_foreign(folder, there, force, DatasetError)
+    common, (one,) = describe_second(content, None, {})
     # Tables of the dataset that is replaced are removed: the new dataset has no instrument for them.
-    tables = {name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet"))}
-    table = f"{name}.csv"
-    with results_folder(folder, {*FILES, *tables, table}, force=force, kind=DatasetError) as new:
-        write_description(new / "dataset.toml", common, [written(one) for one in instruments])
-        write_table(new / table, columns)
+    old = sorted(name for name in recorded(folder).keys() - alone_in(folder) if name.endswith((".csv", ".parquet")))
+    write_folder(folder, common, [written(one)], {one.name: columns}, old=old, force=force)
 
 
 def _vector(values: Sequence[float], name: str) -> npt.NDArray[np.float64]:

@@ -25,20 +25,15 @@ class Encoder(Instrument):
     table: EncoderTable
 
     def _unknowns(self) -> Sequence[Unknown]:
-        if self.table.target is not None or self.table.targets:
-            raise DatasetError("an encoder has no target", column="target", hint="leave target and targets out")
         try:
             self.turns = measured_joint(self.robot, self.table.joint).turns
         except RobotError as error:
             raise DatasetError(error.what, column="joint", hint=error.hint) from None
         unit = "rad" if self.turns else "m"
         self.components = (Component("reading", unit, initial_sigma=5e-5 if self.turns else 2e-5),)
-        if self.table.zero_sigma == 0.0:
-            return ()
-        return [Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)]
+        return self._identified([Unknown(f"{self.table.name}.zero", unit, 0.0, self.table.zero_sigma)])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) what would be read, rad or m."""
         return np.asarray(poses.joints[self.table.joint][:, None] + u.sum())
 
     def residual_at(self, poses: Poses, u: Floats) -> Floats:
@@ -51,13 +46,11 @@ class Encoder(Instrument):
         return np.zeros((len(poses), 1, 6))
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, j): 1 for the encoder's own joint, 0 for the others."""
         found = np.zeros((len(poses), 1, len(poses.joints)))
         found[:, :, list(poses.joints).index(self.table.joint)] = 1.0
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1, k): 1 for the zero; k = 0 where the zero is exact."""
         return np.ones((len(poses), 1, len(u)))
 
     def start(self, nominal: Poses) -> Floats:

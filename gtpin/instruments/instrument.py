@@ -177,6 +177,7 @@ class Instrument(ABC):
     kind: ClassVar[str]
     Table: ClassVar[type[InstrumentTable]]
     components: tuple[Component, ...]
+    _kept: Mask
 
     def __init__(self, table: Any, read: Read, robot: Chain) -> None:
         """Take the table and the rows."""
@@ -206,6 +207,17 @@ class Instrument(ABC):
     def _unknowns(self) -> Sequence[Unknown]:
         """Its unknowns; none by default."""
         return ()
+
+    def _identified(self, unknowns: Sequence[Unknown]) -> Sequence[Unknown]:
+        """The unknowns without the exact ones, whose prior has the sigma 0; :meth:`_whole` has all of them."""
+        self._kept = np.array([unknown.sigma > 0.0 for unknown in unknowns], dtype=bool)
+        return [unknown for unknown in unknowns if unknown.sigma > 0.0]
+
+    def _whole(self, u: Floats) -> Floats:
+        """The deviations u (k,) with zeros for exact unknowns."""
+        whole = np.zeros(len(self._kept))
+        whole[self._kept] = u
+        return whole
 
     def read_components(self) -> Mask:
         """(M, c) True for the components that a row has; all by default."""

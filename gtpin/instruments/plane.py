@@ -37,24 +37,18 @@ class Plane(OfTargets):
         self.axes = np.stack([rotation_axes(n)[:2] for n in self.normal])  # (K, 2, 3)
         height = self.read.numbers.get("height", np.zeros(self.read.count))
         self._height = np.where(np.isfinite(height), height, 0.0)
-        found = list(self.targets.unknowns)
-        self._kinds = [
-            (kind, sigma)
-            for kind, sigma in (("height", table.plane_sigma), ("a", table.normal_sigma), ("b", table.normal_sigma))
-            if sigma > 0.0
+        kinds = (("height", "m", table.plane_sigma), ("a", "rad", table.normal_sigma), ("b", "rad", table.normal_sigma))
+        own = [
+            Unknown(f"{table.name}.plane[{plane}].{kind}", unit, 0.0, sigma)
+            for plane in table.planes
+            for kind, unit, sigma in kinds
         ]
-        for plane in table.planes:
-            for kind, sigma in self._kinds:
-                unit = "m" if kind == "height" else "rad"
-                found.append(Unknown(f"{table.name}.plane[{plane}].{kind}", unit, 0.0, sigma))
-        return found
+        return self._identified((*self.targets.unknowns, *own))
 
     def measured(self) -> Floats:
-        """(M, 1) measured heights, m."""
         return self._height[:, None]
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) predicted heights, m."""
         t, shifts, tilts = self._split(u)
         away = self.targets.positions(poses, t) - self.point[self.plane]
         normal = self._normals(tilts)[self.plane]
@@ -69,8 +63,8 @@ class Plane(OfTargets):
         """(M, 1, k) derivative by the targets, then by each plane's shift and tilts."""
         t, _, tilts = self._split(u)
         normals = self._normals(tilts)
-        found = np.zeros((len(poses), 1, len(u)))
-        k, width = self.targets.count, len(self._kinds)
+        k = self.targets.count
+        found = np.zeros((len(poses), 1, k + 3 * len(self.point)))
         found[:, :, :k] = normals[self.plane][:, None] @ self.targets.by_unknown(poses)
         away = self.targets.positions(poses, t) - self.point[self.plane]
         for i in range(len(self.point)):
@@ -78,10 +72,11 @@ class Plane(OfTargets):
             vector = tilts[i] @ self.axes[i]
             turned = left_jacobian(vector) @ self.axes[i].T  # (3, 2) rotation vectors of the changes
             by_tilt = np.cross(turned.T, normals[i])  # (2, 3) changes of the normal
-            for j, (kind, _) in enumerate(self._kinds):
-                column = k + width * i + j
-                found[rows, 0, column] = -1.0 if kind == "height" else away[rows] @ by_tilt["ab".index(kind)]
-        return found
+            found[rows, 0, k + 3 * i] = -1.0
+            found[rows, 0, k + 3 * i + 1 : k + 3 * i + 3] = np.stack(
+                [away[rows] @ change for change in by_tilt], axis=1
+            )
+        return found[:, :, self._kept]
 
     def _normals(self, tilts: Floats) -> Floats:
         """(K, 3) unit normals of the K planes, base frame."""
@@ -89,12 +84,6 @@ class Plane(OfTargets):
 
     def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:
         """Deviations of targets, shifts (K,) along the normals, and tilts (K, 2)."""
-        k, count = self.targets.count, len(self.point)
-        own = u[k:].reshape(count, len(self._kinds)) if self._kinds else np.zeros((count, 0))
-        values = {kind: own[:, j] for j, (kind, _) in enumerate(self._kinds)}
-        none = np.zeros(count)
-        return (
-            u[:k],
-            values.get("height", none),
-            np.column_stack([values.get("a", none), values.get("b", none)]),
-        )
+        whole, k = self._whole(u), self.targets.count
+        own = whole[k:].reshape(-1, 3)
+        return whole[:k], own[:, 0], own[:, 1:]

@@ -28,23 +28,16 @@ class Range(OfTargets):
         self.targets = Targets(self.table, self.read)
         self.station = indices(self.read, "station", dict(self.table.stations), "station")
         self.centre = np.array(list(self.table.stations.values()), dtype=float)
-        name, sigma = self.table.name, self.table.station_sigma
+        name, table = self.table.name, self.table
         centres = [
-            Unknown(f"{name}.station[{station}].{axis}", "m", float(at[i]), sigma)
-            for station, at in self.table.stations.items()
+            Unknown(f"{name}.station[{station}].{axis}", "m", float(at[i]), table.station_sigma)
+            for station, at in table.stations.items()
             for i, axis in enumerate(AXES)
-            if sigma > 0.0
         ]
-        self._n_centres = len(centres)
-        offsets = [
-            Unknown(f"{name}.offset[{station}]", "m", 0.0, self.table.offset_sigma)
-            for station in self.table.stations
-            if self.table.offset_sigma > 0.0
-        ]
-        return (*self.targets.unknowns, *centres, *offsets)
+        offsets = [Unknown(f"{name}.offset[{station}]", "m", 0.0, table.offset_sigma) for station in table.stations]
+        return self._identified((*self.targets.unknowns, *centres, *offsets))
 
     def check(self) -> None:
-        """Raise `DatasetError` for a range that is not positive."""
         ranges = self.read.numbers["range"]
         bad = np.flatnonzero(~(ranges > 0.0))
         if len(bad):
@@ -52,10 +45,8 @@ class Range(OfTargets):
             raise RowError(int(bad[0]), what, "range", "a range is a distance in m, above 0")
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 1) predicted ranges, m; see :meth:`Instrument.predicted`."""
-        offset = self._split(u)[2]
         ranges = np.linalg.norm(self.away(poses, u), axis=1)
-        return np.asarray(ranges + offset[self.station] if len(offset) else ranges)[:, None]
+        return np.asarray(ranges + self._split(u)[2][self.station])[:, None]
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, 6) derivative by the TCP's pose: unit vector from station to target, times the motion of the target."""
@@ -63,27 +54,24 @@ class Range(OfTargets):
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, k) derivative by the targets and the stations' centres, along the line of sight, then by the offsets: 1."""
-        sight = self._sight(poses, u)
-        of_targets = sight[:, None] @ self.targets.by_unknown(poses)
-        of_centres = np.zeros((len(poses), 1, self._n_centres))
-        stations = len(self.centre)
-        for i in range(stations if self._n_centres else 0):
+        sight, k, stations = self._sight(poses, u), self.targets.count, len(self.centre)
+        found = np.zeros((len(poses), 1, k + 4 * stations))
+        found[:, :, :k] = sight[:, None] @ self.targets.by_unknown(poses)
+        for i in range(stations):
             rows = self.station == i
-            of_centres[rows, 0, 3 * i : 3 * i + 3] = -sight[rows]
-        offsets = np.zeros((len(poses), 1, len(u) - self.targets.count - self._n_centres))
-        if offsets.shape[2]:
-            offsets[np.arange(len(poses)), 0, self.station] = 1.0
-        return np.concatenate([of_targets, of_centres, offsets], axis=2)
+            found[rows, 0, k + 3 * i : k + 3 * i + 3] = -sight[rows]
+        found[np.arange(len(poses)), 0, k + 3 * stations + self.station] = 1.0
+        return found[:, :, self._kept]
 
     def away(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) from the station's centre to the target, base frame, m; u as for :meth:`predicted`."""
-        of_target, of_centre, _ = self._split(u)
-        centre = self.centre + (of_centre.reshape(-1, 3) if len(of_centre) else 0.0)
-        return self.targets.positions(poses, of_target) - centre[self.station]
+        of_targets, of_centres, _ = self._split(u)
+        return self.targets.positions(poses, of_targets) - (self.centre + of_centres)[self.station]
 
     def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:
-        a, b = self.targets.count, self.targets.count + self._n_centres
-        return u[:a], u[a:b], u[b:]
+        """Deviations of the targets, of the S stations' centres (S, 3), and of their offsets (S,)."""
+        whole, a, b = self._whole(u), self.targets.count, self.targets.count + self.centre.size
+        return whole[:a], whole[a:b].reshape(-1, 3), whole[b:]
 
     def _sight(self, poses: Poses, u: Floats) -> Floats:
         away = self.away(poses, u)

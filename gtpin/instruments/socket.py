@@ -60,7 +60,7 @@ class Socket(OfTargets):
             for i, name in enumerate(self.names)
             for k, axis in enumerate(AXES)
         ]
-        return (*self.targets.unknowns, *points)
+        return self._identified((*self.targets.unknowns, *points))
 
     def _sigma(self, i: int) -> float:
         return self.table.socket_sigma if self._known[i] and self.table.socket_sigma else np.inf
@@ -138,7 +138,7 @@ class Socket(OfTargets):
         """(M, 4, k) derivative by the targets, then by the sockets' points."""
         _, points = self._split(u)
         k = self.targets.count
-        found = np.zeros((len(poses), 4, len(u)))
+        found = np.zeros((len(poses), 4, k + self.point.size))
         found[:, :3, :k] = self.targets.by_unknown(poses)
         for i in range(len(self.names)):
             rows = self.socket == i
@@ -149,18 +149,17 @@ class Socket(OfTargets):
             rows = self.link == i
             found[rows, 3, k + 3 * one : k + 3 * one + 3] = unit
             found[rows, 3, k + 3 * two : k + 3 * two + 3] = -unit
-        return found
+        return found[:, :, self._kept]
 
     def start(self, nominal: Poses) -> Floats:
         """(k,) first guess: a socket without a prior is at the median of its nominal targets; all else as declared."""
-        u = np.zeros(len(self.unknowns))
-        k = self.targets.count
+        u, k = np.zeros(len(self._kept)), self.targets.count
         at = self.targets.positions(nominal, u[:k])
         for i in range(len(self.names)):
             rows = self.socket == i
             if not np.isfinite(self._sigma(i)) and rows.any():
                 u[k + 3 * i : k + 3 * i + 3] = np.median(at[rows], axis=0) - self.point[i]
-        return u
+        return u[self._kept]
 
     def at(self, u: Floats, name: str) -> Floats:
         """(3,) position of the socket ``name``, base frame, m."""
@@ -170,5 +169,5 @@ class Socket(OfTargets):
         return [(self.names.index(one), self.names.index(two)) for one, two, *_ in self.table.distances]
 
     def _split(self, u: Floats) -> tuple[Floats, Floats]:
-        k = self.targets.count
-        return u[:k], self.point + u[k:].reshape(-1, 3)
+        whole, k = self._whole(u), self.targets.count
+        return whole[:k], self.point + whole[k:].reshape(-1, 3)

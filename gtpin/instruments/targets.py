@@ -49,34 +49,30 @@ class Targets:
     """The targets of an instrument's M rows.
 
     ``table``, ``read``: the instrument's table in dataset.toml, and its rows. ``free``: True: the standard deviation of the
-    priors of the targets' coordinates is `AWAY`. False: it is ``table.target_sigma``.
+    priors of the targets' coordinates is `AWAY`. False: it is ``table.target_sigma``. ``unknowns``: the three coordinates of
+    each target, also where they are exact; ``count``: their number.
     """
 
     def __init__(self, table: InstrumentTable, read: Read, *, free: bool = False) -> None:
-        self._named = table.fixed_targets
-        self.of: Indices = indices(read, "target", dict(self._named), "target")
-        self.declared = np.array(list(self._named.values()), dtype=float)
+        named = table.fixed_targets
+        self.of: Indices = indices(read, "target", dict(named), "target")
+        self.declared = np.array(list(named.values()), dtype=float)
         sigma = AWAY if free else table.target_sigma
         self.unknowns: tuple[Unknown, ...] = tuple(
             Unknown(f"{table.name}.target{f'[{name}]' if name else ''}.{axis}", "m", float(at[i]), sigma)
-            for name, at in zip(self._named, self.declared, strict=True)
+            for name, at in zip(named, self.declared, strict=True)
             for i, axis in enumerate(AXES)
-            if sigma > 0.0
         )
-
-    @property
-    def count(self) -> int:
-        """Number of unknowns."""
-        return len(self.unknowns)
+        self.count = len(self.unknowns)
 
     def lever(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) vectors from the TCP to the targets, base frame, m; u (count,): the targets less what is declared, m."""
-        at = self.declared + (u.reshape(-1, 3) if self.count else 0.0)
+        at = self.declared + u.reshape(-1, 3)
         return np.asarray(np.einsum("nij,nj->ni", poses.R, at[self.of]))
 
     def positions(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) positions of the targets, base frame, m; u as for :meth:`lever`."""
-        return poses.T + self.lever(poses, u) if self.count or self.declared.any() else poses.T
+        return poses.T + self.lever(poses, u) if u.any() or self.declared.any() else poses.T
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3, 6) derivative of the positions by the TCP's position (m) and rotation vector (rad), base frame."""
@@ -88,10 +84,9 @@ class Targets:
     def by_unknown(self, poses: Poses) -> Floats:
         """(M, 3, count) derivative of the positions by the deviations u of the targets."""
         found = np.zeros((len(poses), 3, self.count))
-        if self.count:
-            for i in range(len(self.declared)):
-                rows = self.of == i
-                found[rows, :, 3 * i : 3 * i + 3] = poses.R[rows]
+        for i in range(len(self.declared)):
+            rows = self.of == i
+            found[rows, :, 3 * i : 3 * i + 3] = poses.R[rows]
         return found
 
 
@@ -101,5 +96,4 @@ class OfTargets(Instrument):
     targets: Targets
 
     def looked_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 3) the targets, base frame, m."""
-        return self.targets.positions(poses, u[: self.targets.count])
+        return self.targets.positions(poses, self._whole(u)[: self.targets.count])

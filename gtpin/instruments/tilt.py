@@ -29,12 +29,10 @@ class Tilt(Instrument):
     table: TiltTable
 
     def _unknowns(self) -> Sequence[Unknown]:
-        if self.table.mount_sigma == 0.0:
-            return ()
-        return [Unknown(f"{self.table.name}.mount.{axis}", "rad", 0.0, self.table.mount_sigma) for axis in TURNS]
+        name, sigma = self.table.name, self.table.mount_sigma
+        return self._identified([Unknown(f"{name}.mount.{axis}", "rad", 0.0, sigma) for axis in TURNS])
 
     def check(self) -> None:
-        """Raise `RowError` for tilts that can't be components of a unit vector."""
         size = np.hypot(self.read.numbers["tilt_x"], self.read.numbers["tilt_y"])
         bad = np.flatnonzero(size > MOST)
         if len(bad):
@@ -42,22 +40,14 @@ class Tilt(Instrument):
             raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2) predicted tilts."""
-        return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ self._mount(u))[:, :2]
+        return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ exp(self._whole(u)))[:, :2]
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2, 6) derivative by the TCP's pose; 0 for its position."""
         found = np.zeros((len(poses), 2, 6))
         turned = np.swapaxes(poses.R, 1, 2) @ skew(self.up)
-        found[:, :, 3:] = (self._mount(u).T @ turned)[:, :2]
+        found[:, :, 3:] = (exp(self._whole(u)).T @ turned)[:, :2]
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        """(M, 2, k) derivative by the mounting's rotation vector; k = 0 where the mounting is exact."""
-        if not len(u):
-            return np.zeros((len(poses), 2, 0))
-        seen = np.swapaxes(poses.R, 1, 2) @ self.up
-        return np.asarray((self._mount(u).T @ skew(seen) @ left_jacobian(u))[:, :2])
-
-    def _mount(self, u: Floats) -> Floats:
-        return exp(u) if len(u) else np.eye(3)
+        seen, mount = np.swapaxes(poses.R, 1, 2) @ self.up, self._whole(u)
+        return np.asarray((exp(mount).T @ skew(seen) @ left_jacobian(mount))[:, :2, self._kept])

@@ -54,7 +54,7 @@ class Tracker(OfTargets):
             Unknown(f"{self.table.name}.frame.{axis}", "m" if axis in AXES else "rad", 0.0, np.inf)
             for axis in ((*AXES, *TURNS) if self.table.frame == "free" else ())
         ]
-        return (*self.targets.unknowns, *mounts, *frame)
+        return self._identified((*self.targets.unknowns, *mounts, *frame))
 
     @property
     def declared(self) -> tuple[float | None, ...]:
@@ -92,7 +92,6 @@ class Tracker(OfTargets):
         return found
 
     def residual_at(self, poses: Poses, u: Floats) -> Floats:
-        """(M, c) measured less predicted: position, m, and rotation vector, rad, instrument's frame."""
         seen = self._read_at(poses, u)
         if self.rotations is None:
             return self.positions - seen.T
@@ -127,7 +126,7 @@ class Tracker(OfTargets):
         """(M, c, k) derivative by the targets, their orientations on the platform, and the frame; see :meth:`by_pose`."""
         t, mount, _, turn = self._split(u)
         F = exp(turn)
-        found = np.zeros((len(poses), len(self.components), len(u)))
+        found = np.zeros((len(poses), len(self.components), len(self._kept)))
         k = self.targets.count
         found[:, :3, :k] = F @ self.targets.by_unknown(poses)
         if len(mount):
@@ -141,21 +140,22 @@ class Tracker(OfTargets):
             found[:, :3, -3:] = -skew(self.targets.positions(poses, t) @ F.T) @ turned
             if self.turned:
                 found[:, 3:, -3:] = turned
-        return found
+        return found[:, :, self._kept]
 
     def start(self, nominal: Poses) -> Floats:
         """(k,) first guess: a free frame, and free targets, by a fit of nominal and measured poses; all else 0."""
-        u, free = np.zeros(len(self.unknowns)), self.table.frame == "free"
+        u, free, shift, F = np.zeros(len(self._kept)), self.table.frame == "free", np.zeros(3), np.eye(3)
         if self.table.target == "free":
-            return self._start_of_targets(nominal, u, free)
-        if free:
+            shift, F = self._start_of_targets(nominal, u, free)
+        elif free:
             at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)
             shift, F = alignment(at, self.positions, self.rotations)
+        if free:
             u[-6:-3], u[-3:] = shift, log(F[None])[0]
-        return u
+        return u[self._kept]
 
-    def _start_of_targets(self, nominal: Poses, u: Floats, free: bool) -> Floats:
-        """The first guess u with free targets: the frame comes from the target with most rows."""
+    def _start_of_targets(self, nominal: Poses, u: Floats, free: bool) -> tuple[Floats, Floats]:
+        """Set the first guess of free targets in u; give that of the frame, which comes from the target with most rows."""
         k, shift, F = self.targets.count, np.zeros(3), np.eye(3)
         for i in np.argsort(-np.bincount(self.targets.of, minlength=len(self.targets.declared)), kind="stable"):
             rows = self.targets.of == i
@@ -169,12 +169,10 @@ class Tracker(OfTargets):
             u[3 * i : 3 * i + 3] = place.at - self.targets.declared[i]
             if self._mounts:
                 u[k + 3 * i : k + 3 * i + 3] = log(place.mount[None])[0]
-        if self.table.frame == "free":
-            u[-6:-3], u[-3:] = shift, log(F[None])[0]
-        return u
+        return shift, F
 
     def _split(self, u: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        k = self.targets.count
+        whole, k = self._whole(u), self.targets.count
         if self.table.frame == "free":
-            return u[:k], u[k:-6], u[-6:-3], u[-3:]
-        return u[:k], u[k:], np.zeros(3), np.zeros(3)
+            return whole[:k], whole[k:-6], whole[-6:-3], whole[-3:]
+        return whole[:k], whole[k:], np.zeros(3), np.zeros(3)

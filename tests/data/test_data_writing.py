@@ -172,7 +172,7 @@ def test_a_write_that_breaks_off_leaves_what_was_there(make, tmp_path, monkeypat
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gtpin.data.dataset.write_table", full)
+    monkeypatch.setattr("gtpin.data.folder.write_table", full)
     with pytest.raises(DatasetError, match="No space left"):
         dataset.write(folder)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before

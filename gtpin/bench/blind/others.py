@@ -24,9 +24,8 @@ from gtpin.bench.blind.truth import (
 )
 from gtpin.data.description import SECOND, Description, describe, read_toml, write_description
 from gtpin.data.files import find_table, read_bytes, read_table
-from gtpin.data.instrument_tables import InstrumentTable, written
+from gtpin.data.instrument_tables import InstrumentTable, describe_second, written
 from gtpin.data.names import POSITION
-from gtpin.data.second_schema import describe_second
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.results import writing

@@ -19,8 +19,8 @@ from gtpin.bench.simulator.recipe import Recipe
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.data import Commands, Dataset
-from gtpin.data.dataset import FILES
 from gtpin.data.files import write_table
+from gtpin.data.folder import FILES
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.errors import renamed
