@@ -54,6 +54,46 @@ class NamedColumns:
     pose: Ids | None
     values: Mapping[str, Floats]
 
+    def matrix(self, names: Sequence[str]) -> Floats:
+        """(N, len(names)) several columns."""
+        return np.column_stack([self.values[name] for name in names])
+
+    def commands(self, names: Sequence[str], scale: Floats) -> Commands:
+        """The commands in the table, in m or rad by their scales; rows without an id are numbered."""
+        pose = np.array([str(number) for number in range(1, len(self.row) + 1)], dtype=object)
+        return Commands(
+            pose if self.pose is None else self.pose, self.matrix(names) * scale, row=self.row, file=self.file
+        )
+
+    def dataset(
+        self,
+        robot: str,
+        commands: Commands,
+        at: npt.NDArray[np.intp],
+        *,
+        metres: float = 1.0,
+        instrument: InstrumentSection | None,
+        tcp: str | None,
+    ) -> Dataset:
+        """The dataset of the poses in the table, which have the commands with the indices ``at`` (N,).
+
+        ``metres``: the unit of x, y and z. Raises `DatasetError` for a command that is far outside the robot's range.
+        """
+        check_ranges(commands, load_robot(robot, tcp))
+        own = {n: v for n, v in self.values.items() if n not in (*POSITION, *ORIENTATION) and not is_command(n)}
+        return Dataset(
+            robot=robot,
+            pose=commands.pose[at],
+            q=commands.q[at],
+            position=self.matrix(POSITION) * metres,
+            orientation=self.matrix(ORIENTATION) if ORIENTATION[0] in self.values else None,
+            covariates={name: values[at] for name, values in commands.covariates.items()} | own,
+            instrument=instrument or InstrumentSection(frame="free", target="free"),
+            tcp=tcp,
+            row=self.row,
+            file=self.file,
+        )
+
 
 def read_named_columns(
     file: Path,
@@ -193,9 +233,7 @@ def read_commands(
         )
     names = ["pose", *commands][-count:]
     table = read_named_columns(file, names, separator, decimal_comma=decimal_comma, needed=commands)
-    q = np.column_stack([table.values[name] for name in commands]) * _scale(machine, len(commands), unit, angle)
-    numbered = np.array([str(number) for number in range(1, len(q) + 1)], dtype=object)
-    return Commands(numbered if table.pose is None else table.pose, q, row=table.row, file=file)
+    return table.commands(commands, _scale(machine, len(commands), unit, angle))
 
 
 def _first_line(file: Path) -> str:
@@ -242,36 +280,14 @@ def read_points(
         hint = "give --match pose|row|time"
         raise DatasetError("it is not said which command belongs to which row", column="match", hint=hint)
     table = read_named_columns(file, columns, separator, header=header, decimal_comma=decimal_comma)
-    covariates = {
-        name: values
-        for name, values in table.values.items()
-        if name not in (*POSITION, *ORIENTATION) and not is_command(name)
-    }
-    machine = load_robot(robot, tcp)
     if commands is None:
-        numbered = np.array([str(number) for number in range(1, len(table.row) + 1)], dtype=object)
-        q = np.column_stack([table.values[name] for name in own]) * _scale(machine, len(own), unit, angle)
-        commands = Commands(numbered if table.pose is None else table.pose, q, row=table.row, file=file)
+        commands = table.commands(own, _scale(load_robot(robot, tcp), len(own), unit, angle))
         at = np.arange(len(table.row))
     else:
         assert match is not None
         time = table.values.get("time")
         at = matched(commands, match, file=file, row=table.row, pose=table.pose, time=time, within=within)
-    check_ranges(commands, machine)
-    covariates = {name: values[at] for name, values in commands.covariates.items()} | covariates
-    turned = ORIENTATION[0] in table.values
-    return Dataset(
-        robot=robot,
-        pose=commands.pose[at],
-        q=commands.q[at],
-        position=np.column_stack([table.values[name] for name in POSITION]) * LENGTHS[unit],
-        orientation=np.column_stack([table.values[name] for name in ORIENTATION]) if turned else None,
-        covariates=covariates,
-        instrument=instrument or InstrumentSection(frame="free", target="free"),
-        tcp=tcp,
-        row=table.row,
-        file=file,
-    )
+    return table.dataset(robot, commands, at, metres=LENGTHS[unit], instrument=instrument, tcp=tcp)
 
 
 def _scale(robot: Chain, count: int, unit: Length, angle: Angle | None) -> np.ndarray:

@@ -17,8 +17,8 @@ import numpy as np
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, check_ranges, matched
-from gtpin.robot.library import load_robot
+from gtpin.importers.matched import Match, matched
+from gtpin.importers.points import NamedColumns
 
 TIMES = ("field.header.stamp", "%time")
 """Columns of the time, of which the first that is present is used: the message's own stamp, then the time of reception."""
@@ -85,25 +85,12 @@ def read_ros_poses(
         rows.append(row)
     if not rows:
         raise DatasetError("no rows under the header", file=file, hint="it needs at least one")
-    line, found = np.array(rows, dtype=np.int64), np.array(poses)
+    line, values = np.array(rows, dtype=np.int64), dict(zip(PARTS, np.array(poses).T, strict=True))
     time = np.array(times) if stamps else None
     at = matched(commands, match, file=file, row=line, time=time, within=within)
-    check_ranges(commands, load_robot(robot, tcp))
-    covariates = {name: values[at] for name, values in commands.covariates.items()}
     if time is not None:
-        covariates["time"] = time - time[0]
-    return Dataset(
-        robot=robot,
-        pose=commands.pose[at],
-        q=commands.q[at],
-        position=found[:, :3],
-        orientation=found[:, 3:],
-        covariates=covariates,
-        instrument=instrument or InstrumentSection(frame="free", target="free"),
-        tcp=tcp,
-        row=line,
-        file=file,
-    )
+        values["time"] = time - time[0]
+    return NamedColumns(file, line, None, values).dataset(robot, commands, at, instrument=instrument, tcp=tcp)
 
 
 def _message(file: Path, cells: list[tuple[int, list[str]]], prefix: str | None) -> list[str]:

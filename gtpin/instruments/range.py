@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.data.instrument_tables import RangeTable
 from gtpin.instruments.instrument import Component, RowError, Unknown
-from gtpin.instruments.targets import AXES, OfTargets, Targets, indices
+from gtpin.instruments.targets import AXES, OfTargets, Targets, indices, placed
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
 
@@ -54,14 +54,11 @@ class Range(OfTargets):
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
         """(M, 1, k) derivative by the targets and the stations' centres, along the line of sight, then by the offsets: 1."""
-        sight, k, stations = self._sight(poses, u), self.targets.count, len(self.centre)
-        found = np.zeros((len(poses), 1, k + 4 * stations))
-        found[:, :, :k] = sight[:, None] @ self.targets.by_unknown(poses)
-        for i in range(stations):
-            rows = self.station == i
-            found[rows, 0, k + 3 * i : k + 3 * i + 3] = -sight[rows]
-        found[np.arange(len(poses)), 0, k + 3 * stations + self.station] = 1.0
-        return found[:, :, self._kept]
+        sight, stations = self._sight(poses, u)[:, None], len(self.centre)
+        of_targets = sight @ self.targets.by_unknown(poses)
+        of_centres = placed(-sight, self.station, stations)
+        offsets = placed(np.ones((len(poses), 1, 1)), self.station, stations)
+        return np.concatenate([of_targets, of_centres, offsets], axis=2)[:, :, self._kept]
 
     def away(self, poses: Poses, u: Floats) -> Floats:
         """(M, 3) from the station's centre to the target, base frame, m; u as for :meth:`predicted`."""

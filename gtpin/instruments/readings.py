@@ -16,7 +16,7 @@ from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.errors import DatasetError
 from gtpin.instruments import BUILT_IN
-from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
+from gtpin.instruments.instrument import Component, Instrument, Read, RowError, Unknown
 from gtpin.instruments.socket import Socket
 from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
@@ -120,12 +120,13 @@ class Readings:
     @cached_property
     def group(self) -> npt.NDArray[np.intp]:
         """(N, c) index of each number's noise sigma, counted over all instruments."""
-        first = self._first_groups
-        return self._each(
-            lambda i, one: np.broadcast_to(
-                first[i] + np.array([c.group for c in one.components]), (one.read.count, len(one.components))
-            )
-        )
+        first = np.cumsum([0, *(len(one.declared) for one in self.instruments)])
+
+        def own(i: int, one: Instrument) -> Indices:
+            groups = first[i] + np.array([c.group for c in one.components])
+            return np.broadcast_to(groups, (one.read.count, len(one.components)))
+
+        return self._each(own)
 
     @property
     def noise_groups(self) -> list[Indices]:
@@ -143,34 +144,33 @@ class Readings:
         return self.rows.read
 
     @cached_property
+    def _groups(self) -> tuple[tuple[str, Component, float | None], ...]:
+        """For each of the G groups: name of the instrument, the first of its components, and its declared sigma."""
+        return tuple(
+            (one.name, next(c for c in one.components if c.group == group), sigma)
+            for one in self.instruments
+            for group, sigma in enumerate(one.declared)
+        )
+
+    @cached_property
     def declared(self) -> tuple[float | None, ...]:
         """Declared sigma of each of the G groups, m or rad; None where it is to be estimated."""
-        return tuple(sigma for one in self.instruments for sigma in one.declared)
+        return tuple(sigma for *_, sigma in self._groups)
 
     @property
     def group_names(self) -> tuple[str, ...]:
         """(G,) the instrument's name for each group."""
-        return tuple(one.name for one in self.instruments for _ in one.declared)
+        return tuple(name for name, *_ in self._groups)
 
     @cached_property
     def group_turns(self) -> npt.NDArray[np.bool_]:
         """(G,) whether the numbers of each group are angles, rad."""
-        return np.array(
-            [
-                next(c.unit for c in one.components if c.group == group) == "rad"
-                for one in self.instruments
-                for group in range(len(one.declared))
-            ]
-        )
+        return np.array([component.unit == "rad" for _, component, _ in self._groups])
 
     @cached_property
     def initial_sigma(self) -> Floats:
         """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
-        found = []
-        for one in self.instruments:
-            for group, sigma in enumerate(one.declared):
-                found.append(sigma or next(c.initial_sigma for c in one.components if c.group == group))
-        return np.array(found)
+        return np.array([sigma or component.initial_sigma for _, component, sigma in self._groups])
 
     @cached_property
     def row_sigma(self) -> Floats:
@@ -301,10 +301,6 @@ class Readings:
         """Slice of each instrument's unknowns in ``u``."""
         ends = np.cumsum([0, *(len(one.unknowns) for one in self.instruments)])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-
-    @cached_property
-    def _first_groups(self) -> tuple[int, ...]:
-        return tuple(int(n) for n in np.cumsum([0, *(len(one.declared) for one in self.instruments)]))
 
     def _part(self, poses: Poses, index: int) -> Poses:
         """The poses of an instrument's rows."""

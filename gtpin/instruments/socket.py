@@ -9,7 +9,7 @@ import numpy as np
 from gtpin.data.instrument_tables import SocketTable
 from gtpin.errors import DatasetError
 from gtpin.instruments.instrument import Component, Unknown
-from gtpin.instruments.targets import AXES, OfTargets, Targets
+from gtpin.instruments.targets import AXES, OfTargets, Targets, placed
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats, Indices, Mask
 
@@ -140,9 +140,8 @@ class Socket(OfTargets):
         k = self.targets.count
         found = np.zeros((len(poses), 4, k + self.point.size))
         found[:, :3, :k] = self.targets.by_unknown(poses)
-        for i in range(len(self.names)):
-            rows = self.socket == i
-            found[rows, :3, k + 3 * i : k + 3 * i + 3] = -np.eye(3)
+        against = np.broadcast_to(-np.eye(3), (len(poses), 3, 3))
+        found[:, :3, k:] = placed(against, self.socket, len(self.names))
         for i, (one, two) in enumerate(self._pairs()):
             apart = points[one] - points[two]
             unit = apart / np.linalg.norm(apart)

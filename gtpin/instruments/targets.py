@@ -45,6 +45,14 @@ def indices(read: Read, column: str, known: dict[str, object], what: str) -> Ind
     return np.array([place[str(value)] for value in ids], dtype=np.intp)
 
 
+def placed(blocks: Floats, of: Indices, count: int) -> Floats:
+    """(M, c, count w) derivatives by the w unknowns of each of some ids, from those (M, c, w) by the unknowns of each row's own
+    id ``of`` (M,)."""
+    found = np.zeros((*blocks.shape[:2], count, blocks.shape[2]))
+    found[np.arange(len(of)), :, of] = blocks
+    return found.reshape(*blocks.shape[:2], -1)
+
+
 class Targets:
     """The targets of an instrument's M rows.
 
@@ -83,11 +91,7 @@ class Targets:
 
     def by_unknown(self, poses: Poses) -> Floats:
         """(M, 3, count) derivative of the positions by the deviations u of the targets."""
-        found = np.zeros((len(poses), 3, self.count))
-        for i in range(len(self.declared)):
-            rows = self.of == i
-            found[rows, :, 3 * i : 3 * i + 3] = poses.R[rows]
-        return found
+        return placed(poses.R, self.of, len(self.declared))
 
 
 class OfTargets(Instrument):
