@@ -21,7 +21,6 @@ TOGETHER = 256
 
 Row = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
-_OTHERS = {";": "';'", "\t": "tabs"}
 
 
 def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collection[str] = ()) -> DataTable:
@@ -31,32 +30,39 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
     `DatasetError` with the line and column of the first bad cell.
     """
     _check_text(file, data)
-    names = _names(file, data)
-    wanted = {column: name for column, name in enumerate(names) if name not in ignore}
-    numeric = [column for column, name in wanted.items() if kind_of(name) == "number" and name not in ids]
-    values = {column: array("d") for column in numeric}
-    texts: dict[int, list[str]] = {column: [] for column in wanted if column not in values}
+    header = next(_text(data)).rstrip("\n")
+    _check_separator(header, file)
+    _, names = next(_cells(file, iter([header])), (1, [""]))
+    check_header(names, file)
+    place = {name: column for column, name in enumerate(names) if name not in ignore}
+    values = {name: array("d") for name in place if kind_of(name) == "number" and name not in ids}
+    texts: dict[str, list[str]] = {name: [] for name in place if name not in values}
     lines = array("q")
     for chunk in _chunks(_rows(file, data, len(names))):
         lines.extend(line for line, _ in chunk)
         cells = list(zip(*(cells for _, cells in chunk), strict=True))
-        for column, found in _numbers(file, names, chunk, {column: cells[column] for column in values}).items():
-            values[column].frombytes(found.tobytes())
-        for column, text in texts.items():
-            text.extend(cells[column])
+        found = {name: numbers(cells[place[name]]) for name in values}
+        bad = [(int(np.argmax(np.isnan(v))), place[name]) for name, v in found.items() if np.isnan(v).any()]
+        if bad:
+            index, column = min(bad)
+            raise bad_cell(file, names, chunk[index][1], column, chunk[index][0])
+        for name, some in found.items():
+            values[name].frombytes(some.tobytes())
+        for name, text in texts.items():
+            text.extend(cells[place[name]])
     if not lines:
         raise DatasetError("no rows under the header", file=file, hint="it needs at least one")
     columns: dict[str, Column] = {}
-    for column, name in wanted.items():
-        if column in values:
-            columns[name] = np.array(values[column])
+    for name in place:
+        if name in values:
+            columns[name] = np.array(values[name])
         elif kind_of(name) == "id" or name in ids:
-            columns[name] = table_ids(file, name, texts[column], lines)
+            columns[name] = table_ids(file, name, texts[name], lines)
         else:
-            read = numbers_or_words(texts[column])
+            read = numbers_or_words(texts[name])
             if isinstance(read, int):
                 row = next(row for row in _rows(file, data, len(names)) if row[0] == lines[read])
-                raise bad_cell(file, names, row[1], column, row[0])
+                raise bad_cell(file, names, row[1], place[name], row[0])
             if read is not None:
                 columns[name] = read
     return DataTable(file, tuple(names), np.array(lines, dtype=np.int64), columns)
@@ -81,14 +87,6 @@ def _check_text(file: Path, data: bytes) -> None:
 
 def _line_of(data: bytes, at: int) -> int:
     return len(data[: at + 1].splitlines())
-
-
-def _names(file: Path, data: bytes) -> list[str]:
-    header = next(_text(data)).rstrip("\n")
-    check_separator(header, file)
-    _, names = next(_cells(file, iter([header])), (1, [""]))
-    check_header(names, file)
-    return names
 
 
 def _text(data: bytes) -> io.TextIOWrapper:
@@ -147,21 +145,10 @@ def _chunks(rows: Iterator[Row]) -> Iterator[list[Row]]:
         yield chunk
 
 
-def _numbers(file: Path, names: list[str], chunk: list[Row], cells: dict[int, tuple[str, ...]]) -> dict[int, Column]:
-    """Columns that have to hold numbers, by index of the column; raises `DatasetError` for the first bad cell."""
-    found = {column: numbers(texts) for column, texts in cells.items()}
-    bad = [(int(np.argmax(np.isnan(values))), column) for column, values in found.items() if np.isnan(values).any()]
-    if bad:
-        index, column = min(bad)
-        row, texts = chunk[index]
-        raise bad_cell(file, names, texts, column, row)
-    return found
-
-
-def check_separator(header: str, file: Path) -> None:
+def _check_separator(header: str, file: Path) -> None:
     """Raise `DatasetError` for a header line that is separated by anything but commas."""
     line = header.strip()
-    words = [word for other, word in _OTHERS.items() if line.count(other) > line.count(",")]
+    words = [word for other, word in ((";", "';'"), ("\t", "tabs")) if line.count(other) > line.count(",")]
     if "," not in line and " " in line:  # with commas present, spaces are parts of names
         words.append("spaces")
     if words:

@@ -15,16 +15,14 @@ POSITION = ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
 IDS = ("pose", "session")
 
-_COVARIATE = re.compile(r"time|session|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[1-9][0-9]*")
+_PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
+_COVARIATE = re.compile(rf"{'|'.join(_PLAIN)}|f[xyz]|(?:approach|speed)[1-9][0-9]*")
 # Names of the columns of poses.csv and carts.csv that are no covariates.
 TAKEN_IN_POSES = re.compile(r"pose|q[0-9]+|[xyz]|q[wxyz]")
 TAKEN_IN_CARTS = re.compile(r"pose|cart|q|[xyz]|q[wxyz]")
 
-_PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
 LIKE = 0.8
 """Share of letters that two names must have in common, in the same order, to look alike (``difflib``'s ratio). Assumed."""
-_NUMBERED = re.compile(r"(approach|speed)([0-9]+)")
-_COMMAND = re.compile(r"q([0-9]+)")
 _NUMBER = re.compile(r"q[0-9]*|[xyz]|q[wxyz]|cart|time|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[0-9]+")
 
 
@@ -37,7 +35,7 @@ def kind_of(name: str) -> Kind:
 
 def is_command(name: str) -> bool:
     """Say whether a column is one of q1 .. qn."""
-    return _COMMAND.fullmatch(name) is not None
+    return re.fullmatch(r"q[0-9]+", name) is not None
 
 
 def command_names(n_actuators: int) -> list[str]:
@@ -77,7 +75,7 @@ def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) ->
         raise DatasetError("a covariate needs a printable name", column=repr(name))
     if taken.fullmatch(name):
         raise DatasetError("the name is taken by a column that is no covariate", column=name, hint="rename it")
-    numbered = _NUMBERED.fullmatch(name)
+    numbered = re.fullmatch(r"(approach|speed)([0-9]+)", name)
     if numbered and numbered[2] not in {str(i) for i in range(1, n_actuators + 1)}:
         raise DatasetError(
             f"there is no actuator {numbered[2]}",

@@ -77,12 +77,8 @@ def test_simulate_writes_a_dataset_that_reads_and_calibrates(run, tmp_path):
     dataset = Dataset.read(tmp_path / "set")
     assert len(set(dataset.pose)) == 30
     assert dataset.robot == "gantry_tau"
-    assert {path.name for path in (tmp_path / "set").iterdir()} == {
-        ".gtpin.json",
-        "dataset.toml",
-        "poses.csv",
-        "commands.csv",
-    }
+    names = {path.name for path in (tmp_path / "set").iterdir()}
+    assert names == {".gtpin.json", "dataset.toml", "poses.csv", "commands.csv"}
     assert run("calibrate", tmp_path / "set", "-o", tmp_path / "out").code == 0
 
 
@@ -149,9 +145,7 @@ def test_the_demo_of_an_arm_finds_what_its_scenario_hides_and_says_what_readme_s
         words, numbers = words_and_numbers(part)
         assert words in told[0]
         begin = told[0][: told[0].index(words)].count(NUMBER)
-        points = np.array(
-            [word == "%" for word in re.findall(rf"{NUMBER}(?: (%))?", words)]
-        )  # shares are rounded to 1 %
+        points = np.array([word == "%" for word in re.findall(rf"{NUMBER}(?: (%))?", words)])  # rounded to 1 %
         off = np.abs(np.array(told[1][begin : begin + len(numbers)]) - numbers)
         assert (off <= np.where(points, 1.0, 0.01 * np.abs(numbers))).all()
 

@@ -30,11 +30,24 @@ def touches(folder: Path) -> tuple[dict[str, object], pd.DataFrame]:
     return content, pd.read_csv(folder / f"{instrument['name']}.csv", dtype={"pose": str})
 
 
-def test_touches_of_a_delta_printer_are_a_plane_that_the_robot_touched(run: Run, tmp_path: Path) -> None:
-    xyz = places()
-    file, folder = tmp_path / "printer.cfg", tmp_path / "touches"
-    file.write_text(printer_cfg(xyz, height=1.0), encoding="utf-8")
-    ran = run("import", "klipper-delta", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", folder, "--json")
+@pytest.fixture
+def imported(run: Run, tmp_path: Path) -> Run:
+    """Import a text in a format for the linear delta, into ``touches``."""
+
+    def import_(kind: str, text: str, *options: object) -> Ran:
+        file = tmp_path / "file"
+        file.write_text(text, encoding="utf-8")
+        command = ("import", kind, file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", tmp_path / "touches")
+        ran = run(*command, *options)
+        assert ran.code == 0, ran.err
+        return ran
+
+    return import_
+
+
+def test_touches_of_a_delta_printer_are_a_plane_that_the_robot_touched(imported: Run, tmp_path: Path) -> None:
+    xyz, folder = places(), tmp_path / "touches"
+    ran = imported("klipper-delta", printer_cfg(xyz, height=1.0), "--json")
     assert json.loads(ran.out) == {"dataset": str(folder), "robot": "linear_delta", "rows": 9}
     content, table = touches(folder)
     (instrument,) = content["instrument"]
@@ -52,29 +65,22 @@ def test_touches_of_a_delta_printer_are_a_plane_that_the_robot_touched(run: Run,
     np.testing.assert_allclose(there.T[:, 2] - ORIGIN[2], 1e-3 * xyz[:, 2], atol=1e-7)
 
 
-def test_height_is_positive_where_the_tip_is_on_the_side_of_the_normal(run: Run, tmp_path: Path) -> None:
-    file, folder = tmp_path / "printer.cfg", tmp_path / "touches"
+def test_height_is_positive_where_the_tip_is_on_the_side_of_the_normal(imported: Run, tmp_path: Path) -> None:
     flat = places() * [1.0, 1.0, 0.0] + [0.0, 0.0, 5.0]  # 5 mm over the bed, as a probe of that offset is
-    file.write_text(printer_cfg(flat, height=5.0), encoding="utf-8")
-    assert run("import", "klipper-delta", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", folder).code == 0
-    content, _ = touches(folder)
+    imported("klipper-delta", printer_cfg(flat, height=5.0))
+    content, _ = touches(tmp_path / "touches")
     assert content["instrument"][0]["planes"]["A"]["point"][2] == pytest.approx(ORIGIN[2], abs=1e-8)
 
 
-def test_what_is_given_of_the_instrument_is_in_the_dataset(run: Run, tmp_path: Path) -> None:
-    file, folder = tmp_path / "heightmap.csv", tmp_path / "touches"
-    file.write_text(HEIGHTMAP, encoding="utf-8")
-    ran = run(
-        *("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", folder),
-        *("--probe-offset", "10", "-5", "2", "--sigma", "2e-5", "--name", "glass", "--tcp", "platform"),
-    )
-    assert ran.code == 0, ran.err
-    content, table = touches(folder)
+def test_what_is_given_of_the_instrument_is_in_the_dataset(imported: Run, tmp_path: Path) -> None:
+    given = ("--probe-offset", "10", "-5", "2", "--sigma", "2e-5", "--name", "glass", "--tcp", "platform")
+    imported("rrf-heightmap", HEIGHTMAP, *given)
+    content, table = touches(tmp_path / "touches")
     (instrument,) = content["instrument"]
     assert content["tcp"] == "platform"
     assert (instrument["name"], instrument["sigma"]) == ("glass", 2e-5)
     np.testing.assert_allclose(instrument["target"], [0.010, -0.005, -0.002])
-    assert (folder / "glass.csv").is_file()
+    assert (tmp_path / "touches" / "glass.csv").is_file()
     assert len(table) == 5
 
 
@@ -105,93 +111,74 @@ def test_points_are_a_dataset_that_every_command_reads(run: Run, tmp_path: Path)
     assert dataset.instrument.frame == "robot"
 
 
-def test_a_probe_on_the_nozzle_s_axis_may_have_any_trigger_height(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "heightmap.csv"
-    file.write_text(HEIGHTMAP, encoding="utf-8")
-    command = ("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN)
-    for number, offset in enumerate((("0", "0", "-0.02"), ("0", "0", "5"), ("-0.5", "0", "0"))):
-        assert run(*command, "--probe-offset", *offset, "-o", tmp_path / str(number)).code == 0
+@pytest.mark.parametrize("offset", [("0", "0", "-0.02"), ("0", "0", "5"), ("-0.5", "0", "0")])
+def test_a_probe_on_the_nozzle_s_axis_may_have_any_trigger_height(imported: Run, offset: tuple[str, ...]) -> None:
+    imported("rrf-heightmap", HEIGHTMAP, "--probe-offset", *offset)
 
 
-def test_a_bed_far_from_the_firmware_s_zero_is_warned_of(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "printer.cfg"
-    file.write_text(printer_cfg(places() + np.array([0.0, 0.0, 20.0])), encoding="utf-8")
-    ran = run("import", "klipper-delta", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", tmp_path / "far")
-    assert ran.code == 0, ran.err
+def test_a_bed_far_from_the_firmware_s_zero_is_warned_of(imported: Run) -> None:
+    ran = imported("klipper-delta", printer_cfg(places() + np.array([0.0, 0.0, 20.0])))
     assert "on average, where a firmware's zero is the bed" in " ".join(ran.err.split())
 
 
-def test_a_normal_may_have_any_length(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "probe.txt"
-    file.write_text(PROBE_LOG, encoding="utf-8")
-    for number, size in enumerate(("1e-300", "1", "1e300")):
-        folder = tmp_path / str(number)
-        command = ("import", "linuxcnc-probe", file, "--unit", "mm", "--robot", "linear_delta", "--origin", *ORIGIN)
-        assert run(*command, "--normal", f"-{size}", "0", size, "-o", folder).code == 0
-        content, _ = touches(folder)
-        np.testing.assert_allclose(content["instrument"][0]["planes"]["A"]["normal"], [-(0.5**0.5), 0.0, 0.5**0.5])
+@pytest.mark.parametrize("size", ["1e-300", "1", "1e300"])
+def test_a_normal_may_have_any_length(imported: Run, tmp_path: Path, size: str) -> None:
+    imported("linuxcnc-probe", PROBE_LOG, "--unit", "mm", "--normal", f"-{size}", "0", size)
+    content, _ = touches(tmp_path / "touches")
+    np.testing.assert_allclose(content["instrument"][0]["planes"]["A"]["normal"], [-(0.5**0.5), 0.0, 0.5**0.5])
 
 
-def test_another_import_takes_the_place_of_the_first_and_nothing_of_that_stays(run: Run, tmp_path: Path) -> None:
-    file, folder = tmp_path / "heightmap.csv", tmp_path / "touches"
-    file.write_text(HEIGHTMAP, encoding="utf-8")
-    command = ("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", folder)
-    assert run(*command, "--name", "first").code == 0
-    assert run(*command, "--name", "second").code == 0
-    assert not (folder / "first.csv").exists()
-    touches(folder)
+def test_another_import_takes_the_place_of_the_first_and_nothing_of_that_stays(imported: Run, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        imported("rrf-heightmap", HEIGHTMAP, "--name", name)
+    assert not (tmp_path / "touches" / "first.csv").exists()
+    touches(tmp_path / "touches")
 
 
-def test_files_of_others_are_never_replaced(run: Run, tmp_path: Path) -> None:
-    file, folder = tmp_path / "heightmap.csv", tmp_path / "touches"
+def test_files_of_others_are_never_replaced(imported: Run, tmp_path: Path) -> None:
+    file, folder = tmp_path / "file", tmp_path / "touches"
     file.write_text(HEIGHTMAP, encoding="utf-8")
     folder.mkdir()
     (folder / "bed.csv").write_text("mine\n", encoding="utf-8")
     command = ("import", "rrf-heightmap", file, "--robot", "linear_delta", "--origin", *ORIGIN, "-o", folder)
     assert "bed.csv" in refused(tmp_path, *command)
-    assert run(*command, "--force").code == 0
+    imported("rrf-heightmap", HEIGHTMAP, "--force")
     assert (folder / "bed.csv.old-1").read_text(encoding="utf-8") == "mine\n"
+
+
+DELTA = "--robot linear_delta"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("words", "told"),
     [
-        (["rrf-heightmap", "heightmap.csv", "--robot", "gantry_tao"], "gantry_tao"),
-        (["rrf-heightmap", "missing.csv", "--robot", "linear_delta"], "missing"),
-        (["rrf-heightmap", "probe.txt", "--robot", "linear_delta"], "row 1"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "9", "0", "0"], "row 4"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--origin", "nan", "0", "0"], "origin"),
-        (
-            ["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "nan", "0", "0"],
-            "probe-offset",
-        ),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--sigma", "0"], "sigma"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "../up"], "name"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--name", "commands"], "name"),
-        (["rrf-heightmap", "heightmap.csv"], "--robot"),
-        (["linuxcnc-probe", "probe.txt", "--robot", "linear_delta"], "--unit"),
-        (["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "cm"], "cm"),
-        (
-            ["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "mm", "--normal", "0", "0", "0"],
-            "normal",
-        ),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "0.02", "0", "0"], "metres"),
-        (["rrf-heightmap", "heightmap.csv", "--robot", "linear_delta", "--probe-offset", "0", "3000", "0"], "can't be"),
-        (["rrf-heightmap", "far.csv", "--robot", "linear_delta"], "far.csv, row 5, column q1: 45 is far outside"),
-        (
-            ["linuxcnc-probe", "probe.txt", "--robot", "linear_delta", "--unit", "mm", "--target", "0", "0", "-50"],
-            "50 m",
-        ),
-        (["marlin", "probe.txt"], "marlin"),
+        ("rrf-heightmap heightmap.csv --robot gantry_tao", "gantry_tao"),
+        (f"rrf-heightmap missing.csv {DELTA}", "missing"),
+        (f"rrf-heightmap probe.txt {DELTA}", "row 1"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --origin 9 0 0", "row 4"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --origin nan 0 0", "origin"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --probe-offset nan 0 0", "probe-offset"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --sigma 0", "sigma"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --name ../up", "name"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --name commands", "name"),
+        ("rrf-heightmap heightmap.csv", "--robot"),
+        (f"linuxcnc-probe probe.txt {DELTA}", "--unit"),
+        (f"linuxcnc-probe probe.txt {DELTA} --unit cm", "cm"),
+        (f"linuxcnc-probe probe.txt {DELTA} --unit mm --normal 0 0 0", "normal"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --probe-offset 0.02 0 0", "metres"),
+        (f"rrf-heightmap heightmap.csv {DELTA} --probe-offset 0 3000 0", "can't be"),
+        (f"rrf-heightmap far.csv {DELTA}", "far.csv, row 5, column q1: 45 is far outside"),
+        (f"linuxcnc-probe probe.txt {DELTA} --unit mm --target 0 0 -50", "50 m"),
+        ("marlin probe.txt", "marlin"),
     ],
 )
 def test_what_can_t_be_imported_is_one_line_and_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, told: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("heightmap.csv").write_text(HEIGHTMAP, encoding="utf-8")
     Path("probe.txt").write_text(PROBE_LOG, encoding="utf-8")
     Path("far.csv").write_text(HEIGHTMAP.replace(" -0.045", "45000"), encoding="utf-8")
-    own = () if "--origin" in arguments or arguments[0] == "marlin" else ("--origin", *ORIGIN)
-    assert told in refused(tmp_path, "import", *arguments, *own, "-o", "touches")
+    own = () if "--origin" in words or words.startswith("marlin") else ("--origin", *ORIGIN)
+    assert told in refused(tmp_path, "import", *words.split(), *own, "-o", "touches")
