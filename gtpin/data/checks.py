@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtpin.data.ids import Ids, codes, table_ids
+from gtpin.data.ids import Ids, codes, normal_ids
 from gtpin.data.names import check_covariate_name, command_names, is_approach
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
@@ -62,7 +62,7 @@ class CheckedRows:
         array = np.asarray(values, dtype=object)
         if array.shape != self.line.shape:
             raise DatasetError(f"needs one id for each of {len(self.line)} rows", file=self.file, column=name)
-        result = table_ids(self.file, name, array, self.line)
+        result = normal_ids(array, name, self.file, self.line)
         result.setflags(write=False)
         return result
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data.ids import table_ids
+from gtpin.data.ids import normal_ids
 from gtpin.data.names import kind_of
 from gtpin.data.table import Column, DataTable, bad_cell, check_header, numbers, numbers_or_words
 from gtpin.errors import DatasetError
@@ -57,7 +57,7 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
         if name in values:
             columns[name] = np.array(values[name])
         elif kind_of(name) == "id" or name in ids:
-            columns[name] = table_ids(file, name, texts[name], lines)
+            columns[name] = normal_ids(texts[name], name, file, lines)
         else:
             read = numbers_or_words(texts[name])
             if isinstance(read, int):

@@ -164,22 +164,13 @@ def write_description(file: Path, description: Description, instruments: Sequenc
 
     ``instruments``: the ``[[instrument]]`` sections of schema 2, in place of the one instrument of schema 1.
     """
-    one = description.instrument
-    values: dict[str, Any] = {
-        "schema": SECOND if instruments else SCHEMA,
-        "robot": description.robot,
-        "tcp": description.tcp,
-        "actuators": list(description.actuators),
-        # A target at the TCP is the default.
-        "instrument": one.model_dump(exclude_none=True, exclude={"target"} if one.target == "tcp" else None),
-        "conditions": description.conditions.model_dump(),
-        "tolerance": description.tolerance,
-        "driver": [table.model_dump() for table in description.driver],
-    }
+    values = description.model_dump(by_alias=True, exclude_none=True)
     if instruments:
         del values["instrument"]
-        values["instrument"] = list(instruments)
-    text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, [], None)})
+        values |= {"schema": SECOND, "instrument": list(instruments)}
+    elif description.instrument.target == "tcp":  # the default
+        del values["instrument"]["target"]
+    text = tomli_w.dumps({key: value for key, value in values.items() if value not in ({}, (), [])})
     file.write_text(text, encoding="utf-8", newline="\n")
 
 

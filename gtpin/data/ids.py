@@ -47,16 +47,16 @@ def normal_id(value: object) -> str:
     return str(int(number)) if number.is_integer() else repr(number)
 
 
-class BadIdError(ValueError):
-    """An id that is none; ``index`` is its place."""
+def normal_ids(
+    values: Iterable[Any],
+    name: str = "id",
+    file: Path | None = None,
+    lines: Sequence[int] | NDArray[np.int64] | None = None,
+) -> Ids:
+    """Spell ids in their normal form, as an (N,) array of `str`.
 
-    def __init__(self, reason: str, index: int) -> None:
-        super().__init__(reason)
-        self.index = index
-
-
-def normal_ids(values: Iterable[Any]) -> Ids:
-    """Spell ids in their normal form, as an (N,) array of `str`; raises `BadIdError` for the first that `normal_id` refuses."""
+    Raises `DatasetError` for the first that `normal_id` refuses, with the file, its line, and the column ``name``.
+    """
     known: dict[Any, str] = {}
     result = []
     for index, value in enumerate(values):
@@ -64,20 +64,12 @@ def normal_ids(values: Iterable[Any]) -> Ids:
             try:
                 known[value] = normal_id(value)
             except ValueError as error:
-                raise BadIdError(str(error), index) from None
+                row, hint = None if lines is None else int(lines[index]), f"give every row its {name}"
+                raise DatasetError(str(error), file=file, row=row, column=name, hint=hint) from None
         result.append(known[value])
     array = np.empty(len(result), dtype=object)
     array[:] = result
     return array
-
-
-def table_ids(file: Path | None, name: str, values: Iterable[Any], lines: Sequence[int] | NDArray[np.int64]) -> Ids:
-    """`normal_ids` of a table's column; raises `DatasetError` with the line of the first that is none."""
-    try:
-        return normal_ids(values)
-    except BadIdError as error:
-        hint = f"give every row a {name}"
-        raise DatasetError(str(error), file=file, row=int(lines[error.index]), column=name, hint=hint) from None
 
 
 def codes(values: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[Any]]:

@@ -79,14 +79,14 @@ class InstrumentTable(BaseModel):
     target: Annotated[Point | None, _TARGET] = None
     targets: Annotated[dict[Text, Point], hint("targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame")] = {}
     target_sigma: NotNegative = 0.0
-    sightless: ClassVar[str] = ""
+    targetless: ClassVar[str] = ""
     """What it is called in the error that it has no target; empty where it has one."""
 
     @model_validator(mode="after")
     def _has_one_kind_of_target(self) -> Self:
-        if self.sightless and (self.target is not None or self.targets):
+        if self.targetless and (self.target is not None or self.targets):
             key = "targets" if self.targets else "target"
-            raise mistake(key, f"{self.sightless} has no target", "leave it out")
+            raise mistake(key, f"{self.targetless} has no target", "leave it out")
         if self.target is not None and self.targets:
             raise mistake("targets", "target and targets", "write one of the two")
         return self
@@ -217,7 +217,7 @@ class TiltTable(InstrumentTable):
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
-    sightless: ClassVar[str] = "a tilt sensor"
+    targetless: ClassVar[str] = "a tilt sensor"
 
     kind: Literal["tilt"]
     mount_sigma: NotNegative = 1e-2
@@ -230,7 +230,7 @@ class EncoderTable(InstrumentTable):
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("reading",)
-    sightless: ClassVar[str] = "an encoder"
+    targetless: ClassVar[str] = "an encoder"
 
     kind: Literal["encoder"]
     joint: Annotated[Text, hint('write joint = "NAME", as in the URDF')]
@@ -304,6 +304,4 @@ def _instrument(
 
 def written(table: InstrumentTable) -> dict[str, Any]:
     """The keys of an ``[[instrument]]`` as they are written: without those that have their default values."""
-    return {
-        key: value for key, value in table.model_dump(exclude_none=True, exclude_defaults=True).items() if value != {}
-    } | {"kind": table.kind}
+    return table.model_dump(exclude_none=True, exclude_defaults=True) | {"kind": table.kind}

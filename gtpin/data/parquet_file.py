@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from gtpin.data.ids import table_ids
+from gtpin.data.ids import normal_ids
 from gtpin.data.names import kind_of
 from gtpin.data.table import Column, DataTable, bad_cell, check_header, numbers_or_words
 from gtpin.errors import DatasetError
@@ -39,7 +39,7 @@ def read_parquet(file: Path, data: bytes, ignore: Collection[str] = (), ids: Col
             continue
         if kind_of(name) == "id" or name in ids:
             cells = (None if value is None else str(value) for value in _values(table[name]))
-            columns[name] = table_ids(file, name, cells, range(2, table.num_rows + 2))
+            columns[name] = normal_ids(cells, name, file, range(2, table.num_rows + 2))
             continue
         found: Floats | int | None = _floats(table[name])
         if found is None:

@@ -193,12 +193,9 @@ def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, f
         return bool(off > reach and scaled <= reach)
     # Medians, so that a gross error in a few rows does not look like another unit.
     spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
-    return bool(500.0 * spread[1] < spread[0] < 2000.0 * spread[1]) and _in_all_directions(measured, predicted)
-
-
-def _in_all_directions(measured: Floats, predicted: Floats) -> bool:
-    """Whether measured positions (N, 3) are spread far more widely than predicted ones in every direction."""
-    # One axis in millimetres spreads them along that axis only, and is another mistake.
+    if not 500.0 * spread[1] < spread[0] < 2000.0 * spread[1]:
+        return False
+    # One axis in millimetres spreads positions along that axis only, and is another mistake: here all axes are.
     wide, wider = (np.linalg.svd(x, compute_uv=False) for x in _about_medians(measured, predicted))
     there = wide > 0.05 * wide[0]
     return bool((wider[there] > 100.0 * wide[there]).all())

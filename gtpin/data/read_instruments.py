@@ -143,22 +143,16 @@ def _readings(read: DataTable, table: InstrumentTable, rows: CheckedRows) -> dic
     for name in table.ids:
         if name in read.columns or name in table.needed:
             found[name] = rows.ids(read.column(name), name)
-    if isinstance(table, TrackerTable):
-        _check_tracker(read, found, rows)
-    return found
-
-
-def _check_tracker(read: DataTable, found: dict[str, Column], rows: CheckedRows) -> None:
-    quaternions = read.orientation()
+    quaternions = read.orientation() if isinstance(table, TrackerTable) else None
     if quaternions is not None:
         found |= dict(zip(ORIENTATION, rows.quaternions(quaternions).T, strict=True))
-    if not any(name in found for name in SIGMAS):
-        return
-    for name in SIGMAS if quaternions is not None else SIGMAS[:3]:
-        values = read.column(name)
-        bad = np.flatnonzero(~(np.asarray(values, dtype=float) > 0.0))
-        if len(bad):
-            raise rows.error(int(bad[0]), name, f"{values[bad[0]]:.6g} can't be", "a sigma is above 0, m or rad")
+    if isinstance(table, TrackerTable) and any(name in found for name in SIGMAS):
+        for name in SIGMAS if quaternions is not None else SIGMAS[:3]:
+            bad = np.flatnonzero(~(read.column(name).astype(float) > 0.0))
+            if len(bad):
+                what = f"{read.columns[name][bad[0]]:.6g} can't be"
+                raise rows.error(int(bad[0]), name, what, "a sigma is above 0, m or rad")
+    return found
 
 
 def _check_commands(parts: list[_Part]) -> None:

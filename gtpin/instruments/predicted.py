@@ -51,7 +51,12 @@ def predicted_readings(
         raise ModelError(
             f"instruments of kind {fitted.table.kind} can't be predicted", hint=f"{', '.join(BUILT_IN)} can"
         )
-    read = Read(_blank(fitted, len(poses)), dict(ids), np.full(len(poses), -1), fitted.known)
+    # The class needs its columns of readings, as of identity rotations; what was read has no meaning here.
+    blank = {
+        column: np.full(len(poses), 0.0 if column in ("qx", "qy", "qz") else 1.0)
+        for column in (*fitted.table.numbers, *fitted.columns)
+    }
+    read = Read(blank, dict(ids), np.full(len(poses), -1), fitted.known)
     try:
         one: Instrument = kind(fitted.table, read, model.robot)
     except DatasetError as error:
@@ -79,12 +84,3 @@ def as_seen(model: Model) -> tuple[Model, str | None]:
     if not model.instruments or trackers:
         return model, next(iter(trackers), None)
     return replace(model, effects=tuple(e for e in model.effects if e.site != "frame")), None
-
-
-def _blank(fitted: FittedInstrument, count: int) -> dict[str, Floats]:
-    """Columns of readings that an instrument's class needs; their values have no meaning."""
-    numbers = {name: np.ones(count) for name in (*fitted.table.numbers, *fitted.columns)}
-    for name in ("qx", "qy", "qz"):
-        if name in numbers:
-            numbers[name] = np.zeros(count)
-    return numbers

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -11,6 +12,9 @@ import pytest
 from ran import called, refused
 
 from gtpin.data import Commands, Dataset
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "instruments"))
+from virtual_five_bar import urdf
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "examples" / "scenarios").glob("*.toml"))
 
@@ -169,24 +173,11 @@ def test_what_can_t_be_measured_is_one_line_and_no_files(tmp_path, options, what
     assert what in refused(tmp_path, "simulate", "-o", tmp_path / "set", "--poses", "8", *options)
 
 
-FIVE_BAR = """<robot name="five_bar"><link name="base"/>
-<link name="left"/><joint name="drive1" type="revolute"><parent link="base"/><child link="left"/>
-<origin xyz="-0.1 0 0" rpy="0 0 2.2"/><axis xyz="0 0 1"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/></joint>
-<link name="left_far"/><joint name="elbow1" type="revolute"><parent link="left"/><child link="left_far"/>
-<origin xyz="0.2 0 0" rpy="0 0 -1.44"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-<link name="right"/><joint name="drive2" type="revolute"><parent link="base"/><child link="right"/>
-<origin xyz="0.1 0 0" rpy="0 0 0.94"/><axis xyz="0 0 1"/><limit lower="-0.6" upper="0.6" effort="1" velocity="1"/></joint>
-<link name="right_far"/><joint name="elbow2" type="revolute"><parent link="right"/><child link="right_far"/>
-<origin xyz="0.2 0 0" rpy="0 0 1.44"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-<loop_joint name="pin"><link1 link="left_far" xyz="0.3 0 0"/><link2 link="right_far" xyz="0.3 0 0"/></loop_joint>
-<gtpin><actuator joint="drive1"/><actuator joint="drive2"/><platform link="left_far"/></gtpin></robot>"""
-
-
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
     """A dataset of a virtual five-bar, read by the encoder that the plant has, and its truth; not to be changed."""
     folder = tmp_path_factory.mktemp("five_bar")
-    (folder / "five_bar.urdf").write_text(FIVE_BAR)
+    (folder / "five_bar.urdf").write_text(urdf())
     options = ("--robot", folder / "five_bar.urdf", "--instrument", "encoder", "--poses", "60")
     assert called("simulate", "-o", folder / "set", *options).code == 0
     return folder
