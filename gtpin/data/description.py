@@ -193,12 +193,13 @@ def _explanation(kind: str, location: list[str], first: Any, model: type[BaseMod
     if kind == "mistake":
         return first["msg"], first["ctx"]["hint"]
     section = _SECTIONS.get(location[0], model) if model is Description and len(location) > 1 else model
-    if kind == "extra_forbidden":
-        return "unknown key", _nearest(location[-1], section)
     # Of a place such as instrument.station.2, the key is station; of planes.A.normal, it is planes.
     hints = {name: field.description for model_ in (model, section) for name, field in _fields(model_).items()}
     key = next((part for part in location[section is not model :] if part in hints), location[0])
     hint = hints.get(key) or ("a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value")
+    if kind == "extra_forbidden":
+        inside = section is model and len(location) > 1  # of a key, such as a plane's of planes
+        return "unknown key", hint if inside else _nearest(location[-1], section)
     if kind == "missing":
         return "the key is missing", hint
     if key == "schema":

@@ -54,6 +54,11 @@ MISTAKES = {
         "instrument.0.planes.Q.normal",
         "normal = [x, y, z]",
     ),
+    "a key that a plane has not": (
+        PLANE.replace("1.0]}, Q", "1.0], up = 1}, Q"),
+        "instrument.0.planes.P.up",
+        "planes = {A",
+    ),
     "a normal of no length": (PLANE.replace("[1.0, 0.0, 0.0]", "[0, 0, 0]"), "instrument.0.planes.Q.normal", "normal"),
     "sigma 0": (RANGE.replace("sigma = 2e-5", "sigma = 0"), "instrument.0.sigma", "above 0"),
     "sigma in words": (RANGE.replace("sigma = 2e-5", 'sigma = "20 um"'), "instrument.0.sigma", "m or rad"),
