@@ -29,7 +29,7 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
     Columns in `ignore` are not looked at; those in `ids` hold ids, as `pose` does. Columns of words are left out. Raises
     `DatasetError` with the line and column of the first bad cell.
     """
-    _check_text(file, data)
+    check_text(file, data, "give a table as CSV in UTF-8, with a header line and rows")
     header = next(_text(data)).rstrip("\n")
     _check_separator(header, file)
     _, names = next(_cells(file, iter([header])), (1, [""]))
@@ -68,25 +68,22 @@ def read_csv(file: Path, data: bytes, ignore: Collection[str] = (), ids: Collect
     return DataTable(file, tuple(names), np.array(lines, dtype=np.int64), columns)
 
 
-def _check_text(file: Path, data: bytes) -> None:
+def check_text(file: Path, data: bytes, hint: str) -> None:
+    """Raise `DatasetError` for the bytes of a file that are blank, or no text in UTF-8; ``hint``: what to give instead."""
     if not data.removeprefix(codecs.BOM_UTF8).strip():
-        raise DatasetError("the file is empty", file=file, hint="it needs a header line and rows")
+        raise DatasetError("the file is empty", file=file, hint=hint)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise DatasetError("the file is UTF-16", file=file, hint="save it as UTF-8")
-    at = data.find(b"\0")
-    if data.startswith((b"PK\x03\x04", b"PAR1", b"\x1f\x8b")) or at >= 0:
-        row = _line_of(data, at) if at >= 0 else None
-        raise DatasetError("the file is not text", file=file, row=row, hint="export it as CSV in UTF-8")
-    if not data.isascii():
+    at, what = data.find(b"\0"), "the file is not text"
+    if at < 0 and not data.startswith((b"PK\x03\x04", b"PAR1", b"\x1f\x8b")):
         try:
             data.decode()
         except UnicodeDecodeError as error:
-            row = _line_of(data, error.start)
-            raise DatasetError("the file is not UTF-8", file=file, row=row, hint="save it as UTF-8") from None
-
-
-def _line_of(data: bytes, at: int) -> int:
-    return len(data[: at + 1].splitlines())
+            at, what, hint = error.start, "the file is not UTF-8", "save it as UTF-8"
+        else:
+            return
+    row = len(data[: at + 1].splitlines()) if at >= 0 else None
+    raise DatasetError(what, file=file, row=row, hint=hint)
 
 
 def _text(data: bytes) -> io.TextIOWrapper:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from gtpin.data.csv_file import check_text
 from gtpin.data.files import LARGEST_TEXT, read_bytes
 from gtpin.data.table import is_missing, number
 from gtpin.errors import DatasetError
@@ -24,18 +25,10 @@ def text_lines(file: Path, *, may_be_empty: bool = False) -> list[str]:
     empty, unless it may be.
     """
     data = read_bytes(file, most=LARGEST_TEXT).removeprefix(codecs.BOM_UTF8)
-    if not data.strip() and not may_be_empty:
-        raise DatasetError("the file is empty", file=file, hint="export it again")
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise DatasetError("the file is UTF-16", file=file, hint="save it as UTF-8")
-    if b"\0" in data:
-        raise DatasetError("the file is not text", file=file, hint="give the text file that the program wrote")
-    try:
-        # Only these characters end a line. str.splitlines() would also split at form feeds and other control characters.
-        return data.decode().replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    except UnicodeDecodeError as error:
-        row = data[: error.start].count(b"\n") + 1
-        raise DatasetError("the file is not UTF-8", file=file, row=row, hint="save it as UTF-8") from None
+    if data.strip() or not may_be_empty:
+        check_text(file, data, "give the text file that the program wrote")
+    # Only these characters end a line. str.splitlines() would also split at form feeds and other control characters.
+    return data.decode().replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def decimal(

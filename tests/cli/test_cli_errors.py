@@ -303,18 +303,6 @@ def test_an_output_folder_is_updated_and_what_else_is_in_it_stays(run, dataset, 
     assert tree(target) == before
 
 
-def test_predict_replaces_a_file_and_leaves_its_neighbours(run, source, tmp_path):
-    (tmp_path / "q.csv").write_text("mine")
-    (tmp_path / "one.csv").write_text("pose,q1,q2,q3\na,0,0,0\n")
-    assert run("predict", "gantry_tau", tmp_path / "one.csv", "-o", tmp_path / "p.csv").code == 0
-    older = (tmp_path / "p.csv").read_text()
-    assert run("predict", "gantry_tau", source / "commands.csv", "-o", tmp_path / "p.csv").code == 0
-    assert (tmp_path / "p.csv").read_text() != older
-    assert (tmp_path / "q.csv").read_text() == "mine"
-    assert len(pd.read_csv(tmp_path / "p.csv")) == 20
-    assert {path.name for path in tmp_path.iterdir()} == {".gtpin.json", "one.csv", "p.csv", "q.csv"}
-
-
 # -------------------------------------------------------------------------------------------- anything at all
 
 CELL = st.one_of(

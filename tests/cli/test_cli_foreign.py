@@ -152,8 +152,11 @@ def test_a_single_file_is_replaced_by_its_own_command_beside_a_dataset_too(run, 
     for _ in range(2):
         assert run("predict", "gantry_tau", source / "commands.csv", "-o", output / "p.csv").code == 0
     assert run("simulate", "-o", output, "--poses", "12").code == 0
-    for name in ("p.csv", "q.csv", "p.csv", "q.csv"):
-        assert run("predict", "gantry_tau", source / "commands.csv", "-o", output / name).code == 0
+    (tmp_path / "one.csv").write_text("pose,q1,q2,q3\na,0,0,0\n")
+    for commands in (tmp_path / "one.csv", source / "commands.csv"):
+        for name in ("p.csv", "q.csv"):
+            assert run("predict", "gantry_tau", commands, "-o", output / name).code == 0
+            assert len((output / name).read_text().splitlines()) == len(commands.read_text().splitlines())
     assert not list(output.glob("*.old-*"))
 
 
