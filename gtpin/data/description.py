@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -217,11 +217,15 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 def _nearest(key: str, model: type[BaseModel]) -> str:
     """What an unknown key may have been meant to be."""
-    own = list(_fields(model))
     if issubclass(model, TomlSection):
         sections: list[tuple[str, type[TomlSection]]] = [("", Description), *_SECTIONS.items()]
         for name, other in sections:
             if other is not model and key in _fields(other):
                 return f"it belongs under [{name}]" if name else "it belongs at the top, before any [section]"
-    close = difflib.get_close_matches(key.lower(), own, n=1)
-    return f"did you mean {close[0]}?" if close else f"known here: {', '.join(own)}"
+    return meant(key, _fields(model))
+
+
+def meant(word: str, known: Collection[str]) -> str:
+    """The known word that an unknown one may have been meant to be, or all that are known."""
+    close = difflib.get_close_matches(word.lower(), known, n=1)
+    return f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"

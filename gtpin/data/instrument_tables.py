@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -10,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from gtpin.data.description import SCHEMA, Description, Frame, describe, explained, hint
+from gtpin.data.description import SCHEMA, Description, Frame, describe, explained, hint, meant
 from gtpin.errors import DatasetError
 
 LARGEST = 1e12
@@ -293,9 +292,8 @@ def _instrument(
             raise DatasetError(f"an instrument needs a {key}", file=file, column=f"{place}.{key}", hint=text)
     kind = kinds.get(values["kind"])
     if kind is None:
-        close = difflib.get_close_matches(values["kind"].lower(), kinds, n=1)
-        text = f"did you mean {close[0]}?" if close else f"kinds are {', '.join(kinds)}"
-        raise DatasetError(f"no instrument is of kind {values['kind']!r}", file=file, column=f"{place}.kind", hint=text)
+        what, text = f"no instrument is of kind {values['kind']!r}", meant(values["kind"], kinds)
+        raise DatasetError(what, file=file, column=f"{place}.kind", hint=text)
     try:
         return kind.model_validate(dict(values))
     except ValidationError as error:

@@ -49,7 +49,8 @@ def is_missing(text: str) -> bool:
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 
 
-def _has_decimal_comma(text: str) -> bool:
+def has_decimal_comma(text: str) -> bool:
+    """Whether a text is a number with a comma for the point."""
     return "," in text and not math.isnan(number(text.replace(",", ".", 1)))
 
 
@@ -63,14 +64,14 @@ def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int
     if all(not c.strip() for c in cells):
         return DatasetError("every cell of the row is blank", file=file, row=row, hint="delete this line")
     units = [c for c in (cells[i] for i in words) if not is_missing(c)]
-    if row == 2 and len(words) == numbers and units and not any(_has_decimal_comma(c) for c in units):
+    if row == 2 and len(words) == numbers and units and not any(has_decimal_comma(c) for c in units):
         what = "the line under the header has no numbers and looks like a line of units"
         return DatasetError(what, file=file, row=row, hint="delete it; the units are m, rad, s, kg, N and degC")
     if not text:
         what, hint = "the cell is blank", "fill it in, or leave the row out"
     elif is_missing(text) or _HUGE.fullmatch(text):
         what, hint = f"{cells[column][:40]!r} is not a finite number", "fill it in, or leave the row out"
-    elif _has_decimal_comma(text):
+    elif has_decimal_comma(text):
         what, hint = f"{cells[column][:40]!r} is not a number", "write a decimal point, not a comma"
     else:
         what, hint = f"{cells[column][:40]!r} is not a number", "write a plain number in SI units, without its unit"

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.data.ids import normal_ids
 from gtpin.errors import DatasetError, warn
 from gtpin.importers.klipper_config import Option, Sections, needed, read_config
 from gtpin.importers.lines import decimal, decimals, text_lines
@@ -64,7 +65,7 @@ def read_klipper_delta(file: Path | str) -> Touches:
     return Touches(
         file,
         row,
-        np.array([str(number) for number in numbers], dtype=object),
+        normal_ids(numbers),
         position=MILLIMETRE * _positions(sections, travel, file, row),
         travel=MILLIMETRE * travel,
         height=MILLIMETRE * np.array([option.number() for option in heights]),

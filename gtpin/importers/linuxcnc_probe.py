@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from gtpin.data.ids import normal_ids
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimals, text_lines
 from gtpin.importers.touches import Touches
@@ -65,7 +66,7 @@ def read_linuxcnc_probe(
     return Touches(
         file,
         np.array(rows, dtype=np.int64),
-        np.array([str(number) for number in range(1, len(rows) + 1)], dtype=object),
+        normal_ids(range(1, len(rows) + 1)),
         position=None if letters else found[:, :3],
         q=machine[:, [AXES.index(letter) for letter in letters]] if letters else None,
         target=target,

@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Commands, Dataset, InstrumentSection
-from gtpin.data.ids import Ids, normal_id
+from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import ORIENTATION, POSITION, is_command
-from gtpin.data.table import number
+from gtpin.data.table import has_decimal_comma, number
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
 from gtpin.importers.matched import Match, check_ranges, matched
@@ -60,10 +60,8 @@ class NamedColumns:
 
     def commands(self, names: Sequence[str], scale: Floats) -> Commands:
         """The commands in the table, in m or rad by their scales; rows without an id are numbered."""
-        pose = np.array([str(number) for number in range(1, len(self.row) + 1)], dtype=object)
-        return Commands(
-            pose if self.pose is None else self.pose, self.matrix(names) * scale, row=self.row, file=self.file
-        )
+        pose = normal_ids(range(1, len(self.row) + 1)) if self.pose is None else self.pose
+        return Commands(pose, self.matrix(names) * scale, row=self.row, file=self.file)
 
     def dataset(
         self,
@@ -178,7 +176,7 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed:
 
 def _hint(text: str, *, first: bool) -> str:
     """The hint for a text that is not a number; ``first``: it is in the first row."""
-    if "," in text and not math.isnan(number(text.replace(",", ".", 1))):
+    if has_decimal_comma(text):
         return "if numbers have a comma for the point, give --decimal-comma"
     return (
         "if this line is no row, pass over it (--header N); else correct it"

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from gtpin.data import Commands
 from gtpin.data.description import SECOND
 from gtpin.data.folder import write_folder
+from gtpin.data.ids import normal_ids
 from gtpin.data.instrument_tables import describe_second, written
 from gtpin.data.names import command_names
 from gtpin.data.table import Column
@@ -121,7 +122,7 @@ def touched(file: Path, rows: list[int], xyz: list[list[float]], offset: tuple[f
     return Touches(
         file,
         np.array(rows, dtype=np.int64),
-        np.array([str(number) for number in range(1, len(rows) + 1)], dtype=object),
+        normal_ids(range(1, len(rows) + 1)),
         position=MILLIMETRE * np.array(xyz).reshape(-1, 3),
         target=(x, y, 0.0 - z),
         bed=True,
