@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
@@ -50,15 +49,6 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class RotationReading(Reading, ABC):
-    """A way to read measured rotations."""
-
-    @abstractmethod
-    def read(self, rotation: Rotation) -> Floats:
-        """(N, 3, 3) rotations without the mistake, from those that were read."""
-
-
-@dataclass(frozen=True)
 class Positions(Reading):
     """A way to read x y z: the position is ``matrix @ (x, y, z)``, m; ``axes``: (3, 3) the signed permutation in ``matrix``."""
 
@@ -82,7 +72,7 @@ class Positions(Reading):
 
 
 @dataclass(frozen=True)
-class Orientations(RotationReading):
+class Orientations(Reading):
     """A way to read a rotation: ``left @ R' @ right``, where R' has the vector part of its quaternion mapped by ``vector``.
 
     All matrices are signed permutations.
@@ -171,11 +161,7 @@ def orientation_readings(positions: Positions, *, turned: bool) -> Iterator[Orie
 
 def _plain(s: Floats) -> bool:
     """Whether no axis is changed, one is reversed, or two are swapped: the usual mistakes that make a frame left-handed."""
-    return bool(
-        s.trace() == 3.0
-        or (s.trace() == 1.0 and (np.abs(s) == s).all())
-        or (s.trace() == 1.0 and np.abs(s).trace() == 3.0)
-    )
+    return bool(s.trace() == 3.0 or (s.trace() == 1.0 and ((np.abs(s) == s).all() or np.abs(s).trace() == 3.0)))
 
 
 def _axes_words(s: Floats) -> tuple[list[str], list[str]]:
@@ -207,7 +193,7 @@ def _turn(s: Floats) -> str:
 
 
 @dataclass(frozen=True)
-class Misread(RotationReading):
+class Misread(Reading):
     """A mistake: three numbers of one convention of rotations that were converted by another one.
 
     ``meant``, ``taken``: the convention of the numbers, and the one by which they were converted. ``by_axis``: True: each
@@ -230,6 +216,10 @@ class Misread(RotationReading):
         if self.by_axis:
             numbers = numbers[:, ["xyz".index(axis) for axis in self.meant]]
         return _from_euler(self.meant, numbers)
+
+
+RotationReading = Orientations | Misread
+"""A way to read measured rotations."""
 
 
 def _described(convention: Convention, by_axis: bool) -> str:
