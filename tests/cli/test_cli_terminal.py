@@ -94,15 +94,6 @@ def test_the_version_is_told_by_the_program_and_by_the_package(run):
 
 
 @pytest.mark.slow
-def test_piped_output_has_neither_colour_nor_progress(program, source, tmp_path):
-    ran = program("calibrate", source, "-o", tmp_path / "out")
-    assert ran.code == 0
-    assert ran.err == ""
-    assert "\x1b" not in ran.out
-    assert "\r" not in ran.out
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_no_color_is_respected_on_a_terminal(source, tmp_path, monkeypatch):
     import pty

@@ -56,12 +56,8 @@ FRAMES = pytest.mark.parametrize("frame", ["robot", "free"])
 
 
 @FRAMES
-def test_plausible_data_are_kept_without_a_word(frame):
+def test_plausible_data_are_kept_without_a_word_with_and_without_orientations(frame):
     assert check(measured(frame)).all()
-
-
-@FRAMES
-def test_positions_without_orientations_are_kept(frame):
     assert check(replace(measured(frame), orientation=None)).all()
 
 
@@ -102,20 +98,10 @@ def test_commands_a_little_outside_are_named_and_kept():
     assert len(caught) == 1
 
 
-def test_commands_at_the_very_ends_of_the_range_are_inside():
-    check_commands(
-        with_q(with_q(measured(), 0, 0, -0.6), 1, 0, 0.6).commands,
-        names=NAMES,
-        lower=LOWER,
-        upper=UPPER,
-        revolute=REVOLUTE,
-    )
-
-
-def test_an_actuator_without_end_takes_any_command():
-    data = with_q(measured(), 0, 2, 1e3)
+def test_commands_at_the_very_ends_of_the_range_are_inside_and_without_an_end_all_are():
+    check(with_q(with_q(measured(), 0, 0, -0.6), 1, 0, 0.6))
     upper = np.array([0.6, 0.6, np.inf])
-    check_commands(data, names=NAMES, lower=-upper, upper=upper, revolute=REVOLUTE)
+    check_commands(with_q(measured(), 0, 2, 1e3), names=NAMES, lower=-upper, upper=upper, revolute=REVOLUTE)
 
 
 def test_poses_out_of_reach_are_named_and_set_aside():

@@ -119,8 +119,12 @@ def test_a_folder_that_does_not_exist_is_said_not_to(tmp_path, make, fails, path
     assert "the folder does not exist" in fails(tmp_path / path, file="").what
 
 
-def test_a_missing_table_is_named(make, fails):
+def test_a_missing_table_is_named_and_so_are_a_folder_in_its_place_and_two_of_one_name(make, fails):
     folder = make()
+    (folder / "poses.parquet").write_bytes(b"PAR1")
+    with pytest.raises(DatasetError, match=r"both poses\.csv and poses\.parquet"):
+        Dataset.read(folder)
+    (folder / "poses.parquet").unlink()
     (folder / "poses.csv").unlink()
     assert "missing" in fails(folder).what
     (folder / "poses.csv").mkdir()
@@ -140,13 +144,6 @@ def test_a_path_that_can_t_be_one_is_refused():
             Dataset.read(path)
 
 
-def test_both_a_csv_and_a_parquet_table_are_refused(make):
-    folder = make()
-    (folder / "poses.parquet").write_bytes(b"PAR1")
-    with pytest.raises(DatasetError, match=r"both poses\.csv and poses\.parquet"):
-        Dataset.read(folder)
-
-
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" + bytes(100) + b"PAR1", b"pose,q1\n1,2\n"])
 def test_a_parquet_file_that_is_none_is_refused(make, fails, content):
     folder = make()
@@ -161,21 +158,22 @@ def test_other_separators_inside_a_column_s_name_are_let_pass(name):
 
 
 @pytest.mark.parametrize(
-    ("line", "row"), [('"b,0,0', 3), ('b,"0\n",0', 3), ('b,"0" ,0', 3), ('b,0,"0', 3), ('"b"x,0,0', 3)]
+    ("text", "row", "said"),
+    [
+        *(
+            (f"pose,q1,q2\na,0,0\n{line}{after}\n", 3, "quoted cell")
+            for line in ('"b,0,0', 'b,"0\n",0', 'b,"0" ,0', 'b,0,"0', '"b"x,0,0')
+            for after in ("", "\nc,0,0\nd,0,0")
+        ),
+        ('pose,"q1,q2\na,0,0\n', 1, "quoted cell"),
+        ("pose,q1\n" + "a" * 200_000 + ",1\n", 2, "more than 131072 characters"),
+    ],
+    ids=range(12),
 )
-@pytest.mark.parametrize("after", ["", "\nc,0,0\nd,0,0"])
-def test_a_quoted_cell_that_is_not_closed_is_reported_with_its_line(line, row, after):
-    with pytest.raises(DatasetError, match="quoted cell") as caught:
-        read_csv("f.csv", f"pose,q1,q2\na,0,0\n{line}{after}\n".encode())
+def test_a_quoted_cell_that_is_not_closed_and_a_cell_as_long_as_a_book_are_reported_with_their_line(text, row, said):
+    with pytest.raises(DatasetError, match=said) as caught:
+        read_csv("f.csv", text.encode())
     assert caught.value.row == row
-
-
-def test_a_quoted_header_that_is_not_closed_and_a_cell_as_long_as_a_book_are_refused():
-    with pytest.raises(DatasetError, match="quoted cell") as caught:
-        read_csv("f.csv", b'pose,"q1,q2\na,0,0\n')
-    assert caught.value.row == 1
-    with pytest.raises(DatasetError, match="more than 131072 characters"):
-        read_csv("f.csv", b"pose,q1\n" + b"a" * 200_000 + b",1\n")
 
 
 def test_one_pose_may_differ_by_rounding_in_its_commands(make):

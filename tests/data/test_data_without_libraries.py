@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from small_dataset import HEADER, LINES, TOML
 
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import write_table
@@ -23,15 +22,6 @@ def both(make, tmp_path: Path) -> Path:
     (tmp_path / "columns" / "dataset.toml").write_bytes((folder / "dataset.toml").read_bytes())
     pd.read_csv(folder / "poses.csv", dtype={"pose": str}).to_parquet(tmp_path / "columns" / "poses.parquet")
     return tmp_path
-
-
-@pytest.mark.slow
-def test_a_csv_needs_no_pyarrow(both: Path) -> None:
-    """In a process of its own: pandas decides at its import whether pyarrow is there."""
-    code = "import sys; sys.modules['pyarrow'] = None; import gtpin; print(len(gtpin.Dataset.read(sys.argv[1])))"
-    command = [sys.executable, "-c", code, str(both / "set")]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert int(printed) == len(pd.read_csv(both / "set" / "poses.csv"))
 
 
 def test_a_parquet_file_is_refused_with_the_extra_s_name(both: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,9 +77,9 @@ def test_a_written_table_is_that_of_pandas(tmp_path):
 
 
 @pytest.mark.slow
-def test_reading_a_dataset_does_not_import_pandas(tmp_path):
-    (tmp_path / "dataset.toml").write_text(TOML)
-    (tmp_path / "poses.csv").write_text("\n".join((HEADER, *LINES)) + "\n")
-    code = "import sys, gtpin; print(gtpin.Dataset.read(sys.argv[1]).visits.tolist(), 'pandas' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True)
+def test_reading_a_csv_needs_no_pyarrow_and_imports_no_pandas(make):
+    """In a process of its own: pandas decides at its import whether pyarrow is there."""
+    code = "import sys; sys.modules['pyarrow'] = None; import gtpin; data = gtpin.Dataset.read(sys.argv[1]); "
+    code += "print(data.visits.tolist(), 'pandas' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code, str(make())], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[0, 1, 2, 0] False"
