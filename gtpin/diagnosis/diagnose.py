@@ -17,14 +17,14 @@ from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against.check import check
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.inference.findings import considered
-from gtpin.diagnosis.inference.fit import Fitted, fit
+from gtpin.diagnosis.inference.fit import fit
 from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.settle import MOST_POSES, SearchState, readmit_outliers, settle
+from gtpin.diagnosis.inference.settle import MOST_POSES, readmit_outliers, settle
 from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
 from gtpin.diagnosis.inference.where import where
 from gtpin.diagnosis.linear.cross_validation import HoldOut, check_hold_out
-from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.diagnosis.planning.next_experiment import classes, plan
+from gtpin.diagnosis.planning.trials import Known
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
@@ -160,7 +160,8 @@ def diagnose(
     if against is not None and robot is not None:
         raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
     with noted() as texts:
-        trusted, report = replace(dataset, trusted=True) if trust_data else dataset, progress or _silent
+        trusted = replace(dataset, trusted=True) if trust_data else dataset
+        report: Progress = progress or (lambda step, number, value: None)
         known = tuple(catalogue() if effects is None else effects)
         found: Diagnosis | HealthCheck
         if against is None:
@@ -187,11 +188,12 @@ def _diagnose(
 ) -> Diagnosis:
     """As :func:`diagnose`, without an earlier model; ``known``: the effects without the dataset's drivers."""
     check_hold_out(dataset, hold_out)
-    _require_memory(dataset)
-    _warn_of_masses(nominal)
-    rng = np.random.default_rng(seed)
-
-    priors = scope.priors
+    searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
+    require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
+    if not any(inertia.mass > 0.0 for inertia in nominal.model.inertias[1:]):
+        what = "can be tested only by a recorded payload or force on the tool"
+        warn(f"the links of {nominal.name} have no masses: effects of load {what}")
+    rng, priors = np.random.default_rng(seed), scope.priors
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
@@ -201,30 +203,21 @@ def _diagnose(
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     settled = settle(prepared, readmit_outliers(prepared, priors), scope, rng)
-    found = infer(settled)
+    inferred = infer(settled)
     report("fitting causes and geometry together", 0, float("nan"))
-    fitted = fit(prepared, settled, found, rng, hold_out)
+    fitted = fit(prepared, settled, inferred, rng, hold_out)
+    found, hypotheses, recorded = fitted.conclusion, settled.hypotheses, prepared.recorded
     report("what to measure next", 0, float("nan"))
     experiments = plan(
-        settled.observed,
-        prepared.baseline.model,
-        settled.references,
-        classes=classes(fitted.conclusion, fitted.causes, settled.hypotheses),
-        untestable=settled.hypotheses.untested,
-        unknown=next(((d.site, ",".join(d.over)) for d in fitted.conclusion.doubts if d.over), None),
-        unseen_noise=any(d.reason == "excess" for d in fitted.conclusion.doubts),
+        Known(settled.observed, prepared.baseline.model, settled.references),
+        classes=classes(found, fitted.causes, hypotheses),
+        untestable=hypotheses.untested,
+        unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
+        unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )
-    return _diagnosis(prepared, settled, fitted, experiments, scope)
-
-
-def _diagnosis(
-    prepared: Prepared, settled: SearchState, fitted: Fitted, experiments: tuple[Experiment, ...], scope: Scope
-) -> Diagnosis:
-    """Put the result of a diagnosis together from those of its steps."""
-    found, hypotheses = fitted.conclusion, settled.hypotheses
     regions = by_region(settled.searched, max(2, min(REGIONS, int(settled.searched.visits.max()) + 1)))
-    aside: Mask = ~np.isin(prepared.recorded.row, settled.kept.row)
+    aside: Mask = ~np.isin(recorded.row, settled.kept.row)
     return Diagnosis(
         verdict=found.verdict,
         causes=fitted.causes,
@@ -236,13 +229,13 @@ def _diagnosis(
         unexplained=fitted.unexplained,
         baseline=prepared.baseline,
         model=fitted.model,
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in prepared.recorded.pose[aside])),
-        set_aside_rows=tuple(int(line) for line in prepared.recorded.row[aside]),
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
+        set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
         next_experiment=experiments,
         questions=fitted.questions,
         effects=scope.effects,
         doubts=found.doubts,
-        dataset=prepared.recorded,
+        dataset=recorded,
     )
 
 
@@ -251,18 +244,3 @@ def _instrument(prepared: Prepared) -> InstrumentAxes:
     frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
     origin = np.zeros(3) if station is None else np.array(station)
     return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)
-
-
-def _require_memory(dataset: Dataset) -> None:
-    searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
-    require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
-
-
-def _warn_of_masses(robot: Chain) -> None:
-    if not any(inertia.mass > 0.0 for inertia in robot.model.inertias[1:]):
-        what = "can be tested only by a recorded payload or force on the tool"
-        warn(f"the links of {robot.name} have no masses: effects of load {what}")
-
-
-def _silent(step: str, number: int, value: float) -> None:
-    """Report no progress."""

@@ -14,14 +14,14 @@ from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
+from gtpin.data.files import warn_of
 from gtpin.data.sane import sane_rows
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats
 
 _NEVER_CONSTANT = re.compile(r"approach[0-9]+|time|temp_.*")
 """Columns that vary wherever they are recorded: a constant is a default value."""
@@ -33,11 +33,9 @@ _SPEED = re.compile(r"speed[0-9]+")
 class Prepared:
     """The data that a diagnosis can use, and their calibration.
 
-    - ``recorded``: all rows, in the order of the file.
-    - ``dataset``: the usable rows and columns, in an order that does not depend on the order of the file.
-    - ``baseline``: the calibration of ``dataset``.
-    - ``declared``: declared sigma of each group of numbers, m or rad; None where none is declared, or where the data show
-      less noise.
+    ``recorded``: all rows, in the order of the file. ``dataset``: the usable rows and columns, in an order that does not depend
+    on that of the file. ``declared``: declared sigma of each group of numbers, m or rad; None where none is declared, or where
+    the data show less noise.
     """
 
     recorded: Dataset
@@ -91,39 +89,34 @@ def _check_size(dataset: Dataset, parameters: int) -> None:
 def without_filled_in(dataset: Dataset) -> Dataset:
     """The dataset without constant columns that were probably filled in and not recorded: they count as missing.
 
-    A recorded covariate that does not vary excludes its effects. A constant that somebody filled in would exclude them wrongly.
-    Constant payloads, forces and sessions, and speeds of 0, are usual statements about a measurement, and are kept.
-
-    Warns: names the columns.
+    A constant that somebody filled in would exclude the effects of the column wrongly. Constant payloads, forces and sessions,
+    and speeds of 0, are usual statements about a measurement, and are kept. Warns: names the columns.
     """
-    constant = [name for name, values in dataset.covariates.items() if len(values) > 1 and (values == values[0]).all()]
-    filled = [name for name in constant if _filled_in(name, dataset)]
+    filled = [
+        name
+        for name, values in dataset.covariates.items()
+        if len(values) > 1 and (values == values[0]).all()
+        if _NEVER_CONSTANT.fullmatch(name) or (_SPEED.fullmatch(name) and values[0] != 0.0)
+    ]
     if not filled:
         return dataset
-    text = f"the same in every row, so taken as not recorded: {', '.join(filled)}"
-    warn(f"{dataset.file}: {text}" if dataset.file else text)
+    warn_of(dataset.file, f"the same in every row, so taken as not recorded: {', '.join(filled)}")
     return dataset.without(filled)
-
-
-def _filled_in(name: str, dataset: Dataset) -> bool:
-    if _NEVER_CONSTANT.fullmatch(name):
-        return True
-    return bool(_SPEED.fullmatch(name)) and float(np.asarray(dataset.covariates[name], dtype=float)[0]) != 0.0
 
 
 def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
     """The dataset without temperatures that are constant to the last digit in a sequence of rows: they count as missing.
 
-    Readings of a working thermometer differ from row to row. A logger that repeats its last value, begins late or was read at
-    another time gives such a sequence. Readings in coarse steps are not judged.
-
-    Warns: names the columns and the rows.
+    A logger that repeats its last value, begins late or was read at another time gives such a sequence. Readings in coarse
+    steps are not judged. Warns: names the columns and the rows.
     """
     order = np.argsort(dataset.covariates["time"], kind="stable") if "time" in dataset.covariates else slice(None)
     frozen = []
     for name in sorted(n for n in dataset.covariates if n.startswith("temp_")):
         values = np.asarray(dataset.covariates[name], dtype=float)[order]
-        first, length = _longest_stretch(values)
+        begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+        lengths = np.diff(begins, append=len(values))
+        first, length = int(begins[lengths.argmax()]), int(lengths.max())  # the longest sequence of equal values
         others = np.delete(values, np.s_[first : first + length])
         if length < max(priors.fewest_moving, priors.frozen * len(values)) or not len(others):
             continue
@@ -135,28 +128,16 @@ def without_frozen(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
             f"{name} is {values[first]:g} in {length} rows one after the other (line {lines[0]} to line {lines[-1]}) and "
             "differs in all others: it was not read there, so that it is not used"
         )
-        warn(f"{dataset.file}: {text}" if dataset.file else text)
+        warn_of(dataset.file, text)
     return dataset.without(frozen) if frozen else dataset
-
-
-def _longest_stretch(values: Floats) -> tuple[int, int]:
-    """First index and length of the longest sequence of equal values."""
-    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
-    lengths = np.diff(begins, append=len(values))
-    longest = int(np.argmax(lengths))
-    return int(begins[longest]), int(lengths[longest])
 
 
 def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset:
     """The dataset without columns that can't be right; they count as missing.
 
-    These are ``approach`` and ``speed`` of an actuator where the two contradict each other, and ``session`` where the
-    sessions alternate both in the order of time and in the order of the rows, or are too many or too short.
-
-    A direction of approach that belongs to other rows, or to another drive, makes backlash look like servo lag, and the
-    reverse. Nothing tells which of the two columns is wrong, so both count as missing.
-
-    Warns: names the columns.
+    These are ``approach`` and ``speed`` of an actuator where the two contradict each other: a direction that belongs to other
+    rows, or to another drive, makes backlash look like servo lag, and the reverse. And ``session`` where the sessions
+    alternate both in the order of time and in that of the rows, or are too many or too short. Warns: names the columns.
     """
     wrong: list[str] = []
     for actuator in range(1, dataset.n_actuators + 1):
@@ -170,20 +151,17 @@ def without_contradictions(dataset: Dataset, priors: Priors = PRIORS) -> Dataset
         same = float((np.sign(speed[moving]) == approach[moving]).mean())
         if 1.0 - priors.agree < same < priors.agree:
             wrong += names
-            text = (
-                f"{names[0]} and {names[1]} contradict each other in {100.0 * (1.0 - same):.0f} % of the rows in motion"
+            text = f"{' and '.join(names)} contradict each other in {100.0 * (1.0 - same):.0f} % of the rows in motion"
+            warn_of(
+                dataset.file, f"{text}: one of them belongs to other rows or another drive, so that neither is used"
             )
-            hint = "one of them belongs to other rows or another drive, so that neither is used"
-            warn(f"{dataset.file}: {text}: {hint}" if dataset.file else f"{text}: {hint}")
     text = _too_many(dataset, priors)
     if not text and _interleaved(dataset, priors):
         text = "the column session is in order neither of time nor of the rows, so that it is not used"
     if text:
         wrong.append("session")
-        warn(f"{dataset.file}: {text}" if dataset.file else text)
-    if not wrong:
-        return dataset
-    return dataset.without(wrong)
+        warn_of(dataset.file, text)
+    return dataset.without(wrong) if wrong else dataset
 
 
 def _too_many(dataset: Dataset, priors: Priors) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,6 @@ Rows = npt.NDArray[np.intp]
 
 COUNT = 300
 """Number of poses to choose from, where no commands are given."""
-RESOLUTION = 1e-6
-"""Commands are rounded to this, m or rad."""
 SPEED, PAYLOAD = 0.2, 5.0
 """Speed, m/s or rad/s, and payload, kg, of a plan for discrimination. Assumed: most machines allow them."""
 
@@ -50,51 +48,39 @@ def candidates(
 ) -> Candidates:
     """Poses to choose from, each actuator approaching from a side drawn at random.
 
-    ``model``: the machine's model. ``q``: (N, n) commands, m or rad; None: about 300 that fill the workspace. Obstacles are not
-    known. ``rng``: source of the random draws. ``moving``: True: a half of the poses, drawn at random, is measured in motion,
-    and a half with a payload. False: all at rest without payload. ``seed``: seed of the default commands of a robot without
-    rods.
+    ``q``: (N, n) commands, m or rad; None: about 300 that fill the workspace. ``moving``: True: a half of the poses, drawn at
+    random, is measured in motion, and a half with a payload. False: all at rest without payload. ``seed``: that of the default
+    commands of a robot without rods.
 
     Raises `ModelError` if none of the commands can be reached.
     """
-    robot = model.robot
-    if q is None:
-        q = default_commands(model, COUNT, seed)
-    q = np.round(np.asarray(q, dtype=float), 6)
+    q = np.round(np.asarray(default_commands(model, COUNT, seed) if q is None else q, dtype=float), 6)
     q = q[model.kinematics.forward(q).reached]
     if not len(q):
-        raise ModelError(f"{robot.name} reaches none of the candidates", hint="give commands that it can reach")
-    n, count = robot.n_actuators, len(q)
+        raise ModelError(f"{model.robot.name} reaches none of the candidates", hint="give commands that it can reach")
+    count, n = q.shape
     ways = rng.choice([-1.0, 1.0], (count, n))
     covariates: dict[str, Column] = {f"approach{i + 1}": ways[:, i] for i in range(n)}
     if moving:
         passed = rng.random(count) < 0.5
         covariates |= {f"speed{i + 1}": SPEED * passed * ways[:, i] for i in range(n)}
         covariates["payload"] = np.where(rng.random(count) < 0.5, PAYLOAD, 0.0)
-    own = tuple(covariates)
-    return Candidates(q, {**_usual(model, own, count), **covariates}, own)
-
-
-def _usual(model: Model, given: Collection[str], count: int) -> dict[str, Column]:
-    """Covariates that the model's effects need in addition to ``given``: at rest, without load, at the reference
-    temperature."""
-    found: dict[str, Column] = {}
+    usual: dict[
+        str, Column
+    ] = {}  # what the model's effects need too: at rest, without load, at the reference temperature
     for active in model.effects:
         for name in active.references.covariates:
-            if name not in given and name not in ("session", "time"):
-                value = active.references.temperature if name.startswith("temp_") else 0.0
-                found[name] = np.full(count, value)
-    return found
+            if name not in {*covariates, "session", "time"}:
+                usual[name] = np.full(count, active.references.temperature if name.startswith("temp_") else 0.0)
+    return Candidates(q, {**usual, **covariates}, tuple(covariates))
 
 
 class PoseChoice:
     """Chooses the poses that best determine some unknowns, in groups; all other unknowns are nuisance parameters.
 
     The score of a set of poses is the sum over the groups of -log det(C_g) / size of g, where C_g is the group's block of the
-    covariance (1 / prior + J'J)^-1 after these poses are measured (Ds-optimality, one value for each group).
-
-    ``J``: (N, c, D) derivatives of the N poses' whitened components by D unknowns with priors of mean zero. ``prior``: (D,)
-    prior variances. ``groups``: indices of the wanted unknowns, by group.
+    covariance (1 / prior + J'J)^-1 after these poses are measured (Ds-optimality). ``J``: (N, c, D) derivatives of the N poses'
+    whitened components by D unknowns with prior variances ``prior`` (D,).
     """
 
     def __init__(self, J: Floats, prior: Floats, groups: Sequence[Sequence[int]]) -> None:

@@ -65,16 +65,11 @@ class Entry(HistoryPart):
         """
         refuse_readings(check.dataset)
         changes = []
-        for cause in check.causes:
-            name, e = next(iter(cause.parameters.items()))
+        for c in check.causes:
+            name, e = next(iter(c.parameters.items()))
             changes.append(
                 Changed(
-                    effect=cause.effect,
-                    site=cause.site,
-                    probability=cause.probability,
-                    parameter=name,
-                    value=e.value,
-                    unit=e.unit,
+                    effect=c.effect, site=c.site, probability=c.probability, parameter=name, value=e.value, unit=e.unit
                 )
             )
         return Entry(

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.accuracy.planning import plan_poses
 from gtpin.data import Commands
 from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, smallest_changes, threshold
 from gtpin.diagnosis.against.check import POWER, changes
 from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import FEWEST, least_scatter
+from gtpin.diagnosis.against.expectation import FEWEST, noise_of_fit
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.inference.findings import Smallest
@@ -23,7 +21,7 @@ from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
-from gtpin.health.choice import Candidates, PoseChoice, candidates
+from gtpin.health.choice import Candidates, PoseChoice, Rows, candidates
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
@@ -185,8 +183,7 @@ def plan(
         if fit is None:
             hint = "give it: Noise(1.5e-5, 5e-5), m and rad"
             raise ModelError("the noise of the measurement is not known", hint=hint)
-        drives = max(fit.drives, least_scatter(model))
-        noise = Noise(fit.position_sigma, fit.orientation_sigma, drives).scaled(fit.misfit)
+        noise = noise_of_fit(model, fit)
     where: Place = frame or ("robot" if model.frame.is_base else "free")
     rng, free = np.random.default_rng(seed), where == "free"
     some = candidates(model, q, rng, moving=purpose == "discrimination", seed=seed)
@@ -194,12 +191,12 @@ def plan(
         hint = f"ask for {FEWEST} at least, and no more than there are candidates"
         raise ModelError(f"{poses} poses out of {len(some)}", hint=hint)
     if purpose == "calibration":
-        chosen = partial(plan_poses, at=some.q, orientation=orientation, free_frame=free, draws=RANDOM, seed=seed)
-        best = chosen(model, some.q, poses, noise)
-        others = float(best.random_nats.mean()), float(best.random_error.mean())
-        information = Information(best.nats, others[0], best.error, others[1])
-        commands = _commands(some, best.rows, purpose)
-        return PosePlan(purpose, commands, model, noise, where, information=information)
+        best = plan_poses(
+            model, some.q, poses, noise, some.q, orientation=orientation, free_frame=free, draws=RANDOM, seed=seed
+        )
+        nats, error = float(best.random_nats.mean()), float(best.random_error.mean())
+        information = Information(best.nats, nats, best.error, error)
+        return PosePlan(purpose, _commands(some, best.rows, purpose), model, noise, where, information=information)
     known = given or unexplained.noise_known
     # Otherwise the noise of the fit is what it left.
     used = noise if known else replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
@@ -244,9 +241,8 @@ def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Po
 
     ``variance``: prior variance of the cores' coefficients, in units of the squared typical size.
     """
-    N, c = len(design.whitening), design.components
-    columns, prior, groups = [design.B], [np.ones(design.B.shape[1])], []
     place = design.B.shape[1]
+    columns, prior, groups = [design.B], [np.ones(place)], []
     for hypothesis in wanted:
         own = design.columns(hypothesis.basis(design.operating_points))
         core = hypothesis.effect.core or tuple(range(own.shape[1]))
@@ -254,15 +250,16 @@ def _choice(design: Design, wanted: Sequence[Hypothesis], variance: float) -> Po
         prior.append(np.where(np.isin(np.arange(own.shape[1]), core), variance, 1.0))
         groups.append([place + i for i in core if i < own.shape[1]])
         place += own.shape[1]
-    return PoseChoice(np.hstack(columns).reshape(N, c, -1), np.concatenate(prior), groups)
+    J = np.hstack(columns).reshape(len(design.whitening), design.components, -1)
+    return PoseChoice(J, np.concatenate(prior), groups)
 
 
 def _told(
     design: Design,
     choice: PoseChoice,
     wanted: Sequence[Hypothesis],
-    rows: npt.NDArray[np.intp],
-    random: Sequence[npt.NDArray[np.intp]],
+    rows: Rows,
+    random: Sequence[Rows],
 ) -> list[Separability]:
     planned = np.sqrt(np.diag(choice.covariance(rows)))
     others = np.mean([np.sqrt(np.diag(choice.covariance(drawn))) for drawn in random], axis=0)
@@ -272,15 +269,12 @@ def _told(
         first = hypothesis.effect.core[0] if hypothesis.effect.core else 0
         one = np.where(np.arange(len(sigma)) == first, sigma, 0.0)
         name, (value, unit) = next(iter(hypothesis.effect.parameters_of(robot, hypothesis.site, one, ()).items()))
-        typical = abs(float(value))
-        at = int(group[0])
-        found.append(
-            Separability(*hypothesis.place, name, float(planned[at]) * typical, float(others[at]) * typical, unit)
-        )
+        own, random_ = (float(some[group[0]]) * abs(float(value)) for some in (planned, others))
+        found.append(Separability(*hypothesis.place, name, own, random_, unit))
     return found
 
 
-def _commands(some: Candidates, rows: npt.NDArray[np.intp], purpose: str) -> Commands:
+def _commands(some: Candidates, rows: Rows, purpose: str) -> Commands:
     """The chosen poses as a table, in an order in which the next is always the nearest of those that are left."""
     q = some.q[rows]
     span, left, order = np.maximum(np.ptp(q, axis=0), 1e-12), list(range(1, len(q))), [0]

@@ -1,7 +1,7 @@
 """Small linear problems whose answers are computed densely, by nothing but numpy and scipy."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -11,9 +11,11 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
+from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.effects.catalogue import catalogue
 from gtpin.instruments.readings import Readings
 
 Floats = np.ndarray
@@ -51,6 +53,11 @@ class Dense:
         return float(both[0] - both[1] - 0.5 * sum((np.log(s) / PRIORS.scale_spread) ** 2 for s in scales.values()))
 
 
+def every_effect(false_alarm: float = 0.01) -> Scope:
+    """All effects of the catalogue, as a diagnosis takes them."""
+    return Scope(catalogue(), frozenset(), false_alarm)
+
+
 def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:
     """A linear problem that belongs to no machine."""
     model: Any = SimpleNamespace(geometry=SimpleNamespace(parameters=range(n_geometry)))
@@ -65,14 +72,6 @@ def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Des
 @cache
 def calibrated(poses: int = 60, seed: int = 1) -> tuple[Observed, gtpin.Calibration]:
     """A machine without a fault that was measured and calibrated: commands and covariates as they come in practice."""
-    case = make_case(seed, effects=[], poses=poses)
-    baseline = gtpin.calibrate(case.dataset)
-    observed = Observed(
-        Readings.of(case.dataset, baseline.model.robot),
-        case.dataset.covariates,
-        replace(baseline.noise, repeatability=0.0),
-        np.ones(len(case.dataset)),
-        20.0,
-        False,
-    )
-    return observed, baseline
+    dataset = make_case(seed, effects=[], poses=poses).dataset
+    baseline = gtpin.calibrate(dataset)
+    return Observed.of(dataset, baseline), baseline

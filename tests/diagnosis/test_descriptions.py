@@ -13,7 +13,6 @@ from gtpin.diagnosis.inference import classes as rules
 from gtpin.diagnosis.inference.classes import without_undecided
 from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.priors import SURE
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.typing import Floats
 
@@ -100,21 +99,3 @@ def test_each_form_of_a_description_is_part_of_the_family() -> None:
         forms = effect.forms(robot, "elbow_joint")
         assert bool(forms) == (effect.nature == "description")
         assert all(len(form) == len(set(form)) for form in forms)
-
-
-@pytest.mark.slow
-def test_a_target_that_creeps_is_no_certain_drift_of_the_instrument() -> None:
-    """Over the small rotations of a platform on rods, both move the readings in nearly the same way."""
-    data = simulate(gtpin.load_robot("gantry_tau"), "gantry_tau", poses=150, held_out=10, seed=47).dataset
-    time = 20.0 * np.arange(len(data))
-    assert data.orientation is not None
-    w, x, y, z = data.orientation.T
-    along = np.stack(
-        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1
-    )  # the platform's z axis
-    creep = 3e-5 * np.log1p(time / 300.0)
-    found = gtpin.diagnose(
-        replace(data, position=data.position + creep[:, None] * along, covariates=data.covariates | {"time": time})
-    )
-    assert not [c for c in found.causes if c.site == "frame" and c.probability >= SURE]
-    assert found.verdict in ("ambiguous", "unknown")

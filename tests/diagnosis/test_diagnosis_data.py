@@ -147,12 +147,6 @@ def test_few_poses_are_diagnosed_or_refused_in_one_line(poses, effect, noise):
         assert found.causes == ()
 
 
-@pytest.mark.parametrize("word", ["gremlins", "backlash@cart9", "backlash@", "@cart1", ""])
-def test_what_is_excluded_must_be_known(word):
-    with pytest.raises(GtpinError):
-        gtpin.diagnose(machine(1).dataset, exclude=[word])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("station", [None, (1.5, -7.0, 0.3)])
 def test_more_poses_than_a_search_is_made_on_are_all_fitted(station, monkeypatch):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from diagnosed import LARGE, machine, quietly, said
-from every_effect import every_effect
+from linear_problems import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from every_effect import every_effect
-from linear_problems import calibrated
+from linear_problems import calibrated, every_effect
 from scipy.stats import binom
 
 from gtpin.diagnosis.hypotheses.propose import propose

@@ -11,13 +11,12 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
-from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain, most_telling
+from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.measurement_conditions import with_nights
 from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
 from gtpin.diagnosis.planning.trials import Known, possible
@@ -46,19 +45,9 @@ def known_of(name: str, seed: int, without: tuple[str, ...] = ()) -> tuple[Case,
     """A machine with a weak effect, and what is known once its geometry is calibrated."""
     effect, _, site = name.partition("@")
     case = make_case(seed, effects=[(effect, site)], noncentrality=80.0, poses=100, without=without)
-    return case, known(case.dataset, gtpin.calibrate(case.dataset))
-
-
-def known(dataset: Dataset, baseline: gtpin.Calibration) -> Known:
-    observed = Observed(
-        Readings.of(dataset, baseline.model.robot),
-        dataset.covariates,
-        noise_at(baseline.noise, Readings.of(dataset, baseline.model.robot)),
-        np.ones(len(dataset)),
-        dataset.conditions.reference_temperature,
-        dataset.instrument.frame == "free",
-    )
-    return Known(observed, baseline.model, observed.operating_points(baseline.model).references)
+    baseline = gtpin.calibrate(case.dataset)
+    observed = Observed.of(case.dataset, baseline)
+    return case, Known(observed, baseline.model, observed.operating_points(baseline.model).references)
 
 
 def class_of(*names: str) -> CauseClass:
@@ -71,15 +60,7 @@ def proposed(
 ) -> tuple[Experiment, ...]:
     rows = [Untested(candidate(name), Untestable("absorbed")) for name in untestable]
     rng = np.random.default_rng(seed)
-    return plan(
-        known.observed,
-        known.model,
-        known.references,
-        classes=classes,
-        untestable=rows,
-        unknown=None,
-        rng=rng,
-    )
+    return plan(known, classes=classes, untestable=rows, unknown=None, rng=rng)
 
 
 def measured(case: Case, q: np.ndarray, covariates: Mapping[str, np.ndarray], seed: int) -> Dataset:
@@ -204,14 +185,14 @@ def test_expected_gain_is_the_mean_log_density_ratio_of_data_drawn_from_the_true
         densities.append(multivariate_normal(p.mean[rows].ravel(), np.eye(4) + L @ L.T))
     drawn = densities[0].rvs(200_000, random_state=1)
     ratio = densities[0].logpdf(drawn) - densities[1].logpdf(drawn)
-    expected = expected_gain(predictions, [HypothesisPair(0, 1, 3.0)], rows)
+    expected = expected_gain(predictions, [(0, 1, 3.0)], rows)
     assert expected == pytest.approx(ratio.mean(), abs=5.0 * ratio.std() / np.sqrt(len(drawn)))
 
 
 def test_the_first_row_chosen_is_the_best_single_one_and_the_second_the_best_beside_it() -> None:
     rng = np.random.default_rng(2)
     predictions = [Prediction(rng.standard_normal((30, 3)), rng.standard_normal((30, 3, 4))) for _ in range(2)]
-    pairs = [HypothesisPair(0, 1, 1.0)]
+    pairs = [(0, 1, 1.0)]
     first, second = most_telling(predictions, pairs, 2)
     alone = [expected_gain(predictions, pairs, np.array([i])) for i in range(30)]
     assert first == np.argmax(alone)
@@ -222,7 +203,7 @@ def test_the_first_row_chosen_is_the_best_single_one_and_the_second_the_best_bes
 def test_a_plan_is_worth_more_than_every_random_choice_out_of_the_same_rows() -> None:
     rng = np.random.default_rng(3)
     predictions = [Prediction(rng.standard_normal((80, 6)), rng.standard_normal((80, 6, 10))) for _ in range(3)]
-    pairs = [HypothesisPair(0, 1, 0.6), HypothesisPair(1, 0, 0.6), HypothesisPair(0, 2, 0.3), HypothesisPair(2, 0, 0.3)]
+    pairs = [(0, 1, 0.6), (1, 0, 0.6), (0, 2, 0.3), (2, 0, 0.3)]
     plan = expected_gain(predictions, pairs, most_telling(predictions, pairs, 10))
     drawn = [expected_gain(predictions, pairs, rng.choice(80, 10, replace=False)) for _ in range(200)]
     assert plan > max(drawn)
@@ -301,16 +282,8 @@ def test_twins_are_not_promised_to_be_told_apart_by_poses() -> None:
 )
 def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coordinates: str, moves: set[int]) -> None:
     case, known = known_of("linearity@cart2", 0)
-    experiments = plan(
-        known.observed,
-        known.model,
-        known.references,
-        classes=(),
-        untestable=(),
-        unknown=("cart1", coordinates),
-        rng=np.random.default_rng(0),
-    )
-    (experiment,) = experiments
+    rng = np.random.default_rng(0)
+    (experiment,) = plan(known, classes=(), untestable=(), unknown=("cart1", coordinates), rng=rng)
     assert experiment.separates == ("unknown",)
     assert set(np.flatnonzero(np.ptp(experiment.poses, axis=0) > 0.1)) == moves
     assert set(np.flatnonzero(np.ptp(experiment.poses, axis=0) > 0.0)) == moves

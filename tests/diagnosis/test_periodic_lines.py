@@ -59,32 +59,23 @@ def test_scatter_is_significant_no_more_often_than_is_said(spread: float) -> Non
 
 
 @pytest.mark.slow
-def test_scatter_that_other_causes_fit_in_part_is_significant_no_more_often_than_is_said() -> None:
-    rng = np.random.default_rng(13)
-    significant, others = 0, POSES // 2
-    for _ in range(DRAWS):
-        functions = np.linalg.qr(rng.standard_normal((POSES, others)))[0]  # of other coordinates
-        apart = np.eye(POSES) - functions @ functions.T
-        shapes = apart @ waves(rng.uniform(0.0, RANGE, POSES))
-        errors = apart @ rng.standard_normal(POSES)
-        found = searched(shapes, errors, np.full(POSES, 1e-4), lines=6, effective_parameters=others)
-        significant += found.chance() <= 0.05
-    assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", [0.5, 0.9])
-def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_it(part: float) -> None:
-    rng = np.random.default_rng(14)
+@pytest.mark.parametrize(
+    ("part", "others", "lines", "seed"),
+    [(1.0, POSES // 2, 6, 13), (0.5, 4 * POSES // 5, 1, 14), (0.9, 4 * POSES // 5, 1, 14)],
+)
+def test_scatter_is_not_significant_more_often_beside_causes_that_fit_a_part_of_it(
+    part: float, others: int, lines: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
     significant = 0
     for _ in range(DRAWS):
-        directions = np.linalg.qr(rng.standard_normal((POSES, 4 * POSES // 5)))[0]
-        H = part * directions @ directions.T
+        functions = np.linalg.qr(rng.standard_normal((POSES, others)))[0]  # of other coordinates
+        H = part * functions @ functions.T
         apart = np.eye(POSES) - H
-        shapes = apart @ waves(rng.uniform(0.0, RANGE, POSES))
-        found = searched(shapes, apart @ rng.standard_normal(POSES), np.full(POSES, 1e-4), 1, np.trace(2.0 * H - H @ H))
+        shapes, errors = apart @ waves(rng.uniform(0.0, RANGE, POSES)), apart @ rng.standard_normal(POSES)
+        found = searched(shapes, errors, np.full(POSES, 1e-4), lines, np.trace(2.0 * H - H @ H))
         significant += found.chance() <= 0.05
-    assert significant <= 14
+    assert significant <= 14  # 6 are expected at most; more than 14 has a probability of 1 in 1,000
 
 
 def test_errors_that_other_causes_fit_completely_show_no_line() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosed import classes, quietly
-from every_effect import every_effect
+from linear_problems import every_effect
 from scipy.spatial.transform import Rotation
 
 import gtpin

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from every_effect import every_effect
-from linear_problems import calibrated
+from linear_problems import calibrated, every_effect
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
@@ -16,14 +15,7 @@ from gtpin.diagnosis.inference.classes import ranked
 from gtpin.diagnosis.inference.findings import Cause, Conclusion, Contender
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.planning.discrimination import discriminate
-from gtpin.diagnosis.planning.expected_bayes_factor import (
-    DRAWN,
-    PROMISED,
-    Prediction,
-    Rivals,
-    rounds_needed,
-    settling_probability,
-)
+from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED, Prediction, Rivals
 from gtpin.diagnosis.planning.measurement_conditions import SESSIONS, next_sessions
 from gtpin.diagnosis.planning.next_experiment import classes
 from gtpin.diagnosis.planning.trials import Known
@@ -39,7 +31,7 @@ def prediction(seed: int, size: float) -> Prediction:
 
 
 def chance(rivals: Rivals, rounds: int = 1) -> float:
-    return settling_probability(rivals, ROWS, np.random.default_rng(5), rounds)
+    return rivals.settling_probability(ROWS, np.random.default_rng(5), rounds)
 
 
 def test_the_probability_is_that_of_measurements_drawn_from_the_members() -> None:
@@ -56,28 +48,28 @@ def test_the_probability_is_that_of_measurements_drawn_from_the_members() -> Non
         settled.append(weight * np.mean(softmax(log, axis=1).max(axis=1) >= 0.95))
     exact = sum(settled)
     assert 0.1 < exact < 0.9
-    found = chance(Rivals(members, share, (), (), heat))
+    found = chance(Rivals(members, share, 2, heat))
     assert found == pytest.approx(exact, abs=4.0 * np.sqrt(exact * (1.0 - exact) / DRAWN))
 
 
 def test_members_with_the_same_prediction_are_never_settled() -> None:
     same = prediction(1, 2.0)
-    rivals = Rivals([same, same], (0.6, 0.4), (), (), 2.0)
+    rivals = Rivals([same, same], (0.6, 0.4), 2, 2.0)
     assert chance(rivals, 5) == 0.0
-    assert rounds_needed(rivals, ROWS, np.random.default_rng(0)) == (0.0, None)
+    assert rivals.rounds_needed(ROWS, np.random.default_rng(0)) == (0.0, None)
 
 
 def test_a_smooth_term_with_the_prediction_of_the_leader_keeps_the_question_open() -> None:
     leader, other = prediction(1, 20.0), prediction(2, 20.0)
-    assert chance(Rivals([leader, other], (0.6, 0.3), (), (), 2.0)) > 0.9
-    assert chance(Rivals([leader, other], (0.6, 0.3), [leader], (0.1,), 2.0)) < 0.5
+    assert chance(Rivals([leader, other], (0.6, 0.3), 2, 2.0)) > 0.9
+    assert chance(Rivals([leader, other, leader], (0.6, 0.3, 0.1), 2, 2.0)) < 0.5
 
 
 def test_a_higher_temperature_settles_less_and_more_rounds_settle_more() -> None:
     members = [prediction(seed, 1.5) for seed in (1, 2)]
-    cool, hot = (Rivals(members, (0.5, 0.5), (), (), heat) for heat in (2.0, 4.0))
+    cool, hot = (Rivals(members, (0.5, 0.5), 2, heat) for heat in (2.0, 4.0))
     assert chance(cool) > chance(hot)
-    probability, rounds = rounds_needed(hot, ROWS, np.random.default_rng(3))
+    probability, rounds = hot.rounds_needed(ROWS, np.random.default_rng(3))
     assert probability < PROMISED
     assert rounds is not None
     assert rounds > 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosed import quietly
-from every_effect import every_effect
+from linear_problems import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case

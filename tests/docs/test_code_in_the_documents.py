@@ -18,6 +18,8 @@ from gtpin.effects.rack import RackPeriodic
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+OTHERS = ("klippy/", "optimize_robot_geometry.py")
+"""Beginnings of the names of other projects' files."""
 SYMPTOMS = (ROOT / "docs" / "symptoms.md").read_text(encoding="utf-8")
 LIMITATIONS = (ROOT / "docs" / "limitations.md").read_text(encoding="utf-8")
 COMMANDS = [line for line in re.findall(r"`(gtpin [^`]+)`", SYMPTOMS) if " -o " in line or "view " in line]
@@ -80,6 +82,14 @@ def test_every_link_between_the_documents_leads_somewhere() -> None:
     for page in PAGES:
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_files_that_pages_name_exist() -> None:
+    there = [f"/{file.relative_to(ROOT).as_posix()}" for file in ROOT.rglob("*.py") if ".venv" not in file.parts]
+    for page in PAGES:
+        for name in re.findall(r"`([\w/]+\.py)`", page.read_text(encoding="utf-8")):
+            known = name.startswith(OTHERS) or any(file.endswith(f"/{name}") for file in there)
+            assert known, f"{page.name}: {name}"
 
 
 def test_readme_shows_the_package_in_about_thirty_lines() -> None:

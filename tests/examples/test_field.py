@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import crossing
 
 import gtpin
 from gtpin.cli import main
@@ -48,12 +49,7 @@ def test_virtual_poses_of_a_five_bar_are_on_one_assembly(tmp_path, run):
     # Elbows by hand, and the tip as the intersection of two circles: the same of the two at every pose.
     left = np.array([-0.12, 0.0]) + 0.30 * np.column_stack([-np.sin(data.q[:, 0]), np.cos(data.q[:, 0])])
     right = np.array([0.12, 0.0]) + 0.31 * np.column_stack([-np.sin(data.q[:, 1]), np.cos(data.q[:, 1])])
-    apart = right - left
-    d = np.linalg.norm(apart, axis=1)
-    along = (d**2 + 0.42**2 - 0.40**2) / (2.0 * d)
-    high = np.sqrt(np.maximum(0.42**2 - along**2, 0.0))
-    foot, across = left + apart * (along / d)[:, None], np.column_stack([-apart[:, 1], apart[:, 0]]) / d[:, None]
-    tips = [foot + side * across * high[:, None] for side in (1.0, -1.0)]
+    tips = [crossing(left, 0.42, right, 0.40, side) for side in (1.0, -1.0)]
     off = [np.linalg.norm(data.position[:, :2] - tip, axis=1).max() for tip in tips]
     assert min(off) < 0.02 < max(off)  # the machine is some millimetres off nominal
 

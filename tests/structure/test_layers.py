@@ -103,6 +103,42 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
     assert wrong == []
 
 
+ROOMS = ("priors", "prepare", "linear", "hypotheses", "inference", "planning", "result", "against", "diagnose")
+"""Folders and single files of ``gtpin/diagnosis``: each may use those before it."""
+
+
+def room(module: str) -> str:
+    """The room of a module of ``gtpin/diagnosis``; empty for all other modules."""
+    _, folder, name, *_ = (*module.split("."), "", "")
+    return name if folder == "diagnosis" else ""
+
+
+def test_no_room_of_a_diagnosis_uses_one_after_it() -> None:
+    assert {room(module) for module in MODULES} - {""} == {*ROOMS}
+    wrong = [
+        f"{module} imports {other}"
+        for module, others in imported().items()
+        for other in others
+        if room(module) and room(other) and ROOMS.index(room(other)) > ROOMS.index(room(module))
+    ]
+    assert wrong == []
+
+
+def test_no_effect_is_named_by_a_string_with_its_site() -> None:
+    """Hypotheses are values: ``effect@site`` is written for messages, and for the JSON of experiments."""
+    files = [file for file in (PACKAGE / "diagnosis").rglob("*.py") if "@{" in file.read_text(encoding="utf-8")]
+    assert {file.name for file in files} == {"hypothesis.py", "experiment.py"}
+
+
+def test_the_verdict_is_decided_in_one_file() -> None:
+    deciding = [
+        file.name
+        for file in (PACKAGE / "diagnosis").rglob("*.py")
+        if re.search(r'return "unknown"', file.read_text("utf-8"))
+    ]
+    assert deciding == ["findings.py"]
+
+
 def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:
     """Below the kinematics stand files, tables and the description of a robot; those import nothing higher."""
     others = {other for module, names in imported().items() if ".bench.simulator" in module for other in names}

@@ -31,9 +31,9 @@ NAMED = 60
 class Axes:
     """A hypothesis, and the axes along which its coefficients are independent.
 
-    ``values``, ``vectors``: (c,) eigenvalues and (c, c) eigenvectors of its c columns' inner
-    products, with the earlier model marginalised. ``core``: indices of the columns that are the core; empty where all are.
-    ``weights``: (N c, c) the numbers by which a residual is multiplied for its inner products along the axes.
+    ``values``, ``vectors``: eigenvalues (c,) and eigenvectors of its c columns' inner products, with the earlier model
+    marginalised. ``core``: indices of the core's columns; empty where all are. ``weights``: (N c, c) by which a residual is
+    multiplied for its inner products along the axes.
     """
 
     hypothesis: Hypothesis
@@ -44,10 +44,9 @@ class Axes:
 
 
 class GainSampler:
-    """Gains in log evidence, nats, of every hypothesis alone, for residuals of simulated checks.
+    """Gains in log evidence, nats, of every hypothesis of a check alone, for residuals of simulated checks.
 
-    ``hypotheses``: the hypotheses of a check. ``unexplained``: share of the earlier model's unexplained errors in the variance
-    of the whitened residuals.
+    ``unexplained``: share of the earlier model's unexplained errors in the variance of the whitened residuals.
     """
 
     def __init__(self, hypotheses: HypothesisSet, unexplained: float = 0.0) -> None:
@@ -62,10 +61,8 @@ class GainSampler:
         """(N c, draws) whitened residuals of a machine that has not changed: noise, and the error of the earlier model.
 
         That error is the one of the model's unknowns, and what the model left unexplained of its own data. The latter could
-        be anything; what is taken for a change most easily is an effect that can be named as a change, and was there before.
-        So in each draw it is one of these effects, with random coefficients.
-
-        The pose of a free instrument is left out: no gain depends on it.
+        be anything; most easily taken for a change is an effect that can be named as one, and was there before: in each draw it
+        is one of these, with random coefficients. The pose of a free instrument is left out: no gain depends on it.
         """
         design = self.hypotheses.design
         noise = rng.standard_normal((len(design.y), draws))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,8 +41,7 @@ def changes(
 ) -> tuple[GainSampler, tuple[str, ...]]:
     """The changes of some poses or readings since an earlier model, with their gains on a machine that has not changed.
 
-    The second value: names of the temperatures whose change since the model is not known and therefore assumed. ``left``: what
-    the model left unexplained of its own data.
+    And the names of the temperatures whose change is not known and therefore assumed. ``left``: what it left unexplained.
     """
     since, assumed = earlier.since(observed.covariates, observed.temperature, len(observed.weight), scope.priors.warmer)
     design = expectation(earlier, observed, left, since)
@@ -84,11 +82,6 @@ class _Tried:
             found = found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
         return _Tried(data, sampler, assumed, hypotheses, found)
 
-    @property
-    def columns(self) -> Floats:
-        """(N c, m) whitened displacements of the named changes, at their scales."""
-        return self.hypotheses.columns(self.conclusion.model)
-
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
     """The check without gross errors: poses far from the prediction of the other poses, given the named changes.
@@ -96,7 +89,7 @@ def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random
     A pose is also a gross error if it is far from the prediction without changes, and no change is named without it.
     """
     for _ in range(int(scope.priors.gross_share * len(tried.data.dataset))):
-        columns = tried.columns
+        columns = tried.hypotheses.columns(tried.conclusion.model)
         for some, alone in ((columns, False), (columns[:, :0], True)):
             worst = _gross(tried.hypotheses.design, some, scope.priors)
             if worst is None:
@@ -122,19 +115,21 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     """The result, with everything that reports show."""
     found, hypotheses, data = tried.conclusion, tried.hypotheses, tried.data
     design, named, used = hypotheses.design, list(found.classes), tried.data.dataset
-    model, active = updated(earlier, design, named, [found.scale[c] for c in named], tried.columns)
+    columns = hypotheses.columns(found.model)
+    model, active = updated(earlier, design, named, [found.scale[c] for c in named], columns)
     # Every pose is left out in turn; of readings, all of one stop of the machine.
     together = np.arange(len(used)) if design.measured.tracked else used.visits
     floor, blocks = _floor(tried, earlier.model), [together == one for one in np.unique(together)]
     whole, takes = gaps(hypotheses, found, floor, blocks, rng)
-    causes = []
+    causes, unpredicted = [], []
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
         causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
-    assumed = {c.place for c in named if set(c.covariates(design.operating_points.robot)) & set(tried.assumed)}
+        if set(hypothesis.covariates(model.robot)) & set(tried.assumed):
+            unpredicted.append(own.name)
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))
-    kept = {tuple(place) for place in data.places}
+    kept = {tuple(place) for place in places(used)}
     aside = np.array([tuple(place) not in kept for place in places(dataset)]) & ~copies(dataset)
     return HealthCheck(
         verdict=found.verdict,
@@ -145,7 +140,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         unexplained=unexplained(hypotheses, found.model, False),
         doubts=found.doubts,
         baseline=replace(earlier.model, frame=design.model.frame),
-        model=_without(model, assumed) if assumed else model,
+        model=model.without(unpredicted) if unpredicted else model,
         poses=len(blocks),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
         set_aside_rows=tuple(int(line) for line in dataset.row[aside]),
@@ -160,20 +155,6 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         effects=scope.effects,
         dataset=dataset,
     )
-
-
-def _without(model: Model, places: Collection[tuple[str, str]]) -> Model:
-    """The model without the changes at ``places``: it can't predict changes whose covariates were not recorded."""
-    p, kept, rows = len(model.geometry.parameters), [], list(range(len(model.geometry.parameters)))
-    for active in model.effects:
-        own = list(range(p, p + len(active.coefficients)))
-        p = own[-1] + 1
-        if (active.effect.id, active.site) not in places:
-            kept.append(active)
-            rows += own
-    joint = model.joint_covariance
-    smaller = None if joint is None or not kept else joint[np.ix_(rows, rows)]
-    return replace(model, effects=tuple(kept), joint_covariance=smaller)
 
 
 def _floor(tried: _Tried, earlier: Model) -> Floats:

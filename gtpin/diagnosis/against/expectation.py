@@ -25,7 +25,7 @@ from gtpin.effects.smooth import RIM
 from gtpin.errors import ConvergenceError, DatasetError, ModelError, warn
 from gtpin.instruments.readings import VAGUE, Readings, single
 from gtpin.kinematics.poses import Poses
-from gtpin.model.fit_conditions import EXPLAINED, ModelDiscrepancy
+from gtpin.model.fit_conditions import EXPLAINED, FitConditions, ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
@@ -39,9 +39,9 @@ FEWEST = 3
 class Usable:
     """The usable rows of a check, and how they were measured.
 
-    ``observed``: the rows with their noise. ``unexplained``: what the earlier model left unexplained of its own data: a part
-    of the uncertainty of every prediction. ``noise_known``: whether the noise was declared, or repeated visits showed it.
-    Otherwise it is as small as noise can be, and what was left of the earlier fit is all in ``unexplained``.
+    ``unexplained``: what the earlier model left unexplained of its own data: a part of the uncertainty of every prediction.
+    ``noise_known``: whether the noise was declared, or repeated visits showed it. Otherwise it is as small as noise can be, and
+    what was left of the earlier fit is all in ``unexplained``.
     """
 
     dataset: Dataset
@@ -51,13 +51,9 @@ class Usable:
 
     def without(self, row: int) -> Usable:
         """The same without the row with the index ``row``; of a reading with several components, without all of them."""
-        kept = np.any(self.places != self.places[row], axis=1)
+        every = places(self.dataset)
+        kept = np.any(every != every[row], axis=1)
         return replace(self, dataset=self.dataset.take(kept), observed=self.observed.take(kept))
-
-    @property
-    def places(self) -> npt.NDArray[np.int64]:
-        """(N, 2) instrument and line in its table of each row."""
-        return places(self.dataset)
 
 
 def places(dataset: Dataset) -> npt.NDArray[np.int64]:
@@ -68,28 +64,25 @@ def places(dataset: Dataset) -> npt.NDArray[np.int64]:
 def usable(dataset: Dataset, model: Model) -> Usable:
     """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
-    Noise is the declared one, else that of the model's fit; that of the actuators, at least :func:`least_scatter`, is the
-    fit's. All sigmas are multiplied by the fit's ratio of residuals to noise, ``misfit``. What the model left unexplained is
-    not in it; noise that is known from nowhere but the residuals of the earlier fit is none.
+    Noise is the declared one, else that of the model's fit; that of the actuators is :func:`drives_of`. All sigmas are
+    multiplied by the fit's ratio of residuals to noise, ``misfit``. What the model left unexplained is not in it; noise that is
+    known from nowhere but the residuals of the earlier fit is none.
 
     Raises `DatasetError` if the dataset does not match the model, or has too few poses, and `ModelError` if the model was
     measured in another frame.
     """
     check_actuators(model.robot, dataset)
-    unexplained, fit, drives = model.unexplained or EXPLAINED, model.fit, least_scatter(model)
-    free, known = dataset.instrument.frame == "free", True
-    if fit is not None:
-        drives = max(fit.drives, drives)
+    unexplained, known = model.unexplained or EXPLAINED, True
     if not dataset.readings.tracked:
         kept, measured = _usable_readings(dataset, model)
         declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
         unknown = np.zeros(len(declared), dtype=bool)
-        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives)
-        if fit is not None:
-            noise = noise.scaled(fit.misfit)
+        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives_of(model))
+        if model.fit is not None:
+            noise = noise.scaled(model.fit.misfit)
     else:
-        kept, measured = _usable_poses(dataset, model, free)
-        own = noise_of(dataset, model)
+        kept, measured = _usable_poses(dataset, model)
+        own = _noise(dataset, model)
         lacking = [
             name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
         ]
@@ -99,11 +92,12 @@ def usable(dataset: Dataset, model: Model) -> Usable:
             own = replace(own, **none)
         noise = own.rows(len(kept), measured.components)
     weight, temperature = np.ones(len(kept)), dataset.conditions.reference_temperature
+    free = dataset.instrument.frame == "free"
     return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), unexplained, known)
 
 
-def _usable_poses(dataset: Dataset, model: Model, free: bool) -> tuple[Dataset, Readings]:
-    if not free and not model.frame.is_base:
+def _usable_poses(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
+    if dataset.instrument.frame != "free" and not model.frame.is_base:
         raise ModelError(
             'the model was measured in a frame of the instrument, and the check in the base frame (frame = "robot")',
             file=dataset.file,
@@ -151,26 +145,29 @@ def _check_count(dataset: Dataset, poses: int) -> None:
         raise DatasetError(f"{poses} usable poses", file=dataset.file, hint=f"a check needs {FEWEST}, and better ten")
 
 
-def noise_of(dataset: Dataset, model: Model) -> Noise:
+def _noise(dataset: Dataset, model: Model) -> Noise:
     """The noise of measured poses for :func:`usable`, also where it is known from residuals alone."""
-    declared, known = dataset.instrument, model.fit
-    position, turns = declared.position_sigma, declared.orientation_sigma
-    if known is None:
-        noise = known_noise(dataset, position, turns, least_scatter(model))
-        warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
-        return noise
-    noise = Noise(
-        known.position_sigma if position is None else position,
-        known.orientation_sigma if turns is None else turns,
-        max(known.drives, least_scatter(model)),
-    )
-    return noise.scaled(known.misfit)
+    own = dataset.instrument
+    if model.fit is not None:
+        return noise_of_fit(model, model.fit, own.position_sigma, own.orientation_sigma)
+    noise = known_noise(dataset, own.position_sigma, own.orientation_sigma, drives_of(model))
+    warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
+    return noise
 
 
-def least_scatter(model: Model) -> float:
-    """Smallest noise of each actuator, m or rad, that a check expects."""
+def noise_of_fit(model: Model, fit: FitConditions, position: float | None = None, turns: float | None = None) -> Noise:
+    """The noise that a check expects from that of the model's fit; ``position``, ``turns``: declared sigmas in their place."""
+    position = fit.position_sigma if position is None else position
+    turns = fit.orientation_sigma if turns is None else turns
+    return Noise(position, turns, drives_of(model)).scaled(fit.misfit)
+
+
+def drives_of(model: Model) -> float:
+    """Scatter of each actuator, m or rad, that a check expects: that of the model's fit, but at least the smallest one."""
     least = PRIORS.least_scatter
-    return least / RIM if any(turning_joint(model.robot, site) for site in model.robot.sites) else least
+    if any(turning_joint(model.robot, site) for site in model.robot.sites):
+        least /= RIM
+    return least if model.fit is None else max(model.fit.drives, least)
 
 
 STEPS = 20
@@ -192,10 +189,8 @@ def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, si
 
     y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
     model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
-    or by the unknowns of the instruments, scaled by the sigmas of their priors.
-
-    ``observed``: the poses or readings of the check. ``left``: what the earlier model left unexplained. ``since``: the
-    covariates on which changes depend: see :meth:`Earlier.since`.
+    or by the unknowns of the instruments, scaled by the sigmas of their priors. ``left``: what the earlier model left
+    unexplained. ``since``: the covariates on which changes depend: see :meth:`Earlier.since`.
 
     Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
@@ -219,12 +214,10 @@ def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, si
 
 
 def with_unknowns(readings: Readings, noise: ReadingNoise, J: Floats, poses: Poses) -> Readings:
-    """The readings with the values of the instruments' unknowns that fit them best where the robot is at ``poses``.
+    """The readings with the values of the instruments' unknowns that fit them best where the robot is at ``poses``, base frame.
 
     The linear problem of a check is about these values, because the unknown place of an instrument may be off by decimetres.
-
-    ``J``: (N, 6 + k, n) derivative of the poses, base frame, by the commands. ``poses``: (N) poses that the earlier model
-    predicts, base frame.
+    ``J``: (N, 6 + k, n) derivative of the poses by the commands.
 
     Raises `ConvergenceError` if they have not converged.
     """

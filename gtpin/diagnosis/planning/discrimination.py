@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.smooth_terms import COMMON, smooth_terms
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.linear.posterior import gain as best_gain
+from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.expected_bayes_factor import (
-    HypothesisPair,
+    Pair,
     Prediction,
     Rivals,
+    Rows,
     expected_gain,
     most_telling,
-    rounds_needed,
 )
 from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.planning.measurement_conditions import kind, numbers
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
-
-Rows = npt.NDArray[np.intp]
 
 POOL = 200
 """Number of random rows from which the most informative are chosen."""
@@ -46,13 +42,11 @@ HOPELESS = 0.1
 
 @dataclass(frozen=True)
 class CauseClass:
-    """A cause with its class.
+    """A fitted cause and its scale, with the members of its class and their probabilities; the cause is one of them.
 
-    ``cause``, ``scale``: the fitted cause, and its scale. ``members``: the class, with probabilities; the cause is one of the
-    members. Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``heat``: the
-    temperature by which the diagnosis divides log Bayes factors to compute these probabilities. ``smooth``: the most probable
-    smooth terms in the place of the cause, each with its probability if it were the only one. ``priors``: the priors of the
-    diagnosis.
+    Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``heat``: the temperature
+    of the diagnosis. ``smooth``: the most probable smooth terms in the place of the cause, each with its probability if it were
+    the only one.
     """
 
     cause: Hypothesis
@@ -70,32 +64,56 @@ def discriminate(
 
     A cause without an alternative is distinguished from no effect. ``which`` is the index of the class in ``classes``.
     """
-    robot = known.robot
-    members = sorted(classes[which].members, key=lambda member: -member[1])[: RIVALS + 1]
+    robot, own = known.robot, classes[which]
+    members = sorted(own.members, key=lambda member: -member[1])[: RIVALS + 1]
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
     trials = possible(known, words, POOL, rng)
     others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
     at = trials.design.operating_points
-    predictions = [_prediction(trials, others, hypothesis.basis(at)) for hypothesis, _ in members]
+
+    def prediction(basis: Displacement) -> Prediction:
+        """The prediction of an explanation given the other causes, at the scale that the measured rows give it."""
+        design, old = trials.design, trials.old
+        X = design.columns(basis)
+        groups: Groups[str] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
+        groups.add("it", X[old])
+        return Prediction.of(trials, np.hstack([others, X * gain(groups, NOTHING, "it")[1]]))
+
+    predictions = [prediction(hypothesis.basis(at)) for hypothesis, _ in members]
     probabilities = [p for _, p in members]
     if len(members) == 1:
         predictions.append(Prediction.of(trials, others))
         probabilities.append(1.0 - probabilities[0])
     # The probability of a single alternative can be zero.
     weights = probabilities[1:] if len(probabilities) > 2 else [1.0]
-    pairs = [HypothesisPair(*pair, weight=p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
-    rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
+    pairs = [(*pair, p) for i, p in enumerate(weights, start=1) for pair in ((0, i), (i, 0))]
+    rows, expected, random = best_rows(trials, predictions, pairs, poses, rng)
     effects = tuple(hypothesis.place for hypothesis, _ in members)
-    sites, cold = tuple(site for _, site in effects), known.observed.temperature
-    if gain < HOPELESS:
-        none = np.zeros((0, robot.n_actuators))
-        return Experiment("discriminate", robot, effects, none, {}, gain, random, cold, watch=sites)
-    set_too = chosen(trials, rows, words)
-    rivals = Rivals(predictions, probabilities, *_smooth(trials, others, classes[which]), classes[which].heat)
-    settles, rounds = rounds_needed(rivals, rows, rng)
-    watch = sites if gain < LEAST or rounds is None else ()
-    return Experiment(
-        "discriminate", robot, effects, trials.q[rows], set_too, gain, random, cold, settles, rounds, watch
+    sites = tuple(site for _, site in effects)
+    found = Experiment(
+        "discriminate",
+        robot,
+        effects,
+        np.zeros((0, robot.n_actuators)),
+        expected_gain=expected,
+        random_gain=random,
+        reference_temperature=known.observed.temperature,
+        watch=sites,
+    )
+    if expected < HOPELESS:
+        return found
+    share = dict(own.smooth)
+    smooth = [(t, b) for t, b in smooth_terms(at, own.priors) if t in share and t.motion not in COMMON] if share else []
+    every = [*predictions, *(prediction(basis) for _, basis in smooth)]
+    shares = [*probabilities, *(share[term] for term, _ in smooth)]
+    settles, rounds = Rivals(every, shares, len(predictions), own.heat).rounds_needed(rows, rng)
+    return replace(
+        found,
+        poses=trials.q[rows],
+        covariates=chosen(trials, rows, words),
+        settles=settles,
+        rounds=rounds,
+        watch=sites if expected < LEAST or rounds is None else (),
     )
 
 
@@ -114,33 +132,10 @@ def other_causes(trials: Trials, classes: Sequence[CauseClass], words: set[str])
     return np.hstack([np.zeros((len(trials.design.y), 0)) if "session" in words else trials.since, *columns])
 
 
-def _smooth(trials: Trials, others: Floats, of: CauseClass) -> tuple[list[Prediction], list[float]]:
-    """The predictions of the smooth terms in the place of a cause, and their probabilities."""
-    share = dict(of.smooth)
-    if not share:
-        return [], []
-    found = [
-        (t, basis)
-        for t, basis in smooth_terms(trials.design.operating_points, of.priors)
-        if t in share and t.motion not in COMMON
-    ]
-    return [_prediction(trials, others, basis) for _, basis in found], [share[term] for term, _ in found]
-
-
-def _prediction(trials: Trials, others: Floats, basis: Displacement) -> Prediction:
-    """The prediction of an explanation given other causes, at the scale that the measured rows give it."""
-    design, old = trials.design, trials.old
-    X = design.columns(basis)
-    groups: Groups[str] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
-    groups.add("it", X[old])
-    scale = best_gain(groups, NOTHING, "it")[1]
-    return Prediction.of(trials, np.hstack([others, X * scale]))
-
-
 def best_rows(
     trials: Trials,
     predictions: Sequence[Prediction],
-    pairs: Sequence[HypothesisPair],
+    pairs: Sequence[Pair],
     count: int,
     rng: np.random.Generator,
 ) -> tuple[Rows, float, float]:
@@ -155,11 +150,11 @@ def _order(trials: Trials, rows: Rows) -> Rows:
     """Order of measurement: by session, warm before cold, by payload, then along the first actuator; or by time."""
     new = trials.conditions.new
     if trials.conditions.timed:
-        return np.argsort(np.asarray(new["time"], dtype=float)[rows])
+        return np.argsort(numbers(new["time"])[rows])
     keys = [trials.q[rows, 0]]
     if "payload" in new:
-        keys.append(np.asarray(new["payload"], dtype=float)[rows])
-    keys += [-np.asarray(new[name], dtype=float)[rows] for name in new if kind(name) == "temperature"][:1]
+        keys.append(numbers(new["payload"])[rows])
+    keys += [-numbers(new[name])[rows] for name in new if kind(name) == "temperature"][:1]
     if "session" in new:
         keys.append(np.unique(new["session"][rows].astype(str), return_inverse=True)[1])
     return np.lexsort(keys)

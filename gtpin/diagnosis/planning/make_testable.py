@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
 from gtpin.diagnosis.planning.discrimination import LEAST, CauseClass, best_rows, chosen, concerns, other_causes
-from gtpin.diagnosis.planning.expected_bayes_factor import HypothesisPair, Prediction, expected_gain
+from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, expected_gain
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking
 from gtpin.diagnosis.planning.measurement_conditions import FORCES, HEAVIER, kind
 from gtpin.diagnosis.planning.trials import Known, Trials, possible
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.effects.untestable import Untestable, as_untestable
+from gtpin.effects.untestable import as_untestable
 from gtpin.robot.chain import Chain
-from gtpin.typing import Floats
 
 POOL = 48
 """Number of random rows from which the most informative are chosen."""
@@ -34,14 +32,6 @@ CARRIED = 0.16
 and 3 / 18 (Panda), from their makers' data sheets."""
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Effects that the same remedy would make testable, and what they lack."""
-
-    members: tuple[Hypothesis, ...]
-    lacking: Lacking
-
-
 def make_testable(
     known: Known, classes: Sequence[CauseClass], untestable: Sequence[Untested], poses: int, rng: np.random.Generator
 ) -> list[Experiment]:
@@ -52,67 +42,72 @@ def make_testable(
     """
     found = [
         experiment
-        for group in _groups(known.operating_points, untestable)
-        for experiment in _experiments(group, known, classes, min(poses, POSES), rng)
+        for members, lacking in _groups(known.operating_points, untestable)
+        for experiment in _experiments(members, lacking, known, classes, min(poses, POSES), rng)
     ]
     return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
 
 
-def _groups(at: OperatingPoints, untestable: Sequence[Untested]) -> list[_Group]:
-    groups: dict[tuple[object, bool], list[tuple[Hypothesis, list[str], Untestable | None]]] = {}
+def _groups(at: OperatingPoints, untestable: Sequence[Untested]) -> Iterator[tuple[list[Hypothesis], Lacking]]:
+    """Effects that the same remedy would make testable, and what they lack."""
+    groups: dict[tuple[object, bool], list[tuple[Untested, list[str]]]] = {}
     for row in untestable:
         effect, site = row.hypothesis.effect, row.hypothesis.site
         lacking = [name for name in effect.covariates(at.robot, site) if not at.varies(name)]
-        missing = [name for name in lacking if name not in at.covariates]
         remedy = tuple(sorted({kind(name) for name in lacking})) or as_untestable(effect.untestable(at, site))
-        groups.setdefault((remedy, bool(missing)), []).append((row.hypothesis, lacking, row.reason))
-    return [
-        _Group(
-            tuple(hypothesis for hypothesis, _, _ in members),
-            Lacking(tuple(sorted({name for _, names, _ in members for name in names})), missing, members[0][2]),
-        )
-        for (_, missing), members in groups.items()
-    ]
+        missing = any(name not in at.covariates for name in lacking)
+        groups.setdefault((remedy, missing), []).append((row, lacking))
+    for (_, missing), members in groups.items():
+        covariates = tuple(sorted({name for _, names in members for name in names}))
+        yield [row.hypothesis for row, _ in members], Lacking(covariates, missing, members[0][0].reason)
 
 
 def _experiments(
-    group: _Group, known: Known, classes: Sequence[CauseClass], poses: int, rng: np.random.Generator
-) -> list[Experiment]:
+    members: list[Hypothesis],
+    lacking: Lacking,
+    known: Known,
+    classes: Sequence[CauseClass],
+    poses: int,
+    rng: np.random.Generator,
+) -> Iterator[Experiment]:
     """The poses that show a group's effects, and what to do about those that no poses make testable."""
-    robot, lacking, found = known.robot, group.lacking, list[Experiment]()
-    words = set(lacking.covariates) or {word for member in group.members for word in concerns(member, robot)}
+    robot = known.robot
+    words = set(lacking.covariates) or {word for member in members for word in concerns(member, robot)}
     if "load" in words:
         words |= set(FORCES)
     tried = [possible(known, words, POOL, rng, effort) for effort in (_efforts(robot) if "load" in words else (1.0,))]
-    hidden = [member for member in group.members if _is_read(member, tried[0])]
-    group = replace(group, members=tuple(hidden))
-    for trials in sorted(tried, key=lambda t: -len(_testable(group, t))):
-        shown = _testable(group, trials)
+    hidden = members = [member for member in members if _is_read(member, tried[0])]
+    for trials in sorted(tried, key=lambda t: -len(_testable(members, t))):
+        shown = _testable(members, trials)
         if not shown:
             break
         others = other_causes(trials, classes, words)
         predictions = [Prediction.of(trials, others)]
-        predictions += [_prediction(trials, others, hypothesis, group) for hypothesis in shown[:EXAMPLES]]
-        pairs = [HypothesisPair(i, 0, 1.0) for i in range(1, len(predictions))]
+        for hypothesis in shown[:EXAMPLES]:
+            X = trials.design.columns(hypothesis.basis(trials.design.operating_points))
+            if lacking.missing:
+                # The missing covariate is not known at the measured rows, so neither is the effect there.
+                X[trials.old] = 0.0
+            predictions.append(Prediction.of(trials, np.hstack([others, X])))
+        pairs = [(i, 0, 1.0) for i in range(1, len(predictions))]
         if expected_gain(predictions, pairs, np.arange(min(poses, len(trials)))) < LEAST:
             continue
         rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
         effects, set_too = tuple(hypothesis.place for hypothesis in shown), chosen(trials, rows, words)
         told = (effects, trials.q[rows], set_too, gain, random, known.observed.temperature)
-        found.append(Experiment("make_testable", robot, *told, lacking=lacking))
-        hidden = [member for member in group.members if member not in shown]
+        yield Experiment("make_testable", robot, *told, lacking=lacking)
+        hidden = [member for member in members if member not in shown]
         break
     if hidden:
         effects, none = tuple(hypothesis.place for hypothesis in hidden), np.zeros((0, robot.n_actuators))
         watch = tuple(site for _, site in effects)
-        found.append(Experiment("make_testable", robot, effects, none, watch=watch, lacking=lacking))
-    return found
+        yield Experiment("make_testable", robot, effects, none, watch=watch, lacking=lacking)
 
 
-def _testable(group: _Group, trials: Trials) -> list[Hypothesis]:
+def _testable(members: Sequence[Hypothesis], trials: Trials) -> list[Hypothesis]:
     """The members that measured and further rows together make testable, one of each effect first."""
     at = trials.design.operating_points
-    able = [c for c in group.members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
+    able = [c for c in members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
     seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
     return [able[i] for i in np.argsort(seen, kind="stable")]
 
@@ -130,16 +125,6 @@ def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
     except Exception:  # a user's effect may fail in any way on covariates that nobody measured
         return True
     return bool(np.abs(trials.design.columns(basis)).max(initial=0.0) > SEEN)
-
-
-def _prediction(trials: Trials, others: Floats, hypothesis: Hypothesis, group: _Group) -> Prediction:
-    """The prediction of a hypothesis of typical size, given the causes."""
-    design = trials.design
-    X = design.columns(hypothesis.basis(design.operating_points))
-    if group.lacking.missing:
-        # The missing covariate is not known at the measured rows, so neither is the effect there.
-        X[trials.old] = 0.0
-    return Prediction.of(trials, np.hstack([others, X]))
 
 
 def _efforts(robot: Chain) -> tuple[float, ...]:

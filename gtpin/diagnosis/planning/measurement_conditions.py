@@ -41,9 +41,8 @@ OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 class MeasurementConditions:
     """Covariates of the N measured rows, and of M rows that could be measured.
 
-    ``known``: by name, (N,) each: the recorded covariates; a covariate that was not recorded has a neutral value. ``new``: by
-    name, (M,) each: covariates of the further rows. ``references``: reference values, for all rows. ``timed``: whether the
-    further rows are distributed over hours: their ``time`` is to be kept.
+    ``known``, ``new``: by name, (N,) and (M,) each; a covariate that was not recorded has a neutral value. ``timed``: whether
+    the further rows are distributed over hours, so that their ``time`` is to be kept.
     """
 
     known: Mapping[str, Column]
@@ -73,41 +72,41 @@ def draw(
 ) -> MeasurementConditions:
     """Draw random conditions over the values that can be set.
 
-    ``recorded``, ``measured``: covariates by name, (N,) each, and N. ``references``: reference values of the diagnosis.
-    ``words``: names of the covariates to vary, recorded so far or not; ``load`` means payload and force on the tool. All others
-    have their easiest values: one direction of approach, at rest, the usual load, without pause after the last measurement.
-    ``rng``: source of the random draws. ``ways``: (M, k, 3) unit vectors along which forces on the tool are most informative.
-    ``effort``: factor on the assumed largest loads, for effects that smaller loads don't show.
+    ``recorded``, ``measured``: covariates by name, (N,) each, and N. ``words``: names of the covariates to vary, recorded so
+    far or not; ``load`` means payload and force on the tool. All others have their easiest values: one direction of approach,
+    at rest, the usual load, without pause after the last measurement. ``ways``: (M, k, 3) unit vectors along which forces on
+    the tool are most informative. ``effort``: factor on the assumed largest loads, for effects that smaller loads don't show.
     """
     count = len(ways)
     asked = {word for word in words if not OF_THE_POSE.fullmatch(word)}
     if "load" in words:
         asked |= {"payload"} | {name for name in FORCES if name in recorded}
     known = {n: recorded[n] if n in recorded else _silent(n, measured, references) for n in sorted({*recorded, *asked})}
-    new = {name: _usual(name, values, known.get("time"), count) for name, values in known.items()}
+    new = as_usual(known, count)
     cold = (rng.random(count) < 0.5) & any(kind(name) == "temperature" for name in asked)
     push = _pushes(known, ways, effort, rng)
     for name in sorted(asked):
         new[name] = _varied(name, known[name], references, cold, push, effort, rng)
     for name in (n for n in new if kind(n) == "speed"):
-        speed, approach = _numbers(new[name]), name.replace("speed", "approach")
+        speed, approach = numbers(new[name]), name.replace("speed", "approach")
         if approach in new:
-            new[approach] = np.where(speed != 0.0, np.sign(speed), _numbers(new[approach]))
+            new[approach] = np.where(speed != 0.0, np.sign(speed), numbers(new[approach]))
     fixed = replace(references, covariates=tuple(sorted(known)))
     if "session" in known:
         later = set(map(str, new["session"])) - set(map(str, known["session"]))
         fixed = replace(fixed, sessions=(*sorted({str(s) for s in known["session"]}), *sorted(later)))
     timed = False
     if "time" in known:
-        idle = not np.ptp(_numbers(known["time"]))
+        idle = not np.ptp(numbers(known["time"]))
         timed = idle and "time" in asked
-        start, span = float(_numbers(known["time"]).max()) + LATER, HOURS if timed else INTERVAL * count
+        start, span = float(numbers(known["time"]).max()) + LATER, HOURS if timed else INTERVAL * count
         new["time"] = start + rng.uniform(0.0, span, count) + NIGHT * cold
         fixed = replace(fixed, time=(start, span)) if idle else fixed
     return MeasurementConditions(known, new, fixed, timed)
 
 
-def _numbers(values: Column) -> Floats:
+def numbers(values: Column) -> Floats:
+    """The values of a covariate as numbers."""
     return np.asarray(values, dtype=float)
 
 
@@ -122,7 +121,7 @@ def as_usual(known: Mapping[str, Column], count: int) -> dict[str, Column]:
     """By name, ``count`` values of each known covariate that are easiest to measure at; times continue after the last."""
     found = {name: _usual(name, values, known.get("time"), count) for name, values in known.items()}
     if "time" in known:
-        found["time"] = float(_numbers(known["time"]).max()) + LATER + INTERVAL * np.arange(count, dtype=float)
+        found["time"] = float(numbers(known["time"]).max()) + LATER + INTERVAL * np.arange(count, dtype=float)
     return found
 
 
@@ -131,18 +130,18 @@ def with_nights(values: Mapping[str, Column], reference: float) -> dict[str, Col
 
     A machine is cold in a row in which a temperature is the reference temperature, degC.
     """
-    temperatures = [_numbers(column) for name, column in values.items() if kind(name) == "temperature"]
+    temperatures = [numbers(column) for name, column in values.items() if kind(name) == "temperature"]
     if "time" not in values or not temperatures:
         return dict(values)
     cold = np.any([column == reference for column in temperatures], axis=0).astype(int)
-    return {**values, "time": _numbers(values["time"]) + NIGHT * np.cumsum(np.diff(cold, prepend=cold[:1]) == 1)}
+    return {**values, "time": numbers(values["time"]) + NIGHT * np.cumsum(np.diff(cold, prepend=cold[:1]) == 1)}
 
 
 def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
     """(M,) the value of a covariate that is easiest to measure at."""
     if name == "session":
-        return np.full(count, next_session(known), dtype=object)
-    values = _numbers(known)
+        return np.full(count, next_sessions(known, 1)[0], dtype=object)
+    values = numbers(known)
     if kind(name) == "approach":
         return np.ones(count)
     if kind(name) in ("speed", "force"):
@@ -151,7 +150,7 @@ def _usual(name: str, known: Column, time: Column | None, count: int) -> Column:
         levels, counts = np.unique(values, return_counts=True)
         return np.full(count, levels[counts.argmax()])
     if kind(name) == "temperature" and time is not None:
-        return np.full(count, values[_numbers(time).argmax()])
+        return np.full(count, values[numbers(time).argmax()])
     return np.full(count, np.median(values))
 
 
@@ -168,7 +167,7 @@ def _varied(
     count = len(cold)
     if name == "session":
         return rng.choice(np.array(next_sessions(known, SESSIONS), dtype=object), count)
-    values = _numbers(known)
+    values = numbers(known)
     if kind(name) == "approach":
         return rng.choice([-1.0, 1.0], count)
     if kind(name) == "speed":
@@ -181,11 +180,6 @@ def _varied(
     if kind(name) == "temperature":
         return np.where(cold, references.temperature, warm(values, references.temperature))
     return np.asarray(rng.choice(values, count))
-
-
-def next_session(known: Column) -> str:
-    """A name for a new session, after the known ones."""
-    return next_sessions(known, 1)[0]
 
 
 def next_sessions(known: Column, count: int) -> list[str]:
@@ -217,7 +211,7 @@ def warm(known: Floats, reference: float) -> float:
 def _pushes(known: Mapping[str, Column], ways: Floats, effort: float, rng: np.random.Generator) -> Floats:
     """(M, 3) forces on the tool, N: zero at a random half of the rows, at the others along one of the row's ``ways``."""
     count = len(ways)
-    columns = [_numbers(known[name]) for name in FORCES if name in known]
+    columns = [numbers(known[name]) for name in FORCES if name in known]
     largest = float(np.sqrt(sum((column**2 for column in columns), np.zeros(1))).max())
     size = largest if largest > 0.0 and effort == 1.0 else max(largest, effort * PUSH)
     way = ways[np.arange(count), rng.integers(0, ways.shape[1], count)]

@@ -11,15 +11,22 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.inference.classes import ranked
 from gtpin.diagnosis.inference.findings import Cause, Conclusion
-from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.make_testable import make_testable
-from gtpin.diagnosis.planning.measurement_conditions import FAST, HOURS, LATER, kind, next_sessions, payloads, warm
+from gtpin.diagnosis.planning.measurement_conditions import (
+    FAST,
+    HOURS,
+    LATER,
+    kind,
+    next_sessions,
+    numbers,
+    payloads,
+    warm,
+)
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.diagnosis.priors import SURE
-from gtpin.effects.operating_points import Column, References
-from gtpin.model.model import Model
+from gtpin.effects.operating_points import Column
 from gtpin.typing import Floats
 
 POSES = 20
@@ -57,9 +64,7 @@ def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSe
 
 
 def plan(
-    observed: Observed,
-    model: Model,
-    references: References,
+    known: Known,
     *,
     classes: Sequence[CauseClass],
     untestable: Sequence[Untested],
@@ -73,32 +78,22 @@ def plan(
     Expected gains are those of linear Gaussian predictions given all measured rows, with geometry and other causes
     marginalised.
 
-    Parameters
-    ----------
-    observed, model, references
-        The poses of the diagnosis, the calibrated geometry without causes, and the reference values of covariates.
-    classes
-        The causes with their classes, the largest first; a cause with a probability of 0.95 or more needs no experiment.
-    untestable
-        Effects that these data can't show.
-    unknown
-        Site and coordinates of the smooth term that best explains the unknown; None where nothing unknown is assumed.
-    unseen_noise
-        Whether residuals exceed the declared noise, and no visits tell whether the excess repeats.
-    rng
-        Source of the random rows among which an experiment is chosen; the same state gives the same plan.
-    poses
-        Number of poses of each experiment.
+    ``classes``: the causes, the largest first; one with a probability of 0.95 or more needs no experiment. ``unknown``: site
+    and coordinates of the smooth term that best explains the unknown; None where nothing unknown is assumed. ``unseen_noise``:
+    whether residuals exceed the declared noise, and no visits tell whether the excess repeats. ``rng``: the same state gives
+    the same plan. ``poses``: number of poses of each experiment.
     """
-    if len(observed.weight) > LARGEST:
-        observed = observed.take(rng.choice(len(observed.weight), LARGEST, replace=False))
-    known = Known(observed, model, references)
+    count = len(known.observed.weight)
+    if count > LARGEST:
+        known = replace(known, observed=known.observed.take(rng.choice(count, LARGEST, replace=False)))
     open_ = [i for i, s in enumerate(classes) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
     found = [discriminate(known, classes, i, poses, rng) for i in open_]
     if unknown is not None:
         found.append(map_unknown(known, *unknown, poses))
-    if unseen_noise:
-        found.append(visit_again(known))
+    if unseen_noise:  # visits to some of the measured poses again show which part of the residuals is noise
+        stations = _apart(known, min(AGAIN, len(known.observed.measured.q)))
+        visits = Visits("", "", "again", stations=len(stations))
+        found.append(Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits))
     return (*found, *make_testable(known, classes, untestable, poses, rng))
 
 
@@ -133,17 +128,10 @@ def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experi
         for name in names:
             approach = name.replace("speed", "approach")
             if kind(name) == "speed" and approach in recorded:
-                covariates[approach] = np.sign(np.asarray(covariates[name], dtype=float))
+                covariates[approach] = np.sign(numbers(covariates[name]))
     else:
         visits, commands = spread, _apart(known, min(poses, len(q)))
     return Experiment("map_unknown", robot, (), commands, covariates, visits=visits)
-
-
-def visit_again(known: Known) -> Experiment:
-    """Visits to some of the measured poses again: they show which part of the residuals is noise."""
-    stations = _apart(known, min(AGAIN, len(known.observed.measured.q)))
-    visits = Visits("", "", "again", stations=len(stations))
-    return Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits)
 
 
 def _covariates(known: Known, word: str) -> list[str]:
@@ -179,16 +167,16 @@ def _levels(known: Known, names: list[str], rounds: int) -> Column:
         return np.array(sessions, dtype=object)
     if what == "approach":
         return np.resize([1.0, -1.0], rounds)
-    numbers = np.concatenate([np.zeros(0), *(np.asarray(recorded[n], dtype=float) for n in names if n in recorded)])
-    numbers = numbers if numbers.size else np.zeros(1)
+    values = np.concatenate([np.zeros(0), *(numbers(recorded[n]) for n in names if n in recorded)])
+    values = values if values.size else np.zeros(1)
     if what == "time":
-        return np.asarray(numbers.max() + LATER + np.linspace(0.0, HOURS, rounds))
+        return np.asarray(values.max() + LATER + np.linspace(0.0, HOURS, rounds))
     if what == "temperature":
         reference = known.references.temperature
-        return np.linspace(reference, warm(numbers, reference), rounds)
+        return np.linspace(reference, warm(values, reference), rounds)
     if what == "speed":
-        return np.array(SPEEDS) * (float(np.abs(numbers).max()) or FAST)
-    low, high = payloads(numbers) if what == "payload" else (float(numbers.min()), float(numbers.max()))
+        return np.array(SPEEDS) * (float(np.abs(values).max()) or FAST)
+    low, high = payloads(values) if what == "payload" else (float(values.min()), float(values.max()))
     return np.linspace(low, high, rounds)
 
 

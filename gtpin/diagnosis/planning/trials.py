@@ -27,10 +27,7 @@ RESOLUTION = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """The measured poses, and the geometry about which the problem is linear.
-
-    ``observed``: the N measured poses. ``model``: the calibrated geometry. ``references``: reference values of the diagnosis.
-    """
+    """The N measured poses, the calibrated geometry about which the problem is linear, and the diagnosis's references."""
 
     observed: Observed
     model: Model
@@ -49,10 +46,9 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """M rows that could be measured, together with the N measured rows.
+    """M rows that could be measured, with commands q (M, n), together with the N measured rows.
 
-    ``design``: the linear problem of all N + M rows, the measured rows first. ``measured``: number of measured rows, N. ``q``:
-    (M, n) commands of the further rows, m or rad. ``conditions``: measurement conditions of all rows.
+    ``design``: the linear problem of all N + M rows, the measured rows first. ``measured``: N.
     """
 
     design: Design
@@ -87,24 +83,18 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
     ``words``, ``effort``: covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`. ``count``:
     number of rows before those that can't be reached are left out.
     """
-    q = known.observed.measured.q
-    again = rng.choice(len(q), min(count // 2, len(q)), replace=False)
-    a, b = rng.integers(0, len(q), (2, count - len(again)))
-    between = q[a] + rng.random((len(a), 1)) * (q[b] - q[a])
-    commands = np.vstack([q[again], np.round(between / RESOLUTION) * RESOLUTION])
-    return trials_at(known, commands, words, rng, effort)
-
-
-def trials_at(known: Known, q: Floats, words: Collection[str], rng: np.random.Generator, effort: float = 1.0) -> Trials:
-    """Rows at those of the commands q (M, n) that can be reached; the covariates ``words`` are drawn."""
     observed, model, before = known.observed, known.model, known.operating_points
+    measured = observed.measured
+    again = rng.choice(len(measured.q), min(count // 2, len(measured.q)), replace=False)
+    a, b = rng.integers(0, len(measured.q), (2, count - len(again)))
+    between = measured.q[a] + rng.random((len(a), 1)) * (measured.q[b] - measured.q[a])
+    q = np.vstack([measured.q[again], np.round(between / RESOLUTION) * RESOLUTION])
     poses = model.kinematics.forward(q)
     q, poses = q[poses.reached], poses[poses.reached]
     ways = _against(known, q, poses)
     drawn = draw(observed.covariates, len(before), known.references, words, rng, ways=ways, effort=effort)
     # A further pose is read by the same instrument and with the same noise as the nearest measured one.
     rows = np.concatenate([np.arange(len(before)), cKDTree(before.poses.T).query(poses.T)[1]])
-    measured = observed.measured
     operating_points = OperatingPoints(
         before.kinematics,
         np.vstack([measured.q, q]),
