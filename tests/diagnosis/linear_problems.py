@@ -11,11 +11,11 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.catalogue import catalogue
+from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.instruments.readings import Readings
 
 Floats = np.ndarray
@@ -56,6 +56,12 @@ class Dense:
 def every_effect(false_alarm: float = 0.01) -> Scope:
     """All effects of the catalogue, as a diagnosis takes them."""
     return Scope(catalogue(), frozenset(), false_alarm)
+
+
+def hypothesis(name: str) -> Hypothesis:
+    """The hypothesis ``effect@site``."""
+    effect, _, site = name.partition("@")
+    return Hypothesis(effects_by_id()[effect], site)
 
 
 def bare_design(y: Floats, B: Floats, whitening: Floats, n_geometry: int) -> Design:

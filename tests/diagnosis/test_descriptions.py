@@ -26,17 +26,18 @@ def diagnosed(robot: str, joint: int, ahead: Callable[[Floats], Floats]) -> gtpi
 
 
 @pytest.mark.slow
-def test_a_joint_that_follows_one_other_joint_is_a_mechanism() -> None:
-    found = diagnosed("ur5", 4, lambda q: 5e-4 * q[:, 3])  # gears of a wrist: in proportion
-    cause = found.causes[0]
-    assert (cause.effect, cause.site, cause.nature) == ("cross_coupling", "wrist_2_joint", "mechanism")
+@pytest.mark.parametrize(
+    ("robot", "joint", "site", "ahead"),
+    [
+        ("ur5", 4, "wrist_2_joint", lambda q: 5e-4 * q[:, 3]),  # gears of a wrist: in proportion
+        ("gantry_tau", 2, "cart3", lambda q: 2e-4 * (q[:, 1] - q[:, 1].mean()) ** 2),  # a beam that another cart bends
+    ],
+    ids=["ur5", "gantry_tau"],
+)
+def test_a_joint_that_follows_one_other_joint_is_a_mechanism(robot, joint, site, ahead) -> None:
+    found = diagnosed(robot, joint, ahead)
+    assert [(c.effect, c.site, c.nature) for c in found.causes] == [("cross_coupling", site, "mechanism")]
     assert found.unexplained.descriptions == ()
-
-
-@pytest.mark.slow
-def test_a_beam_that_another_cart_bends_is_a_mechanism() -> None:
-    found = diagnosed("gantry_tau", 2, lambda q: 2e-4 * (q[:, 1] - q[:, 1].mean()) ** 2)
-    assert [(c.effect, c.site, c.nature) for c in found.causes] == [("cross_coupling", "cart3", "mechanism")]
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from linear_problems import hypothesis
 from scipy.stats import multivariate_normal
 
 import gtpin
@@ -16,12 +17,14 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.linear.posterior import NOTHING, gain
+from gtpin.diagnosis.planning.discrimination import concerns
 from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, expected_gain, most_telling
 from gtpin.diagnosis.planning.measurement_conditions import with_nights
 from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
 from gtpin.diagnosis.planning.trials import Known, possible
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings
@@ -32,12 +35,6 @@ PAIRS = [
     ("link_compliance@link2a", "joint_runout@link2a"),
     ("cross_coupling@cart2", "linearity@cart2"),
 ]
-SCALES = np.geomspace(0.1, 20.0, 16)
-
-
-def candidate(name: str) -> Hypothesis:
-    effect, _, site = name.partition("@")
-    return Hypothesis(effects_by_id()[effect], site)
 
 
 @cache
@@ -51,14 +48,14 @@ def known_of(name: str, seed: int, without: tuple[str, ...] = ()) -> tuple[Case,
 
 
 def class_of(*names: str) -> CauseClass:
-    members = tuple((candidate(name), 1.0 / len(names)) for name in names)
+    members = tuple((hypothesis(name), 1.0 / len(names)) for name in names)
     return CauseClass(members[0][0], 1.0, members)
 
 
 def proposed(
     known: Known, *classes: CauseClass, untestable: tuple[str, ...] = (), seed: int = 0
 ) -> tuple[Experiment, ...]:
-    rows = [Untested(candidate(name), Untestable("absorbed")) for name in untestable]
+    rows = [Untested(hypothesis(name), Untestable("absorbed")) for name in untestable]
     rng = np.random.default_rng(seed)
     return plan(known, classes=classes, untestable=rows, unknown=None, rng=rng)
 
@@ -89,28 +86,18 @@ def log_evidence(known: Known, dataset: Dataset, name: str, unseen: int = 0) -> 
         known.observed, measured=Readings.of(dataset, known.model.robot), covariates=dataset.covariates, noise=noise
     )
     design = replace(observed, weight=np.ones(len(dataset))).design(known.model)
-    which = candidate(name)
-    X = design.columns(which.effect.basis(design.operating_points, which.site))
+    X = design.columns(hypothesis(name).basis(design.operating_points))
     X[: unseen * design.components] = 0.0
-    J = np.hstack([design.B, X])
-    gram, moment = J.T @ J, J.T @ design.y
-    p = design.B.shape[1]
-    widths = [np.repeat([1.0, s], [p, X.shape[1]]) for s in SCALES]
-    return max(_log_density(gram, moment, w) for w in widths) - _log_density(gram[:p, :p], moment[:p], np.ones(p))
-
-
-def _log_density(gram: np.ndarray, moment: np.ndarray, width: np.ndarray) -> float:
-    """Of y under N(0, I + J D^2 J'), D the widths, by Woodbury's identity, but for what does not depend on J."""
-    A = np.eye(len(width)) + gram * np.outer(width, width)
-    u = moment * width
-    return float(0.5 * (u @ np.linalg.solve(A, u) - np.linalg.slogdet(A)[1]))
+    groups: Groups[str] = Groups(Marginal(design.B), design.y)
+    groups.add(name, X)
+    return gain(groups, NOTHING, name)[0]
 
 
 @pytest.mark.slow
 def test_planned_poses_part_causes_from_their_rivals_better_than_as_many_random_ones() -> None:
     planned, random, expected = [], [], []
     for truth, rival in PAIRS:
-        words = {word for name in (truth, rival) for word in _words(name)}
+        words = {w for name in (truth, rival) for w in concerns(hypothesis(name), gtpin.load_robot("gantry_tau"))}
         for seed in range(2):
             case, known = known_of(truth, seed)
             (experiment,) = [e for e in proposed(known, class_of(truth, rival)) if truth in e.separates]
@@ -126,12 +113,6 @@ def test_planned_poses_part_causes_from_their_rivals_better_than_as_many_random_
     assert np.mean(planned) > 1.5 * np.mean(random)
     assert np.mean(np.array(planned) > np.array(random)) > 0.6
     assert 0.4 < np.mean(planned) / np.mean(expected) < 2.5
-
-
-def _words(name: str) -> tuple[str, ...]:
-    which = candidate(name)
-    robot = gtpin.load_robot("gantry_tau")
-    return (*which.effect.covariates(robot, which.site), *which.effect.coordinates(robot, which.site))
 
 
 def _gain(case: Case, known: Known, truth: str, rival: str, later: Dataset) -> float:
@@ -162,7 +143,7 @@ def test_recording_what_was_missing_reveals_the_effect_that_lacked_it_better_tha
 def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     case, known = known_of("linearity@cart2", 0)
     names = tuple(f"joint_clearance@{site}" for site in known.robot.rod_sites)
-    assert all(candidate(n).effect.untestable(known.operating_points, candidate(n).site) for n in names)
+    assert all(hypothesis(n).effect.untestable(known.operating_points, hypothesis(n).site) for n in names)
     experiments = proposed(known, untestable=names)
     assert {name for e in experiments for name in e.separates} == set(names)
     (pushed,) = [e for e in experiments if len(e.poses)]
@@ -172,7 +153,7 @@ def test_pushes_that_are_proposed_turn_the_forces_of_the_links() -> None:
     observed = replace(known.observed, measured=Readings.of(data, known.model.robot), covariates=data.covariates)
     at = observed.operating_points(known.model)
     assert len(pushed.separates) >= 3
-    assert not any(candidate(n).effect.untestable(at, candidate(n).site) for n in pushed.separates)
+    assert not any(hypothesis(n).effect.untestable(at, hypothesis(n).site) for n in pushed.separates)
 
 
 def test_expected_gain_is_the_mean_log_density_ratio_of_data_drawn_from_the_true_hypothesis() -> None:
@@ -270,7 +251,7 @@ class Twin(Linearity):
 
 def test_twins_are_not_promised_to_be_told_apart_by_poses() -> None:
     _, known = known_of("linearity@cart2", 0)
-    members = ((candidate("linearity@cart2"), 0.5), (Hypothesis(Twin(), "cart2"), 0.5))
+    members = ((hypothesis("linearity@cart2"), 0.5), (Hypothesis(Twin(), "cart2"), 0.5))
     (experiment,) = proposed(known, CauseClass(members[0][0], 1.0, members))
     assert experiment.poses.shape == (0, 3)
     assert experiment.expected_gain == pytest.approx(0.0, abs=1e-6)
@@ -297,7 +278,7 @@ def test_an_unknown_is_traced_along_its_coordinates_and_nothing_else_moves(coord
 
 def test_a_cause_without_a_rival_is_confirmed_where_it_is_not_sure() -> None:
     _, known = known_of("linearity@cart2", 0)
-    cause = candidate("linearity@cart2")
+    cause = hypothesis("linearity@cart2")
     (experiment,) = proposed(known, CauseClass(cause, 1.0, ((cause, 0.7),)))
     assert experiment.separates == (str(cause),)
     assert experiment.expected_gain > experiment.random_gain > 0.0

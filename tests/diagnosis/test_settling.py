@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_problems import calibrated, every_effect
+from linear_problems import calibrated, every_effect, hypothesis
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
 from gtpin.diagnosis.inference.classes import ranked
@@ -20,7 +19,6 @@ from gtpin.diagnosis.planning.measurement_conditions import SESSIONS, next_sessi
 from gtpin.diagnosis.planning.next_experiment import classes
 from gtpin.diagnosis.planning.trials import Known
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.effects.catalogue import effects_by_id
 
 ROWS = np.arange(4)
 
@@ -75,17 +73,12 @@ def test_a_higher_temperature_settles_less_and_more_rounds_settle_more() -> None
     assert rounds > 1
 
 
-def of(name: str) -> Hypothesis:
-    effect, _, site = name.partition("@")
-    return Hypothesis(effects_by_id()[effect], site)
-
-
 @pytest.mark.slow
 def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() -> None:
     observed, baseline = calibrated()
     known = Known(observed, baseline.model, observed.operating_points(baseline.model).references)
     design = observed.design(baseline.model)
-    cause, *others = (of(f"{name}@cart2") for name in ("linearity", "straightness", "backlash"))
+    cause, *others = (hypothesis(f"{name}@cart2") for name in ("linearity", "straightness", "backlash"))
     smooth = list(smooth_terms(design.operating_points, PRIORS))
     hypotheses = HypothesisSet(design, (cause, *others), (), smooth, every_effect())
     model = hypotheses.extended(NOTHING, cause)
@@ -94,7 +87,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     (of_cause,) = classes(found, [Cause("linearity", "cart2", 0.7, (), {}, 0.5)], hypotheses)
     every = ranked(hypotheses, model, cause)
     second = next(m.hypothesis for m in every.named if m.hypothesis != cause)
-    assert [hypothesis for hypothesis, _ in of_cause.members] == [cause, second]
+    assert [member for member, _ in of_cause.members] == [cause, second]
     assert of_cause.smooth == every.smooth[:3]
     experiment = discriminate(known, [of_cause], 0, 20, np.random.default_rng(0))
     assert experiment.separates == (str(cause), str(second))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,8 @@ SESSIONS = 4
 """Number of further sessions where the question is what changes between sessions: one change alone can be small by chance."""
 LEAST_WARMER = 1.0
 """Largest recorded difference from the reference temperature, K, below which the temperature of a warm machine is assumed."""
+SPEEDS = (-1.0, -0.5, 0.5, 1.0)
+"""Speeds to set, as multiples of the highest recorded one."""
 FORCES = ("fx", "fy", "fz")
 OF_THE_POSE = re.compile(r"load|direction|position|q\d+")
 """Coordinates that depend on the pose, or on several covariates, but are no covariates."""
@@ -166,7 +168,7 @@ def _varied(
     """(M,) random values of a covariate, over all that can be set."""
     count = len(cold)
     if name == "session":
-        return rng.choice(np.array(next_sessions(known, SESSIONS), dtype=object), count)
+        return rng.choice(next_sessions(known, SESSIONS), count)
     values = numbers(known)
     if kind(name) == "approach":
         return rng.choice([-1.0, 1.0], count)
@@ -182,13 +184,33 @@ def _varied(
     return np.asarray(rng.choice(values, count))
 
 
-def next_sessions(known: Column, count: int) -> list[str]:
+def levels(recorded: Mapping[str, Column], references: References, names: Sequence[str], rounds: int) -> Column:
+    """The value of covariates of one kind in each round of visits."""
+    what = kind(names[0])
+    if what == "session":
+        return next_sessions(recorded.get("session", np.full(1, "0", dtype=object)), rounds)
+    if what == "approach":
+        return np.resize([1.0, -1.0], rounds)
+    values = np.concatenate([np.zeros(0), *(numbers(recorded[n]) for n in names if n in recorded)])
+    values = values if values.size else np.zeros(1)
+    if what == "time":
+        return np.asarray(values.max() + LATER + np.linspace(0.0, HOURS, rounds))
+    if what == "temperature":
+        return np.linspace(references.temperature, warm(values, references.temperature), rounds)
+    if what == "speed":
+        return np.array(SPEEDS) * (float(np.abs(values).max()) or FAST)
+    low, high = payloads(values) if what == "payload" else (float(values.min()), float(values.max()))
+    return np.linspace(low, high, rounds)
+
+
+def next_sessions(known: Column, count: int) -> npt.NDArray[np.object_]:
     """Names for new sessions, after the known ones."""
     names = [str(name) for name in known]
     if all(name.isdecimal() for name in names):
-        return [str(max(map(int, names)) + 1 + i) for i in range(count)]
-    free = (name for i in itertools.count(1) if (name := f"next {i}" if i > 1 else "next") not in names)
-    return list(itertools.islice(free, count))
+        free = (str(max(map(int, names)) + i) for i in itertools.count(1))
+    else:
+        free = (name for i in itertools.count(1) if (name := f"next {i}" if i > 1 else "next") not in names)
+    return np.array(list(itertools.islice(free, count)), dtype=object)
 
 
 def payloads(known: Floats, effort: float = 1.0) -> Floats:

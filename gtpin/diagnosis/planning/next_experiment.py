@@ -14,16 +14,7 @@ from gtpin.diagnosis.inference.findings import Cause, Conclusion
 from gtpin.diagnosis.planning.discrimination import RIVALS, CauseClass, discriminate
 from gtpin.diagnosis.planning.experiment import Experiment, Visits
 from gtpin.diagnosis.planning.make_testable import make_testable
-from gtpin.diagnosis.planning.measurement_conditions import (
-    FAST,
-    HOURS,
-    LATER,
-    kind,
-    next_sessions,
-    numbers,
-    payloads,
-    warm,
-)
+from gtpin.diagnosis.planning.measurement_conditions import kind, levels, numbers
 from gtpin.diagnosis.planning.trials import RESOLUTION, Known
 from gtpin.diagnosis.priors import SURE
 from gtpin.effects.operating_points import Column
@@ -39,8 +30,6 @@ STATIONS = 5
 """Number of poses, far from each other, that are visited repeatedly."""
 AGAIN = 10
 """Number of poses that are visited twice more, to measure the noise: twenty visits determine a sigma to some 10 %."""
-SPEEDS = (-1.0, -0.5, 0.5, 1.0)
-"""Speeds to set, as multiples of the highest recorded one."""
 FINE = 60
 """Number of commands at which the range of one actuator alone is checked."""
 
@@ -121,10 +110,10 @@ def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experi
             commands = np.vstack([_line(known, start, moved[1], count) for start in starts])
     elif names := _covariates(known, others[0]):  # the same few poses at several levels of covariates of one kind
         stations = _apart(known, min(STATIONS, len(q)))
-        levels = _levels(known, names, max(poses // len(stations), 2))
-        visits = replace(spread, pattern="repeated", stations=len(stations), varied=tuple(names), levels=levels)
-        commands = np.tile(stations, (len(levels), 1))
-        covariates = dict.fromkeys(names, levels[np.repeat(np.arange(len(levels)), len(stations))])
+        values = levels(recorded, known.references, names, max(poses // len(stations), 2))
+        visits = replace(spread, pattern="repeated", stations=len(stations), varied=tuple(names), levels=values)
+        commands = np.tile(stations, (len(values), 1))
+        covariates = dict.fromkeys(names, values[np.repeat(np.arange(len(values)), len(stations))])
         for name in names:
             approach = name.replace("speed", "approach")
             if kind(name) == "speed" and approach in recorded:
@@ -157,27 +146,6 @@ def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
     line = np.tile(start, (count, 1))
     line[:, actuator] = np.linspace(commands[low, actuator], commands[high, actuator], count)
     return np.asarray(np.round(line / RESOLUTION) * RESOLUTION)
-
-
-def _levels(known: Known, names: list[str], rounds: int) -> Column:
-    """The value of covariates of one kind in each round of visits."""
-    what, recorded = kind(names[0]), known.observed.covariates
-    if what == "session":
-        sessions = next_sessions(recorded.get("session", np.full(1, "0", dtype=object)), rounds)
-        return np.array(sessions, dtype=object)
-    if what == "approach":
-        return np.resize([1.0, -1.0], rounds)
-    values = np.concatenate([np.zeros(0), *(numbers(recorded[n]) for n in names if n in recorded)])
-    values = values if values.size else np.zeros(1)
-    if what == "time":
-        return np.asarray(values.max() + LATER + np.linspace(0.0, HOURS, rounds))
-    if what == "temperature":
-        reference = known.references.temperature
-        return np.linspace(reference, warm(values, reference), rounds)
-    if what == "speed":
-        return np.array(SPEEDS) * (float(np.abs(values).max()) or FAST)
-    low, high = payloads(values) if what == "payload" else (float(values.min()), float(values.max()))
-    return np.linspace(low, high, rounds)
 
 
 def _apart(known: Known, count: int) -> Floats:
