@@ -85,7 +85,7 @@ def alarms_of(model: gtpin.Model, datasets: Sequence[gtpin.Dataset]) -> list[boo
     level, alarms = None, []
     for dataset in datasets:
         data = usable(dataset, model)
-        sampler, _ = changes(earlier, data.observed, data.unexplained, scope)
+        sampler, _ = changes(earlier, data.observed, scope)
         if level is None:
             level = threshold(sampler, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
         power = sampler.hypotheses.groups.power

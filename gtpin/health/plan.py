@@ -23,7 +23,6 @@ from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
 from gtpin.health.choice import Candidates, PoseChoice, Rows, candidates
 from gtpin.instruments.readings import Readings
-from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import SMALLEST
@@ -178,7 +177,7 @@ def plan(
     check_kind(model, Model)
     if purpose not in get_args(Purpose):
         raise ModelError(f"no plan is called {purpose!r}", hint=f"use {', '.join(get_args(Purpose))}")
-    unexplained, given, fit = model.unexplained or EXPLAINED, noise is not None, model.fit
+    earlier, given, fit = Earlier(model), noise is not None, model.fit
     if noise is None:
         if fit is None:
             hint = "give it: Noise(1.5e-5, 5e-5), m and rad"
@@ -197,19 +196,18 @@ def plan(
         nats, error = float(best.random_nats.mean()), float(best.random_error.mean())
         information = Information(best.nats, nats, best.error, error)
         return PosePlan(purpose, _commands(some, best.rows, purpose), model, noise, where, information=information)
-    known = given or unexplained.noise_known
+    known = given or earlier.unexplained.noise_known
     # Otherwise the noise of the fit is what it left.
     used = noise if known else replace(noise, position_sigma=SMALLEST, orientation_sigma=SMALLEST)
     scope = Scope.of(catalogue(), (), false_alarm, model.robot)
 
     def possible(some: Candidates) -> GainSampler:
         """The changes that measuring candidates could test."""
-        earlier = Earlier(model)
         seen = model.in_instrument_frame(earlier.predicted(some.q, some.covariates, model.kinematics.forward(some.q)))
         measured = Readings.of_poses(some.q, seen.T, seen.R if orientation else None, model.robot)
         rows = used.rows(len(some), measured.components)
         observed = Observed(measured, some.covariates, rows, np.ones(len(some)), temperature=20.0, free_frame=free)
-        return changes(earlier, observed, unexplained, scope)[0]
+        return changes(earlier, observed, scope)[0]
 
     hypotheses = possible(some).hypotheses
     words = checked_first() if purpose == "health" else tuple(between)

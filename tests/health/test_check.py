@@ -149,7 +149,7 @@ def problem(model, dataset):
     """The sampler of a check's gains, its linear problem, and the earlier model."""
     earlier, data = Earlier(model), usable(dataset, model)
     scope = Scope.of(catalogue(), (), 0.01, model.robot)
-    sampler, _ = changes(earlier, data.observed, data.unexplained, scope)
+    sampler, _ = changes(earlier, data.observed, scope)
     return sampler, sampler.hypotheses.design, earlier
 
 

@@ -25,7 +25,6 @@ from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.distributions import chi2
-from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -36,16 +35,14 @@ REGIONS, TOGETHER = 4, 3
 at least). Assumed."""
 
 
-def changes(
-    earlier: Earlier, observed: Observed, left: ModelDiscrepancy, scope: Scope
-) -> tuple[GainSampler, tuple[str, ...]]:
+def changes(earlier: Earlier, observed: Observed, scope: Scope) -> tuple[GainSampler, tuple[str, ...]]:
     """The changes of some poses or readings since an earlier model, with their gains on a machine that has not changed.
 
-    And the names of the temperatures whose change is not known and therefore assumed. ``left``: what it left unexplained.
+    And the names of the temperatures whose change is not known and therefore assumed.
     """
     since, assumed = earlier.since(observed.covariates, observed.temperature, len(observed.weight), scope.priors.warmer)
-    design = expectation(earlier, observed, left, since)
-    share = share_unexplained(design, observed.noise, left)
+    design = expectation(earlier, observed, since)
+    share = share_unexplained(design, observed.noise, earlier.unexplained)
     return GainSampler(propose(design, scope, changes=True), share), assumed
 
 
@@ -72,7 +69,7 @@ class _Tried:
     @staticmethod
     def of(earlier: Earlier, data: Usable, scope: Scope, rng: np.random.Generator) -> _Tried:
         """Decide which changes are named, and whether the poses show something that they do not explain."""
-        sampler, assumed = changes(earlier, data.observed, data.unexplained, scope)
+        sampler, assumed = changes(earlier, data.observed, scope)
         priors = scope.priors
         level = threshold(sampler, priors.named_alarms * scope.false_alarm, DRAWS, rng)
         hypotheses = sampler.hypotheses.at_threshold(level)
@@ -119,7 +116,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     model, active = updated(earlier, design, named, [found.scale[c] for c in named], columns)
     # Every pose is left out in turn; of readings, all of one stop of the machine.
     together = np.arange(len(used)) if design.measured.tracked else used.visits
-    floor, blocks = _floor(tried, earlier.model), [together == one for one in np.unique(together)]
+    floor, blocks = _floor(tried, earlier), [together == one for one in np.unique(together)]
     whole, takes = gaps(hypotheses, found, floor, blocks, rng)
     causes, unpredicted = [], []
     for own, hypothesis in zip(active, named, strict=True):
@@ -149,7 +146,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         power=POWER,
         smallest=smallest_changes(tried.sampler, hypotheses.threshold, POWER, rng),
         assumed=tried.assumed,
-        unexplained_before=data.unexplained,
+        unexplained_before=earlier.unexplained,
         noise_known=data.noise_known,
         free_frame=data.observed.free_frame,
         effects=scope.effects,
@@ -157,7 +154,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     )
 
 
-def _floor(tried: _Tried, earlier: Model) -> Floats:
+def _floor(tried: _Tried, earlier: Earlier) -> Floats:
     """(N, k) expected square of the noise of each compared number, m^2, without unexplained errors of the earlier model where
     the noise is known; ones for readings: their errors are in units of noise."""
     design, data = tried.hypotheses.design, tried.data
@@ -165,7 +162,7 @@ def _floor(tried: _Tried, earlier: Model) -> Floats:
         return np.ones((len(data.dataset), design.components))
     noise = data.observed.noise
     if not data.noise_known:
-        noise = with_unexplained(noise, design.measured, data.unexplained)
-    if earlier.fit is not None:  # what the drives are assumed to scatter at least is no noise
-        noise = replace(noise, repeatability=min(noise.repeatability, earlier.fit.drives))
+        noise = with_unexplained(noise, design.measured, earlier.unexplained)
+    if earlier.model.fit is not None:  # what the drives are assumed to scatter at least is no noise
+        noise = replace(noise, repeatability=min(noise.repeatability, earlier.model.fit.drives))
     return floor_of(noise, design)

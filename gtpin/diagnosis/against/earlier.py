@@ -16,7 +16,7 @@ from gtpin.errors import ModelError, unheard
 from gtpin.instruments.readings import VAGUE
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
-from gtpin.model.fit_conditions import TEMPERATURES
+from gtpin.model.fit_conditions import EXPLAINED, TEMPERATURES, ModelDiscrepancy
 from gtpin.model.model import Frame, Model, inverse_root, joined
 from gtpin.typing import Floats
 
@@ -35,6 +35,11 @@ class Earlier:
         """The model without the effects that do not last: drift of the instrument, and its shifts between sessions."""
         robot = self.model.robot
         return self.model.without([active.name for active in self.model.effects if not lasts(active, robot)])
+
+    @property
+    def unexplained(self) -> ModelDiscrepancy:
+        """What the model left unexplained of its own data: a part of the uncertainty of every prediction."""
+        return self.model.unexplained or EXPLAINED
 
     @cached_property
     def covariance(self) -> Floats:

@@ -39,14 +39,12 @@ FEWEST = 3
 class Usable:
     """The usable rows of a check, and how they were measured.
 
-    ``unexplained``: what the earlier model left unexplained of its own data: a part of the uncertainty of every prediction.
     ``noise_known``: whether the noise was declared, or repeated visits showed it. Otherwise it is as small as noise can be, and
-    what was left of the earlier fit is all in ``unexplained``.
+    what was left of the earlier fit counts as unexplained.
     """
 
     dataset: Dataset
     observed: Observed
-    unexplained: ModelDiscrepancy
     noise_known: bool
 
     def without(self, row: int) -> Usable:
@@ -72,7 +70,7 @@ def usable(dataset: Dataset, model: Model) -> Usable:
     measured in another frame.
     """
     check_actuators(model.robot, dataset)
-    unexplained, known = model.unexplained or EXPLAINED, True
+    known = True
     if not dataset.readings.tracked:
         kept, measured = _usable_readings(dataset, model)
         declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
@@ -86,14 +84,14 @@ def usable(dataset: Dataset, model: Model) -> Usable:
         lacking = [
             name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
         ]
-        known = unexplained.noise_known or not lacking
+        known = (model.unexplained or EXPLAINED).noise_known or not lacking
         if not known:
             none: dict[str, Any] = dict.fromkeys(lacking, SMALLEST)
             own = replace(own, **none)
         noise = own.rows(len(kept), measured.components)
     weight, temperature = np.ones(len(kept)), dataset.conditions.reference_temperature
     free = dataset.instrument.frame == "free"
-    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), unexplained, known)
+    return Usable(kept, Observed(measured, kept.covariates, noise, weight, temperature, free), known)
 
 
 def _usable_poses(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
@@ -184,13 +182,13 @@ def with_unexplained(noise: ReadingNoise, measured: Readings, left: ModelDiscrep
     return replace(noise, sigma=np.hypot(noise.sigma, more), row_sigma=np.hypot(noise.row_sigma, more[noise.group]))
 
 
-def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, since: Mapping[str, Column]) -> Design:
+def expectation(earlier: Earlier, observed: Observed, since: Mapping[str, Column]) -> Design:
     """The linear problem about an earlier model: y ~ N(0, I + B B') where nothing has changed.
 
     y is the whitened difference of the measured poses and those that the model predicts. B is the whitened derivative by the
     model's unknowns, scaled by the root of their posterior covariance, and by the pose of the instrument where that is unknown,
-    or by the unknowns of the instruments, scaled by the sigmas of their priors. ``left``: what the earlier model left
-    unexplained. ``since``: the covariates on which changes depend: see :meth:`Earlier.since`.
+    or by the unknowns of the instruments, scaled by the sigmas of their priors. ``since``: the covariates on
+    which changes depend: see :meth:`Earlier.since`.
 
     Raises `ModelError` if a covariate is missing that an effect of the model needs.
     """
@@ -198,7 +196,7 @@ def expectation(earlier: Earlier, observed: Observed, left: ModelDiscrepancy, si
     at = replace(observed, covariates=since).operating_points(earlier.model)
     model, plain = earlier.model, at.poses
     poses = earlier.predicted(q, observed.covariates, plain)
-    c, noise = measured.components, with_unexplained(observed.noise, measured, left)
+    c, noise = measured.components, with_unexplained(observed.noise, measured, earlier.unexplained)
     if observed.free_frame:
         model = replace(model, frame=rough_frame(poses, Measured(q, *measured.poses)))
     else:
