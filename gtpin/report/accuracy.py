@@ -4,6 +4,7 @@ parameter."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import SCALE, Drawing, alone, colorbar
+from gtpin.report.figure import SCALE, Drawing, alone, colorbar, titled
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import scale_of
@@ -83,9 +84,7 @@ class AccuracyPresentation(Presentation):
         """The expected errors, and the sensitivity to each parameter."""
         return f"{self.short()}\n\n{self.table().to_string(index=False)}\n"
 
-    def terminal(self) -> str:
-        """The expected errors."""
-        return self.short()
+    terminal = short
 
     def table(self) -> pd.DataFrame:
         """The columns of sensitivity.csv."""
@@ -94,7 +93,8 @@ class AccuracyPresentation(Presentation):
     def write(self, folder: Path) -> dict[str, object]:
         """Write the files of ``gtpin sensitivity``; return the content of the JSON."""
         write_accuracy(self.accuracy, folder)
-        (folder / "report.html").write_text(sensitivity_page(self.accuracy, seed=self.accuracy.seed), encoding="utf-8")
+        page = sensitivity_page(self.accuracy, seed=self.accuracy.seed)
+        (folder / "report.html").write_text(page, encoding="utf-8")
         return self.accuracy.to_json()
 
     def parameters(self) -> Figure:
@@ -160,10 +160,8 @@ def _steps(found: Accuracy) -> Table:
     """Mean change of the TCP's position for a step, by parameter and link, µm; the colours are relative to the largest."""
     steps, by_step = found.sensitivity, _mean_step(found)
     shades = np.nan_to_num(by_step, nan=0.0) / max(float(np.nanmax(by_step)), 1e-300)
-    rows = [
-        [name, *("" if np.isnan(v) else f"{v:.2f}" for v in 1e6 * row)]
-        for name, row in zip(steps.parameters, by_step, strict=True)
-    ]
+    cells = np.where(np.isnan(by_step), "", np.char.mod("%.2f", 1e6 * by_step)).tolist()
+    rows = [[name, *row] for name, row in zip(steps.parameters, cells, strict=True)]
     numbers = range(1, 1 + len(steps.links))
     return Table(("parameter", *steps.links), rows, numbers, [[0.0, *row] for row in shades.tolist()])
 
@@ -184,17 +182,18 @@ def _dexterity(values: dict[str, Any], one_at: str) -> Table:
 def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
     """The choice of the quantity that determines the colours, and the slices, orthogonal to an axis of the base frame."""
     values, space = _quantities(found), found.space
-    options = tuple((name, with_unit(name, unit)) for name, (_, unit) in values.items())
-    choice = PlotChoice("quantity", "Coloured by", options)
+    choice = PlotChoice(
+        "quantity", "Coloured by", [(name, with_unit(name, unit)) for name, (_, unit) in values.items()]
+    )
 
-    def plot(number: int, layer: int) -> Plot:
-        def draw(quantity: str) -> Drawing:
-            return Drawing([_slice(space, values[quantity][0], layer)], _layout(space))
+    def draw(layer: int, quantity: str) -> Drawing:
+        return Drawing([_slice(space, values[quantity][0], layer)], _layout(space))
 
-        title = _place(space, layer)
-        return Plot(f"slice-{number}", f"Slice of the workspace at {title}", draw, (choice,), title, 300)
-
-    return choice, [plot(number, layer) for number, layer in enumerate(space.layers)]
+    places = [(layer, _place(space, layer)) for layer in space.layers]
+    return choice, [
+        Plot(f"slice-{k}", f"Slice of the workspace at {title}", partial(draw, layer), (choice,), title, 300)
+        for k, (layer, title) in enumerate(places)
+    ]
 
 
 def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
@@ -209,20 +208,19 @@ def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
     if quantity not in values:
         raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
     at, unit = values[quantity]
-    layers, (across, up) = space.layers, _names(space)
+    layers, (across, _) = space.layers, _names(space)
     bar = colorbar(with_unit(quantity, unit))
     traces, layout = [], {}
     for k, layer in enumerate(layers):
         suffix, own = str(k + 1) if k else "", _layout(space)
         x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
-        traces.append(
-            _slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar},
-        )
+        traces.append(_slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar})
         title = typeset(f"{across} (m), at {_place(space, layer)}")
         layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
-        title = "" if k else f"{up} (m)"
-        layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x, "title": {"text": title}}
-    return alone(Drawing(traces, layout).figure(), f"{quantity.capitalize()} over the workspace")
+        layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x}
+        if k:
+            layout[f"yaxis{suffix}"]["title"] = {"text": ""}
+    return alone(Drawing(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
 def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
@@ -264,8 +262,7 @@ def _place(space: Workspace, layer: int) -> str:
 
 def _layout(space: Workspace) -> dict[str, Any]:
     a, b = _names(space)
-    return {
-        "xaxis": {"title": {"text": f"{a} (m)"}, "constrain": "domain"},
-        "yaxis": {"title": {"text": f"{b} (m)"}, "scaleanchor": "x", "constrain": "domain"},
-        "margin": {"t": 10},
-    }
+    layout = titled(f"{a} (m)", f"{b} (m)", margin={"t": 10})
+    layout["xaxis"]["constrain"] = "domain"
+    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    return layout

@@ -5,11 +5,12 @@ The quantities are those of ISO 230-4, Circular tests for numerically controlled
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from gtpin.instruments.range import Range
 from gtpin.report.residuals import Residuals
@@ -38,8 +39,6 @@ SAME_RADIUS = 0.05
 """Largest difference of the radii, and of the heights of the planes, of two runs along one circle, over the radius."""
 ALONG_AXIS = np.cos(np.deg2rad(5.0))
 """Smallest cosine of the angle between the normal of a plane that is called XY, YZ or ZX, and the axis normal to it."""
-STEPS, SMALLEST = 20, 1e-12
-"""Of the fit of a centre: largest number of steps, and step, m, below which it has converged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +92,15 @@ class Circle:
     @property
     def plane(self) -> str:
         """Name of its plane: ``XY``, ``YZ`` or ``ZX``; of other planes the normal: ``normal (0.34, 0.00, 0.94)``."""
-        axis = int(np.argmax(self.normal))
-        if self.normal[axis] >= ALONG_AXIS:
-            return ("YZ", "ZX", "XY")[axis]
+        if self.normal.max() >= ALONG_AXIS:
+            return "".join(self.axes)
         return f"normal ({', '.join(f'{v + 0.0:.2f}' for v in self.normal)})"
 
     @property
     def axes(self) -> tuple[str, str]:
         """Names of its first and second axis; in a plane that is not XY, YZ or ZX, of the base axes nearest to them."""
         axis = int(np.argmax(self.normal))
-        return ("YZ", "ZX", "XY")[axis][0], ("YZ", "ZX", "XY")[axis][1]
+        return "YZX"[axis], "ZXY"[axis]
 
     @property
     def directions(self) -> tuple[Direction, ...]:
@@ -126,39 +124,32 @@ def circles(residuals: Residuals) -> tuple[Circle, ...]:
 
     Rows are taken in the order of ``time``, where there is one, else in that of the table.
     """
-    instruments = residuals.readings.instruments
-    return tuple(
-        circle
-        for index, one in enumerate(instruments)
-        if isinstance(one, Range)
-        for circle in _of_instrument(residuals, index, one)
-    )
+    ranges = [(i, one) for i, one in enumerate(residuals.readings.instruments) if isinstance(one, Range)]
+    return tuple(circle for i, one in ranges for circle in _of_instrument(residuals, i, one))
 
 
-def _of_instrument(residuals: Residuals, index: int, one: Range) -> list[Circle]:
+def _of_instrument(residuals: Residuals, index: int, one: Range) -> Iterator[Circle]:
     readings = residuals.readings
     mine = readings.rows.rows_of(index)
     away = one.away(residuals.poses[mine], readings.own(index))
     order = np.asarray(residuals.dataset.covariates.get("time", readings.rows.line), dtype=float)[mine]
-    found = []
     for station, target in np.unique(np.column_stack([one.station, one.targets.of]), axis=0):
         own = np.flatnonzero((one.station == station) & (one.targets.of == target))
         own = own[np.argsort(order[own], kind="stable")]
-        known = ((one.table.stations, station), (one.table.fixed_targets, target))
-        names = tuple(list(ids)[k] if len(ids) > 1 else "" for ids, k in known)
+        stations, targets = list(one.table.stations), list(one.table.fixed_targets)
+        names = (stations[station] if len(stations) > 1 else "", targets[target] if len(targets) > 1 else "")
         for same in _groups(runs(away[own]), away[own]):
-            found.append(_circle(residuals, mine, one, [replace(run, rows=own[run.rows]) for run in same], names))
-    return found
+            yield _circle(residuals, mine, one, [replace(run, rows=own[run.rows]) for run in same], names)
 
 
 def _groups(found: list[Run], away: Floats) -> list[list[Run]]:
+    """Runs along the same circle together."""
     groups: list[list[Run]] = []
     for run in found:
-        group = next((group for group in groups if _alike(run, group[0], away)), None)
-        if group is None:
-            groups.append([run])
-        else:
-            group.append(run)
+        same = next((group for group in groups if _alike(run, group[0], away)), [])
+        if not same:
+            groups.append(same)
+        same.append(run)
     return groups
 
 
@@ -171,36 +162,27 @@ def _alike(one: Run, two: Run, away: Floats) -> bool:
     return abs(radii[0] - radii[1]) < most and abs(heights[0] - heights[1]) < most
 
 
-def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], names: tuple[str, ...]) -> Circle:
+def _circle(residuals: Residuals, mine: Indices, one: Range, same: list[Run], names: tuple[str, str]) -> Circle:
     """The circle of the runs ``same``. Their rows are indices into ``mine``, the instrument's rows."""
     normal = same[0].normal * np.sign(same[0].normal[np.argmax(np.abs(same[0].normal))])
     rows = np.concatenate([run.rows for run in same])
-    model = residuals.model
-    nominal = replace(model, geometry=Geometry.nominal(model.robot), effects=())
+    nominal = replace(residuals.model, geometry=Geometry.nominal(residuals.model.robot), effects=())
     poses = nominal.kinematics.forward(residuals.dataset.q[mine])
     commanded = one.away(poses, np.zeros(len(one.unknowns)))[rows]
-    first, second = plane_axes(normal)
-    flat = np.column_stack([commanded @ first, commanded @ second])
-    height = float((commanded @ normal).mean())
+    flat, height = commanded @ np.transpose(plane_axes(normal)), float((commanded @ normal).mean())
     # |p - c|^2 = r^2 is linear in the centre c and k = r^2 - |c|^2: |p|^2 = 2 p . c + k.
     matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
     middle = np.asarray(np.linalg.lstsq(matrix, (flat**2).sum(axis=1), rcond=None)[0][:2])
     angle = np.arctan2(*(flat - middle).T[::-1])
     measured = centred(flat, height, one.measured()[rows, 0], middle)
-    traces, start = [], 0
-    for run in same:
-        part = slice(start, start + len(run.rows))
-        start = part.stop
-        deviation: dict[Layer, Floats] = {
-            "measured": measured[part],
-            "before": residuals.before[mine[run.rows], 0],
-            "after": residuals.after[mine[run.rows], 0],
-        }
+    traces, ends = [], np.cumsum([len(run.rows) for run in same])[:-1]
+    for run, its_angle, its_deviation in zip(same, np.split(angle, ends), np.split(measured, ends), strict=True):
+        own = mine[run.rows]
+        left: dict[Layer, Floats] = {"before": residuals.before[own, 0], "after": residuals.after[own, 0]}
         direction: Direction = "counterclockwise" if float(run.normal @ normal) > 0.0 else "clockwise"
-        traces.append(Trace(direction, mine[run.rows], angle[part], deviation))
+        traces.append(Trace(direction, own, its_angle, {"measured": its_deviation, **left}))
     radius = float(np.linalg.norm(flat - middle, axis=1).mean())
-    station, target = names
-    return Circle(one.name, station, target, normal, radius, tuple(traces))
+    return Circle(one.name, *names, normal, radius, tuple(traces))
 
 
 def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Floats:
@@ -211,17 +193,12 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
     ``flat``, ``height``: (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station,
     m. ``start``: (2,) first guess of s.
     """
-    s = start.copy()
-    for _ in range(STEPS):
-        off = flat - s
-        distance = np.sqrt((off**2).sum(axis=1) + height**2)
-        J = np.column_stack([-off / distance[:, None], np.ones(len(flat))])
-        residual = measured - distance
-        step = np.linalg.lstsq(J, residual, rcond=None)[0]
-        s = s + step[:2]
-        if np.abs(step[:2]).max() < SMALLEST:
-            break
-    return np.asarray(residual - J @ step)
+
+    def less_distance(s: Floats) -> Floats:
+        beyond = measured - np.sqrt(((flat - s) ** 2).sum(axis=1) + height**2)
+        return np.asarray(beyond - beyond.mean())  # the offset that fits best is the mean
+
+    return np.asarray(least_squares(less_distance, start, jac="3-point", method="lm", xtol=1e-15, ftol=1e-15).fun)
 
 
 def runs(away: Floats) -> list[Run]:
@@ -235,7 +212,7 @@ def runs(away: Floats) -> list[Run]:
 
 def _parts(away: Floats) -> list[tuple[int, int]]:
     """First row, and the row after the last, of each part that turns about one axis."""
-    direction = away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
+    direction = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     starts, last, axis = [0], 0, None
     for i in range(1, len(direction)):
         cross = np.cross(direction[last], direction[i])
@@ -260,16 +237,12 @@ def _run(rows: Indices, away: Floats) -> Run | None:
     middle = away.mean(axis=0)
     normal = np.linalg.svd(away - middle, full_matrices=False)[2][2]
     radius = np.linalg.norm(away, axis=1)
-    if np.abs(radius / radius.mean() - 1.0).max() > ROUND:
-        return None
-    if np.abs((away - middle) @ normal).max() > FLAT * radius.mean():
-        return None
+    round_ = np.abs(radius / radius.mean() - 1.0).max() <= ROUND
+    flat = np.abs((away - middle) @ normal).max() <= FLAT * radius.mean()
     across, along = plane_axes(normal)
     angle = np.unwrap(np.arctan2(away @ along, away @ across))
     swept = float(angle[-1] - angle[0])
-    if abs(swept) < HALF:
-        return None
-    return Run(rows, normal if swept > 0.0 else -normal, abs(swept))
+    return Run(rows, np.sign(swept) * normal, abs(swept)) if round_ and flat and abs(swept) >= HALF else None
 
 
 def plane_axes(normal: Floats) -> tuple[Floats, Floats]:

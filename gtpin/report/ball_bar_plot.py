@@ -36,28 +36,23 @@ def circular_tests(residuals: Residuals, causes: bool) -> list[tuple[str, list[P
 
     ``causes``: whether there are causes: a last layer then shows the residuals with them.
     """
-    layers, found = _layers(causes), []
-    for number, circle in enumerate(circles(residuals)):
-        title = _name(circle)
-        plots = [
-            Plot(
-                f"circle-{number}-{layer}",
-                f"{title}: {LAYERS[layer].lower()}",
-                partial(_alone, residuals, circle, layer, layers),
-                caption=". ".join([*_words(circle, layer, layers), ""]).rstrip(),
-                height=300,
-            )
-            for layer in layers
-        ]
-        found.append((title, plots))
-    return found
+    layers, margin = _layers(causes), {"t": 24, "b": 24, "l": 30, "r": 30}
+
+    def draw(circle: Circle, layer: Layer) -> Drawing:
+        layout = {"polar": _polar(circle, layer, layers), "showlegend": False, "margin": margin}
+        return Drawing(_traces(residuals, circle, layer, layers), layout)
+
+    def plot(number: int, circle: Circle, layer: Layer) -> Plot:
+        name, title = f"circle-{number}-{layer}", f"{_name(circle)}: {LAYERS[layer].lower()}"
+        caption = f"{'. '.join(_words(circle, layer, layers))}."
+        return Plot(name, title, partial(draw, circle, layer), caption=caption, height=300)
+
+    found = enumerate(circles(residuals))
+    return [(_name(circle), [plot(k, circle, layer) for layer in layers]) for k, circle in found]
 
 
 def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
-    """The layers of a circle, side by side.
-
-    ``number``: index of the circle in the data, counted from 0. ``causes``: whether there are causes: a last layer then
-    shows the residuals with them.
+    """The layers of a circle, side by side; ``number``: its index in the data, ``causes``: as in :func:`circular_tests`.
 
     Raises `DatasetError` if there is no such circle.
     """
@@ -78,52 +73,35 @@ def ball_bar_figure(residuals: Residuals, number: int, causes: bool) -> Figure:
         ]
         left, right = k / len(layers), (k + 0.88) / len(layers)
         layout[f"polar{suffix}"] = _polar(circle, layer, layers) | {"domain": {"x": [left, right], "y": [0.14, 1.0]}}
-        words = "<br>".join(_words(circle, layer, layers))
+        words = {"text": "<br>".join(_words(circle, layer, layers)), "showarrow": False, "font": {"size": 11}}
         place = {"x": (left + right) / 2.0, "y": 0.06, "xanchor": "center", "yanchor": "top"}
-        place |= {"xref": "paper", "yref": "paper"}
-        layout["annotations"].append({"text": words, "showarrow": False, "font": {"size": 11}} | place)
-    layout |= {"width": 400 * len(layers), "height": 560}
-    made = alone(Drawing(traces, layout).figure(), f"Circular test, {_name(circle)}")
-    made.update_layout(margin={"t": 90, "b": 70})
-    return made
+        layout["annotations"].append(words | place | {"xref": "paper", "yref": "paper"})
+    size = {"width": 400 * len(layers), "height": 560, "margin": {"t": 90, "b": 70}}
+    return alone(Drawing(traces, layout), f"Circular test, {_name(circle)}", **size)
 
 
 def _layers(causes: bool) -> tuple[Layer, ...]:
     return ("measured", "before", "after") if causes else ("measured", "before")
 
 
-def _alone(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> Drawing:
-    layout = {
-        "polar": _polar(circle, layer, layers),
-        "showlegend": False,
-        "margin": {"t": 24, "b": 24, "l": 30, "r": 30},
-    }
-    return Drawing(_traces(residuals, circle, layer, layers), layout)
-
-
 def _traces(residuals: Residuals, circle: Circle, layer: Layer, layers: Sequence[Layer]) -> list[dict[str, Any]]:
     factor, unit, _ = _scale(circle, layer, layers)
-    zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "mode": "lines", "line": {"color": ZERO, "width": 1.4}}
-    traces: list[dict[str, Any]] = [zero | {"type": "scatterpolar", "hoverinfo": "skip"}]
-    for trace in circle.traces:
-        told = f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>"
+    zero = {"r": np.zeros_like(ROUND), "theta": ROUND, "line": {"color": ZERO, "width": 1.4}, "hoverinfo": "skip"}
+    traces: list[dict[str, Any]] = [zero | {"showlegend": False}]
+    for k, trace in enumerate(circle.traces):
         traces.append(
             {
-                "type": "scatterpolar",
-                "mode": "lines",
                 "name": trace.direction,
                 "theta": np.rad2deg(trace.angle),
                 "r": factor * trace.deviation[layer],
                 "line": {"color": COLORS[trace.direction], "width": 1.5},
                 "text": residuals.names[trace.rows],
-                "hovertemplate": told,
+                "hovertemplate": f"%{{r:.3g}} {unit} at %{{theta:.0f}}°<br>pose %{{text}}<extra>{trace.direction}</extra>",
+                # Each direction once in the legend.
+                "showlegend": trace.direction not in [one.direction for one in circle.traces[:k]],
             }
         )
-    named = set[str]()
-    for one in traces:  # each direction once in the legend
-        one["showlegend"] = "name" in one and one["name"] not in named
-        named.add(one.get("name", ""))
-    return traces
+    return [{"type": "scatterpolar", "mode": "lines"} | trace for trace in traces]
 
 
 def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, Any]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.output.shown import Presentation
-from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import (
     calibration_summary,
     calibration_text,
@@ -23,12 +21,9 @@ from gtpin.report.calibration_text import (
     scatters,
     unseen_words,
 )
-from gtpin.report.maps import workspace_figure
 from gtpin.report.page import Lead, report
 from gtpin.report.provenance import provenance
-from gtpin.report.residual_plots import residual_figure
-from gtpin.report.residuals import Residuals
-from gtpin.report.sections import Reported, sections
+from gtpin.report.sections import FitPresentation, Reported, sections
 from gtpin.report.sections.parameters import geometry_tables
 from gtpin.report.sketch import drawing
 from gtpin.report.words import joined, quantity
@@ -44,7 +39,7 @@ UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated vis
 
 
 @dataclass(frozen=True)
-class CalibrationPresentation(Presentation):
+class CalibrationPresentation(FitPresentation):
     """A calibration; its table is that of its parameters."""
 
     calibration: Calibration
@@ -90,19 +85,10 @@ class CalibrationPresentation(Presentation):
             index=pd.Index(c.names, name="parameter"),
         )
 
-    def residuals(self, against: str, component: str | None) -> Figure:
-        """Residuals against a column."""
-        residuals = Residuals.of(self.calibration.dataset, self.calibration)
-        return residual_figure(residuals, against, component or residuals.first_component)
-
-    def ball_bar(self, circle: int) -> Figure:
-        """Deviations of the radius along a circle."""
-        dataset = with_positions(self.calibration.dataset, self.calibration.model.robot)
-        return ball_bar_figure(Residuals.of(dataset, self.calibration), circle, False)
-
-    def workspace(self, view: str) -> Figure:
-        """Position residuals, or errors of readings, over the workspace."""
-        return workspace_figure(Residuals.of(self.calibration.dataset, self.calibration), view)
+    @cached_property
+    def reported(self) -> Reported:
+        """What page and figures are made from."""
+        return Reported(self.calibration)
 
     def parameters(self) -> Figure:
         """The report's table of all parameters."""

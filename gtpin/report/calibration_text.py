@@ -57,15 +57,17 @@ def _fit(c: Calibration) -> str:
     for one in c.by_instrument:
         unit = f"u{one.unit}"
         before, after, out, noise = (f"{1e6 * v:.1f} {unit}" for v in (one.before, one.after, one.left_out, one.floor))
-        lines.append(f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated")
-        lines.append(f"    {'at poses left out of the fit':<31} {out}")
-        noise = noise if c.noise_known else "not known: declare it, or repeat visits"
-        lines.append(f"    {'noise alone':<31} {noise}")
-    spread = np.sqrt(2.0 / c.dof)
-    meaning = cannot_judge(c) or f"1 +- {spread:.2f} if it fits"
-    lines.append(f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})")
-    lines.append(f"  degrees of freedom                {c.dof:.1f}")
-    lines.append(f"  iterations                        {c.iterations}")
+        lines += [
+            f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated",
+            f"    {'at poses left out of the fit':<31} {out}",
+            f"    {'noise alone':<31} {noise if c.noise_known else 'not known: declare it, or repeat visits'}",
+        ]
+    meaning = cannot_judge(c) or f"1 +- {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    lines += [
+        f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})",
+        f"  degrees of freedom                {c.dof:.1f}",
+        f"  iterations                        {c.iterations}",
+    ]
     if c.rejected:
         lines.append(f"  set aside                         {', '.join(c.rejected)}")
     if c.sigma_scale > 1.0:
@@ -82,14 +84,7 @@ def _noise(c: Calibration) -> str:
     lines = ["Noise of the instruments, 1 sigma of a number", *(f"  {words}" for words in noise_words(c))]
     if noise.sight is not None:
         lines.append(f"  along the line of sight {noise.range_ratio:.2f} times that across it at the mean range")
-    if noise.repeatability > 0.0:
-        how = "the residuals" if noise.source == "residuals" else "repeated visits"
-        lines.append(f"  repeatability of each actuator, from {how}: {noise.repeatability * 1e6:.2f} um or urad")
-    if noise.model_discrepancy > 0.0:
-        lines.append(
-            "  model error along single drives, correlated between neighbouring poses: "
-            f"{noise.model_discrepancy * 1e6:.2f} um or urad"
-        )
+    lines += [f"  {what}: {size * 1e6:.2f} um or urad" for what, size in noise_of_drives(c)]
     if scatters(c):
         lines.append(
             "  That is large: backlash and other effects that vary between visits may be part of it. gtpin diagnose tests this."
@@ -101,13 +96,9 @@ def _noise(c: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _unknowns(c: Calibration) -> list[str]:
-    lines = ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
-    for one, deviation in zip(c.unknowns, c.u, strict=True):
-        e = c.unknown(one.name)
-        prior = f"{one.sigma:.1e}" if np.isfinite(one.sigma) else "none"
-        lines.append(f"  {one.name:<26}{e.value:>13.7f}{e.sigma:>11.2e}{deviation:>+12.2e}{prior:>11}  {one.unit}")
-    return lines
+def _estimated(name: str, value: float, sigma: float, deviation: float, prior: float) -> str:
+    known = f"{prior:.1e}" if np.isfinite(prior) else "none"
+    return f"  {name:<26}{value:>13.7f}{sigma:>11.2e}{deviation:>+12.2e}{known:>11}  "
 
 
 def _parameters(c: Calibration) -> str:
@@ -115,15 +106,15 @@ def _parameters(c: Calibration) -> str:
         "Parameters (reduction: variance reduction 1 - (sigma / tolerance)^2; 0 is no information beyond the tolerance)",
         f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'reduction':>10}",
     ]
-    for p, value, sigma, reduction in zip(
-        c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True
-    ):
-        lines.append(
-            f"  {p.name:<26}{value:>13.7f}{sigma:>11.2e}{value - p.nominal:>+12.2e}{p.tolerance:>11.1e}  {p.unit:<5}"
-            f"{reduction:>10.3f}"
-        )
+    known = zip(c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True)
+    for p, value, sigma, reduction in known:
+        estimated = _estimated(p.name, value, sigma, value - p.nominal, p.tolerance)
+        lines.append(f"{estimated}{p.unit:<5}{reduction:>10.3f}")
     if c.unknowns:
-        lines += _unknowns(c)
+        lines += ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
+    for one, deviation in zip(c.unknowns, c.u, strict=True):
+        e = c.unknown(one.name)
+        lines.append(_estimated(one.name, e.value, e.sigma, deviation, one.sigma) + one.unit)
     if c.zeros:
         lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
         lines += [f"  {z.site:<26}{z.value:>+13.7f}{z.sigma:>11.2e}  {z.unit}" for z in c.zeros]
@@ -139,10 +130,9 @@ def _unobservable(c: Calibration) -> str:
         "are\nthe prior means, and change no prediction near the measured poses (weights in tolerances)"
     ]
     for direction in directions[:SHOWN]:
-        terms = " ".join(f"{weight:+.2f} {name}" for name, weight in list(direction.weights.items())[:5])
-        lines.append(
-            f"  variance reduction {direction.variance_reduction:.3f}  {terms}{' ...' if len(direction.weights) > 5 else ''}"
-        )
+        terms = " ".join([f"{weight:+.2f} {name}" for name, weight in direction.weights.items()][:5])
+        more = " ..." if len(direction.weights) > 5 else ""
+        lines.append(f"  variance reduction {direction.variance_reduction:.3f}  {terms}{more}")
     lines += [f"  {sentence}" for sentence in grouped(c.words, c.remedies)[:SHOWN]]
     if len(directions) > SHOWN:
         lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
@@ -191,6 +181,16 @@ def noise_words(c: Calibration) -> list[str]:
     ]
 
 
+def noise_of_drives(c: Calibration) -> list[tuple[str, float]]:
+    """What the actuators add to the instruments' noise, in words, and its size, m or rad."""
+    how = "the residuals" if c.noise.source == "residuals" else "repeated visits"
+    sizes = {
+        f"repeatability of each actuator, from {how}": c.noise.repeatability,
+        "model error along single drives, correlated between neighbouring poses": c.noise.model_discrepancy,
+    }
+    return [(what, size) for what, size in sizes.items() if size > 0.0]
+
+
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
     if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
@@ -227,14 +227,12 @@ def unseen_words(
 ) -> tuple[str, ...]:
     """One sentence for each unobservable direction, in their order.
 
-    ``geometry``: the geometry. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.
-    ``variance_reduction``: (m,) along each. ``remedies``: the measurement that would determine each; None where
-    none is known.
+    ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances. ``variance_reduction``: (m,) along
+    each. ``remedies``: the measurement that would determine each; None where none is known.
     """
-    return tuple(
-        f"{_sentence(geometry, directions[:, i], float(np.sqrt(1.0 - variance_reduction[i])))} {_remedy(remedy)}"
-        for i, remedy in enumerate(remedies)
-    )
+    sigma = np.sqrt(1.0 - variance_reduction).tolist()
+    rows = zip(directions.T, sigma, remedies, strict=True)
+    return tuple(f"{_sentence(geometry, *one)} {_remedy(remedy)}" for *one, remedy in rows)
 
 
 def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[str, ...]:
@@ -243,17 +241,14 @@ def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[st
     useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
     if (others := len(words) - len(useful)) < 2:
         return tuple(words)
-    return (
-        *useful,
-        f"{others} other directions hardly move the platform at these poses: no usual measurement would show them.",
-    )
+    told = f"{others} other directions hardly move the platform at these poses: no usual measurement would show them."
+    return (*useful, told)
 
 
 def _remedy(remedy: Remedy | None) -> str:
     if remedy is None:
         return "No usual measurement at these poses would show it: it hardly moves the platform there."
-    what = WHAT[remedy.what].format(axis=remedy.axis)
-    return f"{remedy.count} {what} would show it."
+    return f"{remedy.count} {WHAT[remedy.what].format(axis=remedy.axis)} would show it."
 
 
 def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:

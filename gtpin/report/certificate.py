@@ -12,16 +12,17 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.certificate.budget import COVERAGE, Contribution
+from gtpin.certificate.budget import COVERAGE, Budget, Contribution
 from gtpin.certificate.quantity import Quantity
 from gtpin.certificate.result import Certificate
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
-from gtpin.report.certificate_terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, WHY
+from gtpin.report.certificate_terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATED, WHY
 from gtpin.report.page import Block, Heading, Items, Lead, Section, Table, report
 from gtpin.report.provenance import digest, provenance
 from gtpin.report.words import counted, joined, percent, quantity, whole
+from gtpin.typing import Floats
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 MODEL = "model/model.json"
@@ -51,17 +52,19 @@ class CertificatePresentation(Presentation):
     def terminal(self) -> RenderableType:
         """The statement, the numbers that the data suffice for, and the budget."""
         c = self.certificate
-        known = [q for q in c.quantities if q.value is not None]
-        rows = [row for row in c.budget.rows if row.position is not None]
-        numbers = Table(("quantity", "value", "poses"), [[_name(q), _value(q), str(q.poses)] for q in known], (1, 2))
-        budget = [[ROWS[r.source], quantity(r.position or 0.0, "m"), _share(c.budget.share(r) or 0.0)] for r in rows]
-        blank = len(c.quantities) - len(known)
+        known = [[_name(q), _value(q), str(q.poses)] for q in c.quantities if q.value is not None]
+        budget = [
+            [ROWS[row.source], quantity(row.position, "m"), _share(c.budget.share(row) or 0.0)]
+            for row in c.budget.rows
+            if row.position is not None
+        ]
+        blank = f"{len(c.quantities) - len(known)} of {len(c.quantities)} numbers are blank"
         return Group(
             headline(c),
             *statement(c),
-            numbers.printed(),
+            Table(("quantity", "value", "poses"), known, (1, 2)).printed(),
             Table(("contribution", "at the TCP", "share"), budget, (1, 2)).printed(),
-            f"{blank} of {len(c.quantities)} numbers are blank, because the data do not suffice: the page says why.",
+            f"{blank}, because the data do not suffice: the page says why.",
         )
 
     def table(self) -> pd.DataFrame:
@@ -79,13 +82,11 @@ class CertificatePresentation(Presentation):
     def json(self) -> dict[str, Any]:
         """The content of ``certificate.json``, in SI units. Where the data do not suffice, a value is None and has a
         ``reason``."""
-        c = self.certificate
-        b, count = c.budget, 6 if c.budget.orientation else 3
+        c, b = self.certificate, self.certificate.budget
         return {
             "schema": "gtpin-certificate/1",
             "robot": c.model.robot.name,
-            "poses": c.poses,
-            "rows": c.rows,
+            **_of(c, "poses", "rows"),
             "set_aside": list(c.set_aside),
             "basis": c.basis,
             "basis_words": BASES[c.basis],
@@ -94,14 +95,13 @@ class CertificatePresentation(Presentation):
             "model": {"file": MODEL, "sha256": digest(model_json(c.model).encode())},
             "noise": {
                 "position_sigma": c.noise.position_sigma,
-                "orientation_sigma": c.noise.orientation_sigma if count == 6 else None,
+                "orientation_sigma": c.noise.orientation_sigma if b.orientation else None,
                 "known": c.noise_known,
             },
             "statement": statement(c),
             "commands": limits(c),
             "quantities": [
-                _row(q) | {key: getattr(DEFINITIONS[q.symbol], key) for key in ("formula", "standard", "estimate")}
-                for q in c.quantities
+                _row(q) | _of(DEFINITIONS[q.symbol], "formula", "standard", "estimate") for q in c.quantities
             ],
             "budget": {
                 "poses": len(b.q),
@@ -123,10 +123,10 @@ class CertificatePresentation(Presentation):
                     {"changes": {name: change for name, change, _ in d.changes}, "standard_uncertainty": d.position}
                     for d in b.directions
                 ],
-                "combined": dict(zip(AXES[:count], b.combined.tolist(), strict=False)),
+                "combined": _by_axis(b, b.combined),
                 "coverage_factor": COVERAGE,
-                "expanded": dict(zip(AXES[:count], (COVERAGE * b.combined).tolist(), strict=False)),
-                "largest": dict(zip(AXES[:count], b.largest.tolist(), strict=False)),
+                "expanded": _by_axis(b, COVERAGE * b.combined),
+                "largest": _by_axis(b, b.largest),
                 "radius": b.radius,
             },
             "sources": list(SOURCES),
@@ -206,10 +206,10 @@ def _budget(c: Certificate) -> Section:
         share = _share(b.share(row) or 0.0)
         about = [ROWS[row.source], row.kind, size, sensitivity]
         rows.append([*about, quantity(row.position, "m"), share, HOW[row.source]])
+    sizes = [_by_axis(b, values) for values in (b.combined, COVERAGE * b.combined, b.largest)]
     combined = [
-        [axis.replace("r", "about "), *(quantity(float(v), "m" if i < 3 else "rad") for v in values)]
-        for i, (axis, *values) in enumerate(zip(AXES, b.combined, COVERAGE * b.combined, b.largest, strict=False))
-        if i < 3 or b.orientation
+        [axis.replace("r", "about "), *(quantity(one[axis], "rad" if "r" in axis else "m") for one in sizes)]
+        for axis in sizes[0]
     ]
     directions = [
         [", ".join(f"{name} {quantity(change, unit)}" for name, change, unit in d.changes), quantity(d.position, "m")]
@@ -249,10 +249,16 @@ def _blanks(c: Certificate) -> Table:
     )
 
 
+def _by_axis(b: Budget, values: Floats) -> dict[str, float]:
+    return dict(zip(AXES[: 6 if b.orientation else 3], values.tolist(), strict=False))
+
+
 def _row(q: Quantity) -> dict[str, Any]:
-    return {key: getattr(q, key) for key in ("symbol", "site", "value", "sigma", "unit", "poses", "rows")} | {
-        "reason": why(q)
-    }
+    return {**_of(q, "symbol", "site", "value", "sigma", "unit", "poses", "rows"), "reason": why(q)}
+
+
+def _of(one: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(one, name) for name in names}
 
 
 def _value(q: Quantity) -> str:
@@ -291,23 +297,8 @@ def statement(c: Certificate) -> list[str]:
         f"It rests on {counted(c.rows, 'measurement')} of {counted(c.poses, 'pose')}. {BASES[c.basis]}",
         "It holds between the measured commands, under the recorded conditions, and for a controller that uses the model.",
     ]
-    if c.verdict == "unknown":
-        found.append(
-            "The diagnosis found structure that no known effect explains. It counts as unexplained, and may be larger "
-            "elsewhere."
-        )
-    if c.verdict == "ambiguous":
-        found.append(
-            "The diagnosis leaves open which of several effects acts. They differ under conditions that were not recorded."
-        )
-    if c.noise_known == "no":
-        found.append(
-            "The instrument's noise was not declared, and no repeated visits show it. All residuals count as errors of the "
-            "machine."
-        )
-    if c.set_aside:
-        found.append(f"Set aside: {joined(list(c.set_aside))}.")
-    return found
+    found += [STATED[key] for key in (c.verdict, c.noise_known) if key in STATED]
+    return [*found, f"Set aside: {joined(list(c.set_aside))}."] if c.set_aside else found
 
 
 def limits(c: Certificate) -> str:

@@ -147,6 +147,15 @@ WHY: dict[Missing, str] = {
     "no_effects": "the model has no effects",
     "frame_is_base": "the instrument measures in the base frame",
 }
+STATED = {
+    "unknown": "The diagnosis found structure that no known effect explains. It counts as unexplained, and may be larger "
+    "elsewhere.",
+    "ambiguous": "The diagnosis leaves open which of several effects acts. They differ under conditions that were not "
+    "recorded.",
+    "no": "The instrument's noise was not declared, and no repeated visits show it. All residuals count as errors of the "
+    "machine.",
+}
+"""What a certificate states of the diagnosis, by its verdict, and of the noise, by how it is known."""
 ROWS = {
     "geometry": "geometry, its posterior",
     "effects": "effects, their posterior",

@@ -81,19 +81,17 @@ class ComparisonPresentation(Presentation):
 
     def errors(self) -> Figure:
         """Position errors of each model."""
-        return alone(errors_drawing(self.comparison).figure(), "Position errors on held-out poses, 95 % intervals")
+        return alone(errors_drawing(self.comparison), "Position errors on held-out poses, 95 % intervals")
 
     def angles(self, angle: str) -> Figure:
         """Errors of an Euler angle."""
-        made = angles_drawing(self.comparison, angle).figure()
-        return alone(made, f"Errors of the Euler angle {angle} on held-out poses")
+        return alone(angles_drawing(self.comparison, angle), f"Errors of the Euler angle {angle} on held-out poses")
 
 
 def comparison_page(c: Comparison, dataset: Dataset, robot: Chain) -> str:
     """The whole report of a comparison as one self-contained HTML file."""
-    poses = len(c.held[0].position)
-    headline, advice = _verdict(c)
-    sections = [_errors(c)]
+    eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {len(c.held[0].position)} held-out poses"
+    lead, sections = Lead(eyebrow, *_verdict(c)), [_errors(c)]
     if any(held.angles is not None for held in c.held):
         plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
         words = "Measured less predicted ZYZ Euler angles."
@@ -103,12 +101,7 @@ def comparison_page(c: Comparison, dataset: Dataset, robot: Chain) -> str:
         plot = Plot("carts", title, partial(carts_drawing, dataset.carts), height=320)
         words = "Residuals of a linear fit to each cart's measured positions."
         sections.append(Section("carts", "The carts' tracks", [words, Plots([plot])]))
-    return report(
-        f"Models of {robot.name} compared",
-        Lead(f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {poses} held-out poses", headline, advice),
-        sections,
-        provenance(dataset, robot, c.seed),
-    )
+    return report(f"Models of {robot.name} compared", lead, sections, provenance(dataset, robot, c.seed))
 
 
 def _errors(c: Comparison) -> Section:
@@ -132,7 +125,7 @@ def _errors(c: Comparison) -> Section:
 def _verdict(c: Comparison) -> tuple[str, list[str]]:
     intervals = {held.model: ends["mean_um"] for held, ends in zip(c.held, c.intervals(), strict=True)}
     means = {held.model: float(held.position.mean() * 1e6) for held in c.held}
-    best, *others = sorted(means, key=lambda model: means[model])
+    best, *others = sorted(means, key=means.__getitem__)
     words = f"Model {best} ({MODELS[best]}) predicts best"
     lacking = "Models 2, 4 and 5 need the carts' tracks in carts.csv."
     if not others:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.data.names import command_names
 from gtpin.errors import DatasetError, GtpinError
+from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import escaped
 from gtpin.report.figure import DATA, SCALE, ZERO, Drawing, alone, colorbar, scatter, titled
@@ -75,21 +77,14 @@ class DatasetPresentation(Presentation):
         """Measured positions, or for readings the nominal TCP positions; coloured by a column of numbers."""
         dataset = with_positions(self.dataset)
         table = DatasetPresentation(dataset).table()
-        values = None
+        title, values, bar = f"Measured positions, {dataset.robot}", None, ""
         if color is not None:
             numbers = [str(name) for name in table if table[name].dtype.kind in "fi"]
             if color not in numbers:
                 raise DatasetError("no such column of numbers", column=color, hint=f"there are {', '.join(numbers)}")
             values = table[color].to_numpy(dtype=np.float64)
-        title = f"Measured positions, {dataset.robot}"
-        return position_map(
-            dataset.position,
-            dataset.pose.tolist(),
-            view,
-            title,
-            values,
-            with_unit(color or "", covariate_unit(color or "")),
-        )
+            bar = with_unit(color, covariate_unit(color, robot_of(dataset)))
+        return position_map(dataset.position, view, dataset.pose.tolist(), title, values, bar)
 
 
 @dataclass(frozen=True)
@@ -123,36 +118,31 @@ class PosesPresentation(Presentation):
 
     def workspace(self, view: str) -> Figure:
         """The positions in a plane of their frame."""
-        return position_map(self.poses.T, range(1, len(self.poses) + 1), view, "Positions of the TCP")
+        return position_map(self.poses.T, view, range(1, len(self.poses) + 1), "Positions of the TCP")
 
 
 def position_map(
-    T: Floats,
-    names: Sequence[object],
-    view: str,
-    title: str,
-    color: Floats | None = None,
-    color_title: str = "",
+    T: Floats, view: str, names: Sequence[object], title: str, color: Floats | None = None, color_title: str = ""
 ) -> Figure:
-    """A map of positions (N, 3), m, over two of their axes.
-
-    ``names``: (N,) names of the poses. ``view``: the two axes: ``xy``, ``xz`` or ``yz``. ``color``: (N,) values that
-    determine the colours.
-    """
-    check_view(view)
-    marker = {"size": 6, "color": DATA, "line": {"color": ZERO, "width": 0.5}}
+    """A map of positions (N, 3), m, of poses with (N,) names, in the colours of (N,) values."""
+    marker: dict[str, Any] = {"color": DATA}
     if color is not None:
-        marker |= {"color": color, "colorscale": SCALE, "showscale": True, "colorbar": colorbar(color_title)}
-    x, y = (T[:, "xyz".index(axis)] for axis in view)
-    told: dict[str, Any] = {"text": [escaped(str(name)) for name in names]}
-    told["hovertemplate"] = "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>"
-    return alone(Drawing([scatter("markers", x, y, marker=marker, **told)], map_layout(T, view)).figure(), title)
+        marker = {"color": color, "colorscale": SCALE, "showscale": True, "colorbar": colorbar(color_title)}
+    text = [escaped(str(name)) for name in names]
+    points = map_points(T, view, text, "pose %{text}: %{x:.4f} m, %{y:.4f} m<extra></extra>", marker)
+    return alone(Drawing([points], map_layout(T, view)), title)
 
 
-def check_view(view: str) -> None:
-    """Refuse what is not a pair of axes of a map."""
+def map_points(T: Floats, view: str, text: npt.ArrayLike, hover: str, marker: Mapping[str, Any]) -> dict[str, Any]:
+    """The trace of positions (N, 3), m, over two of their axes: ``xy``, ``xz`` or ``yz``.
+
+    Raises `GtpinError` if there is no such view.
+    """
     if view not in VIEWS:
         raise GtpinError(f"there is no view {view!r}", hint=f"give one of {', '.join(VIEWS)}")
+    x, y = (T[:, "xyz".index(axis)] for axis in view)
+    look = {"size": 6, "line": {"color": ZERO, "width": 0.5}, **marker}
+    return scatter("markers", x, y, marker=look, text=text, hovertemplate=hover)
 
 
 def map_layout(T: Floats, view: str, **more: Any) -> dict[str, Any]:

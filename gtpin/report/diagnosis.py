@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +16,10 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.output.shown import Presentation
-from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.calibration_text import nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
-from gtpin.report.effect_curves import EffectCurve, curve_drawing, curves, drawn_curves, reach
+from gtpin.report.effect_curves import EffectCurve, curve_drawing, drawn_curves, reach
 from gtpin.report.figure import alone
-from gtpin.report.maps import workspace_figure
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table, report
 from gtpin.report.phrases import (
@@ -32,12 +30,11 @@ from gtpin.report.phrases import (
     overlap,
     parameter,
     size_words,
+    sized,
     value,
 )
 from gtpin.report.provenance import provenance
-from gtpin.report.residual_plots import leading, residual_figure
-from gtpin.report.residuals import Residuals
-from gtpin.report.sections import Reported, sections
+from gtpin.report.sections import FitPresentation, Reported, sections
 from gtpin.report.sketch import drawing
 from gtpin.report.verdict import (
     also,
@@ -51,7 +48,7 @@ from gtpin.report.verdict import (
     questions,
     verdict,
 )
-from gtpin.report.words import chance, percent, quantity, site_words
+from gtpin.report.words import capital, chance, percent, quantity, site_words
 from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -67,7 +64,7 @@ COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "
 
 
 @dataclass(frozen=True)
-class DiagnosisPresentation(Presentation):
+class DiagnosisPresentation(FitPresentation):
     """A diagnosis; its table is that of its causes' parameters."""
 
     diagnosis: Diagnosis
@@ -100,15 +97,14 @@ class DiagnosisPresentation(Presentation):
         if d.causes:
             parts.append(Table(("cause", "probability", "parameters", "of the gap"), cause_rows(d), (1, 3)).printed())
         parts += [*not_recorded(d), *could_be(d), *may_hide(d), *also(d), *questions(d), *self._gap(), *assumed(d)]
-        count = sum(not candidate.testable for candidate in d.candidates)
-        if count:
+        if count := sum(not candidate.testable for candidate in d.candidates):
             many = f"{count} of {len(d.candidates)} candidates"
             parts.append(f"{many} can't be tested with these data{missing_columns(d)}; the report gives the reasons.")
         return Group(*parts)
 
     def _gap(self) -> list[str]:
         gap, size = self.diagnosis.gap, gap_words(self.diagnosis.gap)
-        what = f"{size.what[:1].upper()}{size.what[1:]} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
+        what = f"{capital(size.what)} on left-out {'sessions' if gap.hold_out == 'session' else 'poses'}, RMS"
         if not self.diagnosis.causes:
             taken = self.diagnosis.noise_source == "residuals"
             floor = f"{size.floor} is taken as noise" if taken else f"noise is {size.floor}"
@@ -130,24 +126,10 @@ class DiagnosisPresentation(Presentation):
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    @property
-    def _residuals(self) -> Residuals:
-        d = self.diagnosis
-        return Residuals.of(d.dataset, d.baseline, d.model, d.set_aside_rows)
-
-    def residuals(self, against: str, component: str | None, *, after: bool) -> Figure:
-        """Residuals against a column, with the causes' prediction."""
-        d, residuals = self.diagnosis, self._residuals
-        component = component or leading(residuals, [c.site for c in d.causes], d.where.axis)
-        return residual_figure(residuals, against, component, causes=bool(d.causes), after=after)
-
-    def ball_bar(self, circle: int) -> Figure:
-        """Deviations of the radius along a circle."""
-        return ball_bar_figure(self._residuals, circle, bool(self.diagnosis.causes))
-
-    def workspace(self, view: str, *, after: bool) -> Figure:
-        """Position residuals, or errors of readings, over the workspace."""
-        return workspace_figure(self._residuals, view, after=after)
+    @cached_property
+    def reported(self) -> Reported:
+        """What page and figures are made from."""
+        return Reported(self.diagnosis.baseline, self.diagnosis)
 
     def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
@@ -155,15 +137,14 @@ class DiagnosisPresentation(Presentation):
         if not 0 <= number < len(causes):
             raise GtpinError(f"there is no cause {number}", hint=f"there are {len(causes)}, counted from 0")
         cause = causes[number]
-        active = next(e for e in self.diagnosis.model.effects if (e.effect.id, e.site) == (cause.effect, cause.site))
-        found = curves(active, self._residuals)
+        found = self.reported.curves[cause.effect, cause.site]
         chosen = drawn_curves(found) if name is None else [curve for curve in found if curve.name == name]
         if not chosen:
             known = ", ".join(dict.fromkeys(curve.name for curve in found))
             raise GtpinError(f"{cause.effect} at {cause.site} has no curve of {name!r}", hint=f"it has {known}")
-        made = curve_drawing(chosen[0]).figure()
-        made.update_layout(yaxis_title=made.layout.title.text)
-        return alone(made, f"{named(self.diagnosis.effect(cause.effect), cause.site)}, 95 % interval")
+        drawing = curve_drawing(chosen[0])
+        title = f"{named(self.diagnosis.effect(cause.effect), cause.site)}, 95 % interval"
+        return alone(drawing, title, yaxis={"title": {"text": drawing.layout["title"]["text"]}})
 
     def parameters(self) -> Figure:
         """The causes' parameters."""
@@ -203,28 +184,21 @@ def diagnosis_page(d: Diagnosis) -> str:
 
 
 def _lead(d: Diagnosis, reported: Reported) -> Lead:
-    told, q = verdict(d), reported.dataset.q.mean(axis=0)
+    shares = () if d.verdict == "none" else (d.where.site, d.where.rod, [c.site for c in d.causes])
     caption = "No part of the machine stands out."
-    if d.verdict == "none":
-        sketch = drawing(d.model, q)
-    else:
-        sketch = drawing(d.model, q, d.where.site, d.where.rod, [c.site for c in d.causes])
+    if shares:
         caption = (
             "Redder: a motion of this part alone would explain more of the gap. One scale for all parts; shares from 5 % are "
             f"shown.{' Ringed or edged in blue: the sites of the causes.' if d.causes else ''}"
         )
     rows = [_cause_row(d, k, cause, reported.curves) for k, cause in enumerate(d.causes)]
     head = ("cause", "at", "probability", "explains of the gap", "size", "could also be")
-    return Lead(
-        f"Diagnosis of {d.model.robot.name} · {len(reported.dataset)} measurements",
-        told.headline,
-        told.advice,
-        _numbers(d),
-        told.badge,
-        told.tone,
-        sketch,
-        caption,
-        [Table(head, rows, (2, 3), wide=(4, 5))] if rows else [],
+    return replace(
+        verdict(d),
+        numbers=_numbers(d),
+        sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
+        caption=caption,
+        content=[Table(head, rows, (2, 3), wide=(4, 5))] if rows else [],
     )
 
 
@@ -232,10 +206,8 @@ def _cause_row(
     d: Diagnosis, k: int, cause: Cause, by_cause: Mapping[tuple[str, str], Sequence[EffectCurve]]
 ) -> list[str]:
     """A cause with its largest displacement, its nonlinear parameter, such as a period, and the others of its class."""
-    effect, also = d.effect(cause.effect), []
-    for m in others(cause):
-        size = size_words(m.parameters, 1 + d.effect(m.effect).has_nonlinear)
-        also.append(f"{', '.join(filter(None, (named(d.effect(m.effect), m.site), size)))} ({chance(m.probability)})")
+    effect = d.effect(cause.effect)
+    also = [f"{sized(d, m, named(d.effect(m.effect), m.site))} ({chance(m.probability)})" for m in others(cause)]
     sizes = [size_words(cause.parameters, 2)] if effect.has_nonlinear else []  # it is the first of the parameters
     sizes.append(reach(by_cause.get((cause.effect, cause.site), ())))
     return [
@@ -249,19 +221,20 @@ def _cause_row(
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
-    numbers = []
+    numbers, size, unexplained = list[tuple[str, str]](), gap_words(d.gap), d.baseline.model.unexplained
     if len(d.gap.by_instrument) > 1:
         for one in d.gap.by_instrument:
             before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
             words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
             numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
     else:
-        size, unexplained = gap_words(d.gap), d.baseline.model.unexplained
-        numbers.append((nominal_words(d.baseline), "nominal geometry, RMS"))
-        numbers.append((size.before, "calibrated geometry, at left-out poses"))
-        numbers += [(size.after, "with the causes")] if d.causes else []
         known = unexplained is None or unexplained.noise_known
-        numbers.append((size.floor, "noise alone" if known else "left of the fit: the noise is not known"))
+        numbers += [
+            (nominal_words(d.baseline), "nominal geometry, RMS"),
+            (size.before, "calibrated geometry, at left-out poses"),
+            *([(size.after, "with the causes")] if d.causes else []),
+            (size.floor, "noise alone" if known else "left of the fit: the noise is not known"),
+        ]
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
         numbers.append((percent(d.gap.explained_fraction), f"of the power beyond noise is explained{between}"))

@@ -51,7 +51,6 @@ class EffectCurve:
     - ``x_title``: the coordinate on which it depends, and its unit.
     - ``lines``: one line, or one for each value of a second coordinate.
     - ``smooth``: whether the lines are continuous; otherwise each point is a pose or a session.
-    - ``categories``: whether x is text.
     - ``straightened``: whether a straight line was subtracted, not only the mean.
     - ``lever``: for a robot without rods: mean motion of the TCP over the poses by one unit of the quantity, m per unit;
       else None.
@@ -63,7 +62,6 @@ class EffectCurve:
     lines: tuple[CurveLine, ...]
     smooth: bool
     straightened: bool = False
-    categories: bool = False
     lever: float | None = None
 
     @property
@@ -126,22 +124,15 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     other, values = others[0], columns[others[0]]
     steps = [-1.0, 1.0] if other.startswith("approach") else np.quantile(values, (0.1, 0.9)).tolist()
     nearest = np.abs(values[:, None] - np.array(steps)).argmin(axis=1)
-    unit = covariate_unit(other, _angular(residuals, other))
-    return first, [
-        _Level(
+    unit = covariate_unit(other, robot)
+    levels = []
+    for k, step in enumerate(steps):
+        label, there = (
             typeset(f"{other} = {step:.3g} {unit}".rstrip()),
             at(**{first: grid, other: np.full(len(grid), step)}),
-            grid,
-            np.flatnonzero(nearest == k),
         )
-        for k, step in enumerate(steps)
-    ]
-
-
-def _angular(residuals: Residuals, name: str) -> bool:
-    word = name.rstrip("0123456789")
-    number = name[len(word) :]
-    return word in ("q", "speed") and bool(number) and residuals.model.robot.actuators[int(number) - 1].revolute
+        levels.append(_Level(label, there, grid, np.flatnonzero(nearest == k)))
+    return first, levels
 
 
 def _swept(
@@ -151,7 +142,7 @@ def _swept(
     by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
     sessions, column = x_name == "session", np.asarray(residuals.columns[x_name])
     along = column.astype(str).astype(object) if sessions else column.astype(float)
-    title = with_unit(coordinate_words(x_name), covariate_unit(x_name, _angular(residuals, x_name)))
+    title = with_unit(coordinate_words(x_name), covariate_unit(x_name, residuals.model.robot))
     for name, first in by_level[0].items():
         if name not in at_poses or any(name not in level for level in by_level):
             continue
@@ -165,7 +156,7 @@ def _swept(
             x = along[level.rows]
             lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + residual[level.rows]))
         lever = _lever(residuals, at_poses[name])
-        yield EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, sessions, lever)
+        yield EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, lever)
 
 
 def _at_poses(
@@ -250,9 +241,8 @@ def curve_notes(found: Sequence[EffectCurve]) -> list[str]:
         f"Curves are without their {taken}, which geometry absorbs; bands: 95 %.{held} Dots: the measurements without "
         "everything else that the model explains."
     ]
-    names = dict.fromkeys(curve.name for curve in found)
     seen = {curve.name for curve in found if curve.seen}
-    hidden = [name for name in names if name not in seen]
+    hidden = list(dict.fromkeys(curve.name for curve in found if curve.name not in seen))
     return notes + ([f"Not detected, but possible for this effect: {joined(hidden)}."] if hidden else [])
 
 
@@ -260,14 +250,13 @@ def reach(found: Sequence[EffectCurve]) -> str:
     """The largest displacement by an effect in each unit, as text; for a robot without rods also its motion of the TCP."""
     words = []
     for unit in ("m", "rad"):
-        ranges = {curve.name: curve.range for curve in found if curve.unit == unit and curve.seen}
-        if not ranges:
+        seen = [curve for curve in found if curve.unit == unit and curve.seen]
+        if not seen:
             continue
-        most = max(ranges, key=lambda name: ranges[name])
-        lever = next(curve.lever for curve in found if curve.name == most)
-        told = f"{most}: {quantity(ranges[most], unit)} peak to peak"
-        if lever is not None and not most.startswith("shift along"):  # such a shift is the TCP's own
-            told += f", {quantity(lever * ranges[most], 'm')} at the TCP"
+        most = max(seen, key=lambda curve: curve.range)
+        told = f"{most.name}: {quantity(most.range, unit)} peak to peak"
+        if most.lever is not None and not most.name.startswith("shift along"):  # such a shift is the TCP's own
+            told += f", {quantity(most.lever * most.range, 'm')} at the TCP"
         words.append(told)
     return "; ".join(words)
 
@@ -282,16 +271,12 @@ def _traces(
 ) -> list[dict[str, Any]]:
     rows, thin = shown(len(line.points_x)), shown(len(line.x))
     x, y, reach = _texts(line.x[thin]), factor * line.y[thin], factor * WIDE * line.sigma[thin]
+    marker = POINTS | {"color": color if len(curve.lines) > 1 else DATA}
+    look = {"legendrank": rank + 1, "showlegend": len(line.points_x) > 0, "hoverinfo": "x+y"}
     points = scatter(
-        "markers",
-        _texts(line.points_x[rows]),
-        factor * line.points_y[rows],
-        name="measured",
-        marker=POINTS | {"color": color if len(curve.lines) > 1 else DATA},
-        legendrank=rank + 1,
-        showlegend=len(line.points_x) > 0,
-        hoverinfo="x+y",
+        "markers", _texts(line.points_x[rows]), factor * line.points_y[rows], name="measured", marker=marker
     )
+    points |= look
     effect = {"name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}", "legendrank": rank}
     if not curve.smooth:
         bars = {"type": "data", "array": reach, "color": color, "thickness": 1, "width": 0}
@@ -315,10 +300,9 @@ def _layout(curve: EffectCurve, factor: float, unit: str) -> dict[str, Any]:
     low, high = min(inner[0], float(ends.min())), max(inner[1], float(ends.max()))
     room = 0.06 * max(high - low, 1e-12)
     layout = titled(escaped(curve.x_title), "", legend={"traceorder": "normal"})
-    if curve.categories:
-        order = _texts(curve.lines[0].x)
+    if curve.lines[0].x.dtype == object:
         layout["xaxis"] |= {"type": "category", "automargin": "height"}
-        layout["xaxis"] |= {"categoryorder": "array", "categoryarray": order}
+        layout["xaxis"] |= {"categoryorder": "array", "categoryarray": _texts(curve.lines[0].x)}
     layout["yaxis"] = {"range": [factor * (low - room), factor * (high + room)]}
     place = {"x": 0, "xref": "container", "yref": "container", "y": 1, "yanchor": "top", "pad": {"t": 6}}
     layout["title"] = {"text": f"{escaped(curve.name)} ({unit})", "font": {"size": 13}} | place

@@ -116,8 +116,9 @@ def round_below(value: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
 
 
-def alone(made: Figure, title: str) -> Figure:
-    """A figure for use outside a page, with its own layout and title."""
+def alone(drawing: Drawing, title: str, **layout: Any) -> Figure:
+    """A drawing as a figure for use outside a page, with its own look, title and further settings of its layout."""
+    made = drawing.figure()
     made.update_layout(template={"layout": LOOK}, margin={"t": 80})
-    made.update_layout(title={"text": title, "font": {"size": 14}, "x": 0, "xref": "paper"})
+    made.update_layout(title={"text": title, "font": {"size": 14}, "x": 0, "xref": "paper"}, **layout)
     return made

@@ -80,10 +80,10 @@ class HealthCheckPresentation(Presentation):
         rows = []
         for c in self.check.candidates:
             s = smallest.get((c.effect, c.site))
-            row = {key: getattr(c, key) for key in ("effect", "site", "testable", "log_evidence", "probability")}
-            found = {"parameter": s.parameter, "smallest": s.value, "unit": s.unit} if s else {}
-            rows.append({**row, "parameter": "", "smallest": None, "unit": "", **found})
-        return pd.DataFrame(rows).set_index(["effect", "site"])
+            found = ("", None, "") if s is None else (s.parameter, s.value, s.unit)
+            rows.append((c.effect, c.site, c.testable, c.log_evidence, c.probability, *found))
+        names = ["effect", "site", "testable", "log_evidence", "probability", "parameter", "smallest", "unit"]
+        return pd.DataFrame(rows, columns=names).set_index(["effect", "site"])
 
     @in_one_thread
     def write(self, folder: Path) -> dict[str, object]:
@@ -122,19 +122,13 @@ class HealthCheckPresentation(Presentation):
 
 def health_page(check: HealthCheck) -> str:
     """The whole report of a check as one self-contained HTML file."""
-    robot, size = check.model.robot, gap_words(check.gap)
-    counts = badge(check) or "no change"
+    robot, size, counts = check.model.robot, gap_words(check.gap), badge(check) or "no change"
     numbers = [(str(check.poses), "poses"), (size.before, f"{_error(check).lower()} of the earlier model, RMS")]
     numbers += [(size.after, "with the changes")] if check.causes else []
-    lead = Lead(
-        f"What has changed since the last model · {robot.name} · {check.poses} poses",
-        headline(check),
-        advice(check),
-        [*numbers, (size.floor, _floor(check))],
-        counts,
-        TONES[check.verdict],
-        drawing(check.baseline, np.median(check.dataset.q, axis=0), causes=[c.site for c in check.causes]),
-    )
+    eyebrow = f"What has changed since the last model · {robot.name} · {check.poses} poses"
+    sketch = drawing(check.baseline, np.median(check.dataset.q, axis=0), causes=[c.site for c in check.causes])
+    numbers.append((size.floor, _floor(check)))
+    lead = Lead(eyebrow, headline(check), advice(check), numbers, counts, TONES[check.verdict], sketch)
     sections = [*([_changes(check)] if check.causes else []), *_evidence(check)]
     return report(f"{robot.name}: {counts}", lead, sections, provenance(check.dataset, robot, check.seed))
 
@@ -143,29 +137,23 @@ def _changes(check: HealthCheck) -> Section:
     rows = []
     for cause in check.causes:
         for name, e in cause.parameters.items():
-            row = [_title(check, cause), site_words(cause.site), chance(cause.probability)]
-            row += parameter(name, e.value, e.unit, e.sigma)
-            rows.append([*row, whole(" to ".join(interval(name, e)))])
+            size = (*parameter(name, e.value, e.unit, e.sigma), whole(" to ".join(interval(name, e))))
+            rows.append([*_named(check, cause), chance(cause.probability), *size])
         for m in others(cause):
-            sizes = [parameter(name, e.value, e.unit, e.sigma) for name, e in m.parameters.items()][:1]
-            rows.append(
-                [f"or {_title(check, m)}", site_words(m.site), chance(m.probability), *(sizes or [("", "")])[0], ""]
-            )
+            sizes = [parameter(name, e.value, e.unit, e.sigma) for name, e in m.parameters.items()] or [("", "")]
+            title, site = _named(check, m)
+            rows.append([f"or {title}", site, chance(m.probability), *sizes[0], ""])
     table = Table(("change", "site", "probability", "parameter", "by how much", "95 %"), rows, (2, 4, 5))
     return Section("changes", "The changes", ["By how much each parameter differs from the earlier model.", table])
 
 
 def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
-    tested, untested, smallest = list[list[str]](), list[list[str]](), list[list[str]]()
-    for c in check.candidates:
-        where = [_title(check, c), site_words(c.site)]
-        if c.testable:
-            tested.append([*where, f"{c.log_evidence:.1f}"])
-        else:
-            untested.append([*where, reason_words(c.reason, c.site)])
-    for s in check.smallest:
-        size = "none" if s.value is None else quantity(s.value, s.unit)
-        smallest.append([_title(check, s), site_words(s.site), s.parameter.replace("_", " "), size])
+    tested = [[*_named(check, c), f"{c.log_evidence:.1f}"] for c in check.candidates if c.testable]
+    untested = [[*_named(check, c), reason_words(c.reason, c.site)] for c in check.candidates if not c.testable]
+    smallest = [
+        [*_named(check, s), s.parameter.replace("_", " "), "none" if s.value is None else quantity(s.value, s.unit)]
+        for s in check.smallest
+    ]
     limit = (
         f"Gain in log evidence of each change by itself, the largest first. An unchanged machine exceeds "
         f"{whole(f'{check.threshold:.1f}')} nats, or the chi-square's limit, in {percent(check.false_alarm)} of checks like "
@@ -177,12 +165,11 @@ def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
     )
     evidence = Table(("change", "site", "gain in log evidence (nats)"), tested[:SHOWN], (2,))
     sizes = Table(("change", "site", "parameter", "smallest"), smallest, (3,))
+    reasons = Table(("change", "site", "why not"), untested)
     return (
         Section("evidence", "Evidence", [limit, evidence]),
         Section("power", "What such poses show", [shown, sizes]),
-        Section(
-            "unseen", "What they don't show", [Items(unseen(check)), Table(("change", "site", "why not"), untested)]
-        ),
+        Section("unseen", "What they don't show", [Items(unseen(check)), reasons]),
     )
 
 
@@ -196,8 +183,9 @@ def headline(check: HealthCheck) -> str:
     return "\n".join(["Changed since the model was identified:", *lines] if check.causes else lines)
 
 
-def _title(check: HealthCheck, one: Cause | Member | Considered | Smallest) -> str:
-    return check.effect(one.effect).title
+def _named(check: HealthCheck, one: Cause | Member | Considered | Smallest) -> tuple[str, str]:
+    """Title of the effect, and its site."""
+    return check.effect(one.effect).title, site_words(one.site)
 
 
 def _error(check: HealthCheck) -> str:
@@ -218,10 +206,8 @@ def advice(check: HealthCheck) -> list[str]:
         parts = [quantity(size, unit) for size, unit in ((left.position, "m"), (left.orientation, "rad")) if size]
         visible = "gtpin diagnose at many poses finds what the earlier model lacks."
         if not left.noise_known:
-            visible = (
-                "Its noise is neither declared nor shown by repeated visits: declare it, or repeat visits, and calibrate "
-                "again."
-            )
+            known = "Its noise is neither declared nor shown by repeated visits"
+            visible = f"{known}: declare it, or repeat visits, and calibrate again."
         found.append(
             f"The earlier model did not explain its own data: {joined(parts)} per axis were left between poses, and count as a "
             f"part of its uncertainty. Changes that are smaller can't be told. {visible}"
@@ -236,14 +222,10 @@ def advice(check: HealthCheck) -> list[str]:
         found.append(f"Set aside as gross errors: {joined(list(check.set_aside))}. Measure them again.")
     members = [m for c in check.causes for m in c.members]
     if any({*check.assumed} & {*check.effect(m.effect).covariates(robot, m.site)} for m in members):
-        found.append(
-            f"{joined(list(check.assumed))} could have changed: record it at the model's poses and at the check's."
-        )
-    if check.free_frame:
-        found.append(
-            "The instrument stood anywhere: changes that look like another place of the instrument are hidden."
-        )
-    return found
+        assumed = joined(list(check.assumed))
+        found.append(f"{assumed} could have changed: record it at the model's poses and at the check's.")
+    hidden = "The instrument stood anywhere: changes that look like another place of the instrument are hidden."
+    return [*found, hidden] if check.free_frame else found
 
 
 def _floor(check: HealthCheck) -> str:
@@ -255,7 +237,7 @@ def power_words(check: HealthCheck) -> str:
     """The smallest of the most common changes that such poses show with the check's power."""
     parts = []
     for effect in dict.fromkeys(s.effect for s in check.smallest if check.effect(s.effect).first_checked):
-        rows = [s for s in check.smallest if s.effect == effect]
+        rows = (s for s in check.smallest if s.effect == effect)
         worst = max(rows, key=lambda s: np.inf if s.value is None else s.value)
         size = "of no size" if worst.value is None else quantity(worst.value, worst.unit)
         parts.append(f"{check.effect(effect).title} {size}")
@@ -271,5 +253,5 @@ def unseen(check: HealthCheck) -> list[str]:
         if not c.testable:
             # Reasons name the column of each site: without its number, one sentence serves all sites of an effect.
             reason = reason_words(c.reason, "the site").rstrip("0123456789")
-            by_reason.setdefault(reason, []).append(_title(check, c))
+            by_reason.setdefault(reason, []).append(check.effect(c.effect).title)
     return [f"{joined(list(dict.fromkeys(effects)))}: {reason}." for reason, effects in by_reason.items()]

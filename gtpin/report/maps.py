@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.report.dataset import VIEWS, check_view, map_layout
+from gtpin.report.dataset import VIEWS, map_layout, map_points
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import SCALE, ZERO, Drawing, alone, colorbar, round_below, scatter
 from gtpin.report.residual_plots import scale_of, shown
@@ -78,45 +78,34 @@ def maps(residuals: Residuals, scale: MapScale, layers: PlotChoice) -> tuple[lis
 def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = False) -> Figure:
     """Residuals over the workspace, base frame: colours show the lengths of position residuals, lines their directions.
 
-    For readings, colours show the residuals over their sigmas.
-
-    ``view``: the two axes of the map: ``xy``, ``xz`` or ``yz``. ``after``: True: residuals of geometry with the causes;
-    False: of geometry alone.
+    For readings, colours show the residuals over their sigmas. ``after``: as in :func:`residual_figure`.
     """
-    check_view(view)
     scale = MapScale.of(residuals)
     unit, title = "sigmas", "Errors of readings over their sigma"
     if residuals.of_poses:
         unit, title = scale.unit, f"Position residuals, directions magnified {scale.magnified:,.0f} times"
-    made = _map(residuals, view, scale, after).figure()
-    made.update_traces(selector={"mode": "markers"}, marker={"showscale": True, "colorbar": colorbar(unit)})
-    return alone(made, title)
+    return alone(_map(residuals, view, scale, after, bar=unit), title)
 
 
-def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrument: str = ALL) -> Drawing:
+def _map(
+    residuals: Residuals, view: str, scale: MapScale, after: bool, instrument: str = ALL, bar: str = ""
+) -> Drawing:
     names, of = [one.name for one in residuals.readings.instruments], residuals.readings.rows.of
     mine = np.arange(len(residuals)) if instrument == ALL else np.flatnonzero(of == names.index(instrument))
     rows = mine[shown(len(mine))]
     T = residuals.poses.T[rows]
-    a, b = "xyz".index(view[0]), "xyz".index(view[1])
     said = residuals.names[rows]
     if len(names) > 1:
         said = np.array([f"{words}, {names[i]}" for words, i in zip(said, of[rows], strict=True)], dtype=object)
-    marker = {
-        "size": 6,
-        "line": {"color": ZERO, "width": 0.5},
-        "colorscale": SCALE,
-        "cmin": 0,
-        "cmax": scale.top,
-        "color": scale.factor * sizes(residuals, after)[rows],
-    }
+    marker = {"colorscale": SCALE, "cmin": 0, "cmax": scale.top, "color": scale.factor * sizes(residuals, after)[rows]}
+    marker |= {"showscale": True, "colorbar": colorbar(bar)} if bar else {}
     hover = f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>"
-    traces = [scatter("markers", T[:, a], T[:, b], marker=marker, text=said, hovertemplate=hover)]
+    traces = [map_points(T, view, said, hover, marker)]
     if scale.magnified:
         # Residuals are in the instrument's frame, the map is in the base frame.
         residual = (residuals.after if after else residuals.before)[rows, :3] @ residuals.model.frame.R
         ends, gap = T + scale.magnified * residual, np.full(len(T), np.nan)
-        x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in (a, b))
+        x, y = (np.stack([T[:, k], ends[:, k], gap], axis=1).ravel() for k in map("xyz".index, view))
         look = {"color": ZERO, "width": 1.2}
         traces.insert(0, scatter("lines", x, y, line=look, hoverinfo="skip", connectgaps=False))
     return Drawing(traces, map_layout(T, view, showlegend=False, margin={"t": 10}))

@@ -74,7 +74,7 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
                 )
             content.append(Small(words))
         head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
-        head += [with_unit(name, covariate_unit(name)) for name in e.covariates]
+        head += [with_unit(name, covariate_unit(name, e.robot)) for name in e.covariates]
         rows = [
             [*(whole(f"{value:.4f}") for value in q), *(_cell(values[k]) for values in e.covariates.values())]
             for k, q in enumerate(e.poses)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -50,7 +50,6 @@ class Table:
     shades: Sequence[Sequence[float]] | None = None
     wide: Collection[int] = ()
     whole: bool = False
-    kind: ClassVar[str] = "table"
 
     def printed(self) -> Printed:
         """The table for a terminal; only the first column and columns of numbers keep their lines whole."""
@@ -73,9 +72,7 @@ class Table:
         cells = {"values": columns, "fill": {"color": LIGHT["paper"]}}
         widths = [max(LOWEST, *map(len, (name, *column))) for name, column in zip(self.head, columns, strict=True)]
         trace = {"type": "table", "header": head | look, "cells": cells | look, "columnwidth": widths}
-        made = Drawing([trace]).figure()
-        made.update_layout(height=min(HIGHEST, 120 + ROW * (len(self.rows) + 2)))
-        return alone(made, title)
+        return alone(Drawing([trace]), title, height=min(HIGHEST, 120 + ROW * (len(self.rows) + 2)))
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,6 @@ class Bars:
 
     rows: Sequence[Bar] = ()
     beside: Sequence[tuple[str, Sequence[Bar]]] = ()
-    kind: ClassVar[str] = "bars"
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,6 @@ class Small:
     """A paragraph in small print."""
 
     words: str
-    kind: ClassVar[str] = "small"
 
 
 @dataclass(frozen=True)
@@ -111,7 +106,6 @@ class Heading:
 
     words: str
     id: str = ""
-    kind: ClassVar[str] = "heading"
 
 
 @dataclass(frozen=True)
@@ -119,7 +113,6 @@ class Items:
     """A list of sentences."""
 
     words: Sequence[str]
-    kind: ClassVar[str] = "items"
 
 
 @dataclass(frozen=True)
@@ -128,7 +121,6 @@ class Fold:
 
     title: str
     content: Sequence[Block]
-    kind: ClassVar[str] = "fold"
 
 
 @dataclass(frozen=True)
@@ -136,7 +128,6 @@ class Note:
     """Content in a frame."""
 
     content: Sequence[Block]
-    kind: ClassVar[str] = "note"
 
 
 @dataclass(frozen=True)
@@ -156,7 +147,6 @@ class Plots:
     ramp: str = ""
     legend: bool = False
     drawn: bool = True
-    kind: ClassVar[str] = "plots"
 
 
 Block = str | Table | Bars | Small | Heading | Items | Fold | Note | Plots
@@ -209,15 +199,10 @@ def report(
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
     blocks = [*lead.content, *(block for section in sections for block in section.content)]
-    plots = {str(k): block.plots for k, block in enumerate(blocks) if isinstance(block, Plots) and block.plots}
+    plots = {str(k): block.plots for k, block in enumerate(blocks) if isinstance(block, Plots)}
+    links = links if contents else []
     return render(
-        "report.html",
-        title=title,
-        contents=links if contents else (),
-        plots=plots,
-        provenance=provenance,
-        lead=lead,
-        sections=sections,
+        "report.html", title=title, contents=links, plots=plots, provenance=provenance, lead=lead, sections=sections
     )
 
 
@@ -237,22 +222,20 @@ def render(
     of them needs plotly and it is not installed. ``provenance``: versions, and digests of the data of the page.
     ``content``: other values for the template. Text is escaped.
     """
-    shared, environment, drawn = Shared(), _environment(), dict[str, Embedded | list[Embedded]]()
-    for name, some in (plots or {}).items():
-        if some:
-            drawn[name] = shared.embed(some) if isinstance(some, Plot) else [shared.embed(plot) for plot in some]
-    library = plotly_js(frozenset(shared.kinds)) if plots else None
+    shared, environment, by_plot = Shared(), _environment(), dict[int, Embedded]()
+    wanted = {name: some for name, some in (plots or {}).items() if some}
+    for some in wanted.values():
+        by_plot |= {id(plot): shared.embed(plot) for plot in ([some] if isinstance(some, Plot) else some)}
+    library = plotly_js(frozenset(shared.kinds)) if wanted else None
     scripts = (library, Markup(environment.get_template("plots.js").render())) if library else ()
-    drawn = drawn if library else {}
-    by_plot = {id(one.plot): one for some in drawn.values() for one in (some if isinstance(some, list) else [some])}
     # The page's security policy allows only scripts with these hashes.
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     return environment.get_template(template).render(
         title=title,
         contents=contents,
-        plots=drawn,
+        plots={name: by_plot[id(some)] for name, some in wanted.items() if library and isinstance(some, Plot)},
         embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
-        drawn=library is not None or not plots,
+        drawn=library is not None or not wanted,
         scripts=scripts,
         script_hashes=[f"'sha256-{one}'" for one in hashes],
         shared=shared.json,

@@ -13,7 +13,7 @@ from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.sites import joints, tracks
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import WIDE, Estimate
-from gtpin.report.words import SITES, chance, joined, percent, quantity, site_words
+from gtpin.report.words import SITES, capital, chance, joined, percent, quantity, site_words
 from gtpin.robot.chain import Chain
 
 SURE = 0.95
@@ -105,7 +105,7 @@ def of_robot(paragraphs: list[str], robot: Chain) -> list[str]:
 def sentence(words: str) -> str:
     """Words as a sentence: a full stop, and a capital first letter unless the first word is the name of a site."""
     name = any(c.isdigit() or c in "_:" for c in words.split(" ")[0])
-    return f"{words if name else words[:1].upper() + words[1:]}."
+    return f"{words if name else capital(words)}."
 
 
 def reason_words(reason: Untestable | None, site: str) -> str:
@@ -172,23 +172,26 @@ def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
 
     In the place of a first one that may be zero stands the one that is known best.
     """
-    lines = []
+    lines, turns = [], False
     for name, period in parameters.items():
         if name.split("_")[0] == "period":
             size, turns = parameters[name.replace("period", "amplitude")], period.unit == "rad"
             often = f"{TURN / period.value:.3g}" if turns else quantity(period.value, period.unit)
             lines.append((size.value, often, quantity(size.value, size.unit, size.sigma, alone=True)))
     if lines:
-        often, sizes = (
-            joined(list(words)) for words in list(zip(*sorted(lines, reverse=True)[:LINES], strict=True))[1:]
-        )
-        turns = next(iter(parameters.values())).unit == "rad"
+        _, periods, sizes = (list(words) for words in zip(*sorted(lines, reverse=True)[:LINES], strict=True))
+        often = f"{joined(periods)} a turn" if turns else f"every {joined(periods)}"
         more = f", and {len(lines) - LINES} more" if len(lines) > LINES else ""
-        return f"{f'{often} a turn' if turns else f'every {often}'}, {sizes}{more}"
+        return f"{often}, {joined(sizes)}{more}"
     some = list(parameters.items())[:count]
     if count == 1 and some and abs(some[0][1].value) < WIDE * some[0][1].sigma:
         some = [max(parameters.items(), key=lambda one: abs(one[1].value) / max(one[1].sigma, 1e-300))]
     return ", ".join(f"{name.replace('_', ' ')} {quantity(e.value, e.unit, e.sigma, alone=True)}" for name, e in some)
+
+
+def sized(found: Findings, one: Cause | Member, words: str) -> str:
+    """Words for a cause or a member of a class, followed by its size where it is known."""
+    return ", ".join(filter(None, (words, size_words(one.parameters, 1 + found.effect(one.effect).has_nonlinear))))
 
 
 def cause_rows(found: Findings) -> list[list[str]]:
@@ -202,8 +205,8 @@ def cause_rows(found: Findings) -> list[list[str]]:
         rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), share])
         for m in others(cause):
             title = f"  or {found.effect(m.effect).title}\n     at {site_words(m.site)}"
-            own = [value(*one) for one in m.parameters.items()][:LINES]
-            rows.append([title, chance(m.probability), "\n".join(own), ""])
+            own = [value(*one) for one in m.parameters.items()]
+            rows.append([title, chance(m.probability), "\n".join(own[:LINES]), ""])
     return rows
 
 
@@ -214,12 +217,10 @@ def cause_lines(found: Findings, noun: str = "gap") -> list[str]:
     lines = []
     for cause in (*sure, *doubtful):
         share = f"; {percent(cause.explained_fraction)} of the {noun}" if known else ""
-        effect = found.effect(cause.effect)
         if cause in sure or len(cause.members) == 1:
             how = "certain" if cause in sure else f"probable, {chance(cause.probability)}"
-            size = size_words(cause.parameters, 1 + effect.has_nonlinear)
-            said = f"{site_words(cause.site)}: {', '.join(filter(None, (effect.title, size)))} ({how}{share})"
-            lines.append(said if cause.site not in SITES else said[:1].upper() + said[1:])
+            said = f"{site_words(cause.site)}: {sized(found, cause, found.effect(cause.effect).title)} ({how}{share})"
+            lines.append(said if cause.site not in SITES else capital(said))
         else:
             lines.append(_open(found, cause, share, "also " if lines else ""))
     return [f"{line}." for line in lines]
@@ -229,13 +230,9 @@ def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
     """The class of a cause that is open, with sizes and probabilities; what all names or sites have in common is said once."""
     told: list[tuple[list[Member], float]] = []
     for m in cause.members:
-        pair = next(
-            (o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)), None
-        )
-        if pair is None:
-            told.append(([m], m.probability))
-        elif all(m not in both for both, _ in told):
-            told.append(([m, pair], m.probability + pair.probability))
+        pair = [o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
+        if not any(m in both for both, _ in told):
+            told.append(([m, *pair], sum(one.probability for one in (m, *pair))))
     titles = [found.effect(m.effect).title.split(" ") for both, _ in told for m in both]
     same = 0
     while len(told) > 1 and same < min(map(len, titles)) - 1 and len({title[-1 - same] for title in titles}) == 1:
@@ -245,23 +242,20 @@ def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
     place = f" at {site_words(cause.site)}" if len(sites) == 1 else ""
 
     def words(m: Member) -> str:
-        effect = found.effect(m.effect)
-        title = " ".join(effect.title.split(" ")[: -same or None])
-        size = size_words(m.parameters, 1 + effect.has_nonlinear)
-        return ", ".join(filter(None, (title + ("" if place else f" at {site_words(m.site)}"), size)))
+        title = " ".join(found.effect(m.effect).title.split(" ")[: -same or None])
+        return sized(found, m, title + ("" if place else f" at {site_words(m.site)}"))
 
     parts = [f"{' with '.join(map(words, both))} ({chance(p)})" for both, p in told]
     if len(parts) > NAMED:
         parts = [*parts[:NAMED], "another" if len(parts) == NAMED + 1 else f"one of {len(parts) - NAMED} others"]
     parts[-1] = f"or {parts[-1]}"
-    said = f"{also}{common}{place} (open{share}): {(', ' if len(parts) < 3 else '; ').join(parts)}"
-    return said[:1].upper() + said[1:]
+    return capital(f"{also}{common}{place} (open{share}): {(', ' if len(parts) < 3 else '; ').join(parts)}")
 
 
 def badge(found: Findings) -> str:
     """The numbers of certain, open and unknown causes in short: ``1 certain, 1 open``; empty where there is none."""
-    sure, doubtful = sure_and_doubtful(found.causes)
-    counts = ((len(sure), "certain"), (len(doubtful), "open"), (int(found.verdict == "unknown"), "unknown"))
+    sure, doubtful = map(len, sure_and_doubtful(found.causes))
+    counts = ((sure, "certain"), (doubtful, "open"), (int(found.verdict == "unknown"), "unknown"))
     return ", ".join(f"{count} {word}" for count, word in counts if count)
 
 
@@ -270,6 +264,5 @@ def overlap(found: Findings) -> str:
     whole, shares = found.gap.explained_fraction, [c.explained_fraction for c in found.causes]
     if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < TOLD:
         return ""
-    return (
-        f"The shares overlap: each is what goes away with one cause, given the others; together it is {percent(whole)}."
-    )
+    told = "The shares overlap: each is what goes away with one cause, given the others"
+    return f"{told}; together it is {percent(whole)}."

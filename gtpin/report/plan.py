@@ -12,6 +12,7 @@ from gtpin.health.plan import PosePlan, checked_first
 from gtpin.output.shown import Presentation
 from gtpin.report.page import Table
 from gtpin.report.phrases import known_as
+from gtpin.report.residuals import columns_of
 from gtpin.report.words import length, percent, quantity
 
 SHOWN = 12
@@ -41,18 +42,16 @@ class PosePlanPresentation(Presentation):
         if self.plan.purpose == "health":
             return Group(*self.words(), Table(("change", "smallest"), self._smallest(), whole=True).printed())
         order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
-        rows = [
-            [f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"]
-            + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
-            for one in order[:SHOWN]
-        ]
+        rows = []
+        for one in order[:SHOWN]:
+            name = f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"
+            rows.append([name, quantity(one.sigma, one.unit), quantity(one.sigma_random, one.unit)])
         return Group(*self.words(), Table(("effect", "1 sigma", "of random poses"), rows, whole=True).printed())
 
     def table(self) -> pd.DataFrame:
         """The commands, with the conditions to set."""
         commands = self.plan.commands
-        columns = {f"q{i + 1}": commands.q[:, i] for i in range(commands.n_actuators)}
-        return pd.DataFrame({"pose": commands.pose, **columns, **commands.covariates}).set_index("pose")
+        return pd.DataFrame({"pose": commands.pose, **columns_of(commands)}).set_index("pose")
 
     def json(self) -> dict[str, Any]:
         """The content of ``plan.json``; docs/health.md explains the keys."""
@@ -81,13 +80,12 @@ class PosePlanPresentation(Presentation):
     def words(self) -> list[str]:
         """The purpose of the poses, and what they can show."""
         plan, count = self.plan, len(self.plan.commands)
-        if plan.purpose == "calibration" and plan.information is not None:
-            own = plan.information
+        if plan.purpose == "calibration" and (own := plan.information) is not None:
+            nats = f"{own.nats:.0f} nats on the geometry; as many at random: {own.nats_random:.0f}"
+            error = f"{length(own.error)}; at random: {length(own.error_random)}"
             return [
-                f"{count} poses for a calibration: {own.nats:.0f} nats on the geometry; as many at random: "
-                f"{own.nats_random:.0f}.",
-                f"Error of predicted positions after the calibration: {length(own.error)}; at random: "
-                f"{length(own.error_random)}.",
+                f"{count} poses for a calibration: {nats}.",
+                f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
             return [f"{count} poses that tell {len(plan.told)} effects at their sites apart, as far as poses can."]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import tempfile
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -40,28 +41,19 @@ def provenance(dataset: Dataset | None, robot: Chain, seed: int | None = None) -
     rows.append(["robot", robot.name])
     rows.append([Path(robot.description.source).name, f"sha256 {digest(robot.description.xml.encode())}"])
     if dataset is not None and dataset.path is None:
-        rows.append(
-            [
-                "dataset",
-                "handed over in memory, not read from files; written as a folder, its files have these digests:",
-            ]
-        )
+        told = "handed over in memory, not read from files; written as a folder, its files have these digests:"
+        rows.append(["dataset", told])
         with tempfile.TemporaryDirectory() as folder:
             dataset.write(Path(folder) / "dataset")
             rows += _digests(sorted(f for f in (Path(folder) / "dataset").iterdir() if f.name != MARKER))
-    elif dataset is not None:
-        rows += _digests(_files(dataset))
+    elif dataset is not None and dataset.path is not None:
+        carts = dataset.carts.file if dataset.carts is not None else None
+        rows += _digests([dataset.path / "dataset.toml", *dataset.readings.files, carts])
     return Table(("what", "which"), rows)
 
 
-def _files(dataset: Dataset) -> list[Path]:
-    carts = dataset.carts.file if dataset.carts is not None else None
-    files = [dataset.path / "dataset.toml" if dataset.path else None, *dataset.readings.files, carts]
-    return [file for file in files if file is not None and file.is_file()]
-
-
-def _digests(files: list[Path]) -> list[list[str]]:
-    return [[file.name, f"sha256 {digest(file.read_bytes())}"] for file in files]
+def _digests(files: Iterable[Path | None]) -> list[list[str]]:
+    return [[file.name, f"sha256 {digest(file.read_bytes())}"] for file in files if file is not None and file.is_file()]
 
 
 def digest(content: bytes) -> str:

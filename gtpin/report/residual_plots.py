@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from gtpin.report.embedded import Plot, PlotChoice, escaped
 from gtpin.report.figure import DATA, DIVERGING, FIT, INK, ZERO, Drawing, alone, colorbar, scatter, titled
 from gtpin.report.residuals import Residuals, evenly, fine
 from gtpin.report.words import coordinate_words, covariate_unit, travel_words, typeset, with_unit
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -33,7 +33,6 @@ LINE_SHARE = 0.5
 """Smallest fraction of the causes' power that the line must explain; with less, the causes depend more on other coordinates."""
 MOST = 1000
 """Largest number of poses in a plot; of more, an even selection is shown."""
-QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
 POINTS = {"size": 4.5, "opacity": 0.6}
 LAYERS = PlotChoice("layer", "Left by", (("before", "geometry alone"), ("after", "geometry with the causes")))
 ONE_LAYER = PlotChoice("layer", "Left by", LAYERS.options[:1])
@@ -56,7 +55,12 @@ class View:
     before: Floats
     after: Floats
     factor: float
-    rows: npt.NDArray[np.intp]
+    rows: Indices
+
+    @property
+    def drawn(self) -> Indices:
+        """Indices of the rows that a plot shows."""
+        return self.rows[shown(len(self.rows))]
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ class ColumnFit:
     order: tuple[str, ...] | None
     line: Along | None
 
-    def groups(self, rows: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+    def groups(self, rows: Indices) -> list[Indices]:
         """Groups of neighbouring poses, among some rows, whose means are drawn; poses of one value are in one group."""
         count = min(GROUPS, max(1, len(rows) // 6))
         values = self.values[rows].astype(float)
@@ -153,9 +157,7 @@ def column(residuals: Residuals, name: str, causes: bool = True) -> ColumnFit:
     if name not in known:
         raise DatasetError("this column is not there", column=name, hint=f"there are {', '.join(known)}")
     values = known[name]
-    number = name[1:] if name.startswith("q") else ""
-    turns = number.isdigit() and residuals.model.robot.actuators[int(number) - 1].revolute
-    title = escaped(with_unit(name, covariate_unit(name, turns)))
+    title = escaped(with_unit(name, covariate_unit(name, residuals.model.robot)))
     if name != "session" and len(np.unique(values.astype(float))) > FEW:
         return ColumnFit(name, title, values, None, fit_along(residuals, name) if causes else None)
     words = [escaped(str(v) if name == "session" else typeset(f"{float(v):g}")) for v in values.tolist()]
@@ -216,7 +218,7 @@ def _levels(
     return [({}, np.ones(len(residuals), dtype=bool))]
 
 
-def shown(count: int) -> npt.NDArray[np.intp]:
+def shown(count: int) -> Indices:
     """The rows that plots show."""
     return evenly(count, MOST)
 
@@ -235,16 +237,13 @@ def selection(residuals: Residuals) -> str:
 def residual_figure(
     residuals: Residuals, against: str, component: str, *, causes: bool = False, after: bool = False
 ) -> Figure:
-    """Residuals against a column.
+    """A component (``x``, ``rx``, ``cart2``, ``cup.x``) of the residuals against a command (``q1``) or covariate.
 
-    ``against``: a command (``q1``) or covariate. ``component``: component: ``x``, ``rx``, ``cart2``; with several
-    instruments also ``wire`` or ``cup.x``. ``causes``: whether to draw the causes' prediction. ``after``: True: residuals
-    of geometry with the causes; False: of geometry alone.
+    ``causes``: whether to draw the causes' prediction. ``after``: True: residuals of geometry with the causes; False: of
+    geometry alone.
     """
     drawing = _drawing(residuals, column(residuals, against, causes), view(residuals, component), causes, after)
-    made = drawing.figure()
-    made.update_layout(showlegend=True)
-    return alone(made, f"Residuals against {coordinate_words(against)}")
+    return alone(drawing, f"Residuals against {coordinate_words(against)}", showlegend=True)
 
 
 def components(residuals: Residuals, first: str) -> tuple[dict[str, View], PlotChoice]:
@@ -285,26 +284,24 @@ def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], co
 
     def draw(component: str) -> Drawing:
         seen, q = views[component], residuals.columns
-        rows = _drawn(seen)
+        rows = seen.drawn
         marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}, "colorscale": DIVERGING, "cmid": 0}
         marker |= {"color": seen.after[rows], "showscale": True, "colorbar": colorbar(seen.title)}
         hover = "%{marker.color:.3g}<br>pose %{text}<extra></extra>"
         trace = scatter(
             "markers", q[a][rows], q[b][rows], marker=marker, text=residuals.names[rows], hovertemplate=hover
         )
-        return Drawing([trace], titled(f"{a} (m)", f"{b} (m)", margin={"t": 10}))
+        titles = (with_unit(name, covariate_unit(name, residuals.model.robot)) for name in (a, b))
+        return Drawing([trace], titled(*titles, margin={"t": 10}))
 
     return Plot("left", f"Residuals over {a} and {b}", draw, (component,))
 
 
-def _drawn(seen: View) -> npt.NDArray[np.intp]:
-    return seen.rows[shown(len(seen.rows))]
-
-
 def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool, after: bool) -> Drawing:
-    rows = _drawn(seen)
-    residual = seen.after if after else seen.before
-    made = (seen.before - seen.after)[rows] if causes and not after else None
+    rows, residual, few = seen.drawn, seen.after if after else seen.before, against.order is not None
+    layers = [(residual[rows], "residuals of one value: median, quartiles, ends" if few else "residual", DATA)]
+    if causes and not after:
+        layers.append(((seen.before - seen.after)[rows], "predicted from the causes", FIT))
     # Hover numbers use the axes' formats: unlike those of a hover template, they have a true minus sign.
     layout = titled(against.title, seen.title, showlegend=False, margin={"t": 10})
     layout["yaxis"]["hoverformat"] = ".3g"
@@ -312,9 +309,14 @@ def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool,
         order = {"categoryorder": "array", "categoryarray": list(against.order)}
         layout["xaxis"] |= {"type": "category", "automargin": "height"} | order
         layout["scattermode"] = "group"
-        return Drawing(_boxes(against, rows, residual[rows], made), layout)
+        return Drawing([box for layer in layers for box in _boxes(against.values[rows], *layer)], layout)
     layout["xaxis"]["hoverformat"] = ".4g"
-    traces = _dots(residuals, against, rows, residual[rows], made)
+    hover = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
+    about = {"text": residuals.names[rows], "hovertemplate": hover}
+    traces = [
+        scatter("markers", against.values[rows], y, name=name, marker=POINTS | {"color": color}) | about
+        for y, name, color in layers
+    ]
     if against.line is not None and not after:  # not means, which would average out a short period
         x, y = against.line.x, seen.factor * against.line.fit[seen.name]
         name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
@@ -325,44 +327,14 @@ def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool,
     return Drawing([*traces, scatter("lines", x, y, name=name, hoverinfo="skip", line=look)], layout)
 
 
-def _dots(
-    residuals: Residuals,
-    against: ColumnFit,
-    rows: npt.NDArray[np.intp],
-    residual: npt.ArrayLike,
-    made: npt.ArrayLike | None,
-) -> list[Any]:
-    hover = f"%{{y}} at {escaped(against.name)} = %{{x}}<br>pose %{{text}}<extra></extra>"
-    layers = [(residual, "residual", DATA), (made, "predicted from the causes", FIT)]
-    return [
-        scatter("markers", against.values[rows], y, name=name, marker=POINTS | {"color": color})
-        | {"text": residuals.names[rows], "hovertemplate": hover}
-        for y, name, color in layers
-        if y is not None
-    ]
-
-
-def _boxes(
-    against: ColumnFit, rows: npt.NDArray[np.intp], residual: npt.ArrayLike, made: npt.ArrayLike | None
-) -> list[Any]:
-    """For each value a mark at the median, a thick line between the quartiles, and a thin one to the ends."""
-    names, of = np.unique(against.values[rows].astype(str), return_inverse=True)
-    layers = [
-        (residual, "residuals of one value: median, quartiles, ends", DATA),
-        (made, "predicted from the causes", FIT),
-    ]
-    traces = []
-    for y, name, color in layers:
-        if y is None:
-            continue
-        groups = [np.asarray(y)[of == k] for k in range(len(names))]
-        low, first, middle, third, high = np.array([np.quantile(group, QUARTILES) for group in groups]).T
-        for below, above, look in (
-            (low, high, {"thickness": 1.2, "width": 5}),
-            (first, third, {"thickness": 14, "width": 0}),
-        ):
-            bars = {"type": "data", "symmetric": False, "array": above - middle, "arrayminus": middle - below}
-            bars["color"] = color
-            traces.append(scatter("markers", names, middle, name=name, error_y=bars | look, offsetgroup=name))
-            traces[-1] |= {"marker": {"color": color, "symbol": "line-ew-open", "size": 14}, "hoverinfo": "y"}
-    return traces
+def _boxes(values: npt.NDArray[np.generic], y: Floats, name: str, color: str) -> Iterator[dict[str, Any]]:
+    """For each value a mark at the median, a thin line to the ends, and a thick one between the quartiles."""
+    names, of = np.unique(values.astype(str), return_inverse=True)
+    quartiles = [np.quantile(y[of == k], (0.0, 0.25, 0.5, 0.75, 1.0)) for k in range(len(names))]
+    low, first, middle, third, high = np.array(quartiles).T
+    marker = {"color": color, "symbol": "line-ew-open", "size": 14}
+    for below, above, thickness, width in ((low, high, 1.2, 5), (first, third, 14, 0)):
+        bars = {"type": "data", "symmetric": False, "array": above - middle, "arrayminus": middle - below}
+        bars |= {"color": color, "thickness": thickness, "width": width}
+        look = {"offsetgroup": name, "marker": marker, "hoverinfo": "y"}
+        yield scatter("markers", names, middle, name=name, error_y=bars, **look)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.result import Calibration
-from gtpin.data import Dataset
+from gtpin.data import Commands, Dataset
 from gtpin.data.names import command_names
 from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.instruments.readings import Readings, single
@@ -97,8 +97,7 @@ class Residuals:
     @cached_property
     def columns(self) -> dict[str, Column]:
         """(N,) the commands (``q1``) and covariates, by name."""
-        commands = zip(command_names(self.dataset.n_actuators), self.dataset.q.T, strict=True)
-        return {**dict(commands), **self.dataset.covariates}
+        return columns_of(self.dataset)
 
     @property
     def of_poses(self) -> bool:
@@ -197,6 +196,11 @@ class Residuals:
             usual = values[0] if name == "session" else np.median(values)
             known[name] = np.full(count, given.get(name, usual), dtype=values.dtype)
         return q, known
+
+
+def columns_of(rows: Dataset | Commands) -> dict[str, Column]:
+    """(N,) the commands (``q1``) and covariates, by name."""
+    return {**dict(zip(command_names(rows.n_actuators), rows.q.T, strict=True)), **rows.covariates}
 
 
 def evenly(count: int, most: int) -> npt.NDArray[np.intp]:

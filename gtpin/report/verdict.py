@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
 from gtpin.diagnosis.inference.findings import Cause, Considered
-from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.diagnosis.linear.cross_validation import Gap, InstrumentGap
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.calibration_text import scatters
+from gtpin.report.page import Lead
 from gtpin.report.phrases import (
     badge,
     cause_lines,
@@ -43,23 +43,17 @@ LISTED = 3
 """Number of listed effects that could be the unknown cause."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """The top of the page: a badge with its colour, a headline of a line for each cause, and advice."""
-
-    badge: str
-    tone: str
-    headline: str
-    advice: tuple[str, ...]
-
-
-def verdict(diagnosis: Diagnosis) -> Verdict:
-    """The verdict of a diagnosis in words."""
+def verdict(d: Diagnosis) -> Lead:
+    """The verdict of a diagnosis in words: a badge with its colour, a headline of a line for each cause, and advice."""
     told = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
-    headline, advice = told[diagnosis.verdict](diagnosis)
-    tone = "warn" if may_hide(diagnosis) else TONES[diagnosis.verdict]
-    more = (*also(diagnosis), *questions(diagnosis))
-    return Verdict(badge(diagnosis) or "no cause", tone, "\n".join(headline), tuple(filter(None, (*advice, *more))))
+    headline, advice = told[d.verdict](d)
+    return Lead(
+        f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
+        "\n".join(headline),
+        [words for words in (*advice, *also(d), *questions(d)) if words],
+        badge=badge(d) or "no cause",
+        tone="warn" if may_hide(d) else TONES[d.verdict],
+    )
 
 
 def also(d: Diagnosis) -> list[str]:
@@ -69,20 +63,15 @@ def also(d: Diagnosis) -> list[str]:
 
 
 def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
-    size = gap_words(d.gap)
-    gap = (
-        f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to; the noise of "
-        f"instrument and repeatability alone is {size.floor}."
-    )
-    if d.noise_source == "residuals":
-        gap = f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to."
+    size, supposed, fits = gap_words(d.gap), d.noise_source == "residuals", d.baseline.by_instrument
+    noise = "" if supposed else f"; the noise of instrument and repeatability alone is {size.floor}"
+    gap = f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to{noise}."
     if hidden := may_hide(d):
         headline = (
             "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible causes "
             "could not be tested."
         )
         return [headline], [gap, scatters(d.baseline), *hidden]
-    supposed, fits = d.noise_source == "residuals", d.baseline.by_instrument
     if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
     elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
@@ -96,8 +85,7 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     else:
         use = "Use it as it is: no compensation is needed."
     advice = [f"{gap} {use}", *assumed(d)]
-    untestable = sum(not c.testable for c in d.candidates)
-    if untestable:
+    if untestable := sum(not c.testable for c in d.candidates):
         advice.append(
             f"{counted(untestable, 'candidate')} could not be tested with these data{missing_columns(d)}; a cause among "
             "them is not detected."
@@ -136,8 +124,8 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
     advice = [_explained_gap(d), overlap(d), *not_recorded(d)]
     if len(advice) == 2:
         advice.append("These data can't decide what is open: near these poses, the model predicts the same either way.")
-    members = {f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members}
-    return cause_lines(d), [*_remedies(d, sure), *advice, *_next(d, members)]
+    members = [f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members]
+    return cause_lines(d), [*_remedies(d, sure), *advice, *_next(d, *members)]
 
 
 def questions(d: Diagnosis) -> list[str]:
@@ -156,7 +144,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     open_ = bool(d.unexplained.could_be)
     what = "something that these data can't identify" if open_ else "something that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
-        headline = f"Scatter of {beyond(d.gap)} that these data can't separate from noise: repeat visits tell."
+        headline = f"Scatter of {_of_each(d.gap, _left)} that these data can't separate from noise: repeat visits tell."
         look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
     elif d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
@@ -175,12 +163,11 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect has a high enough probability to be in it."
         )
-    return [*lines, headline], [*advice, *_next(d, {"unknown"})]
+    return [*lines, headline], [*advice, *_next(d, "unknown")]
 
 
-def _next(d: Diagnosis, separates: set[str]) -> list[str]:
-    steps = (e for e in d.next_experiment if separates.intersection(e.separates))
-    return [e.measure for e in steps][:1]
+def _next(d: Diagnosis, *separates: str) -> list[str]:
+    return [e.measure for e in d.next_experiment if {*separates} & {*e.separates}][:1]
 
 
 def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
@@ -192,30 +179,26 @@ def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
 
 
 def _explained_gap(d: Diagnosis) -> str:
-    gap = d.gap
+    gap, size = d.gap, gap_words(d.gap)
     if gap.explained_fraction is None:
         return "The explained fraction of the gap can't be estimated from these data."
-    size = gap_words(gap)
-    before, after, noise = size.before, size.after, size.floor
     if gap.before <= gap.floor:
         return (
-            f"The gap, {before}, is below the assumed noise of these data, {noise}: its explained fraction can't be "
-            f"estimated well. The corrected model leaves {after}."
+            f"The gap, {size.before}, is below the assumed noise of these data, {size.floor}: its explained fraction can't be "
+            f"estimated well. The corrected model leaves {size.after}."
         )
     interval = f" (95\u00a0% interval {percent(gap.interval[0])} to {percent(gap.interval[1])})" if gap.interval else ""
     where = "sessions" if gap.hold_out == "session" else "poses"
-    small = beyond_noise(gap)
-    return (
-        f"On {where} that it was not fitted to, the corrected model reduces the gap from {before} to {after} (noise alone: "
-        f"{noise}). It explains {percent(gap.explained_fraction)} of the gap's power beyond noise{interval}."
-        f"{' ' if small else ''}{small}"
+    told = (
+        f"On {where} that it was not fitted to, the corrected model reduces the gap from {size.before} to {size.after} (noise "
+        f"alone: {size.floor}). It explains {percent(gap.explained_fraction)} of the gap's power beyond noise{interval}."
     )
+    return " ".join(filter(None, (told, beyond_noise(gap))))
 
 
 @dataclass(frozen=True)
 class GapWords:
-    """The quantity whose errors are given, and these errors on left-out data with units: before and after causes were added,
-    and of noise alone."""
+    """The quantity whose errors are given, and these errors on left-out data: without and with causes, and of noise alone."""
 
     what: str
     before: str
@@ -225,25 +208,23 @@ class GapWords:
 
 def gap_words(gap: Gap) -> GapWords:
     """The gap in words."""
-    if not gap.by_instrument:
-        return GapWords("position error", length(gap.before), length(gap.after), length(gap.floor))
-    what = f"error of the readings of {joined([one.name for one in gap.by_instrument])}"
+    what = "position error"
+    if gap.by_instrument:
+        what = f"error of the readings of {joined([one.name for one in gap.by_instrument])}"
     return GapWords(what, *(_of_each(gap, attrgetter(key)) for key in ("before", "after", "floor")))
 
 
-def _of_each(gap: Gap, size: Callable[[Any], float]) -> str:
-    """An error of each instrument's readings, with the instrument's name if there are several."""
+def _of_each(gap: Gap, size: Callable[[Gap | InstrumentGap], float]) -> str:
+    """An error of the positions; or of each instrument's readings, with the instrument's name if there are several."""
+    if not gap.by_instrument:
+        return length(size(gap))
     sizes = [(one.name, quantity(size(one), one.unit)) for one in gap.by_instrument]
     return joined([f"{words} ({name})" if len(sizes) > 1 else words for name, words in sizes])
 
 
-def beyond(gap: Gap) -> str:
-    """What is left beyond the noise floor with the causes, sqrt(after^2 - floor^2), with units; for each instrument."""
-
-    def left(one: Any) -> float:
-        return float(np.sqrt(max(one.after**2 - one.floor**2, 0.0)))
-
-    return _of_each(gap, left) if gap.by_instrument else length(left(gap))
+def _left(one: Gap | InstrumentGap) -> float:
+    """What is left beyond the noise floor with the causes."""
+    return float(np.sqrt(max(one.after**2 - one.floor**2, 0.0)))
 
 
 def beyond_noise(gap: Gap) -> str:
@@ -265,11 +246,8 @@ def may_hide(d: Diagnosis) -> list[str]:
     verdict is ``none`` and visits scatter."""
     if d.verdict != "none" or not scatters(d.baseline):
         return []
-    lacking = [
-        c
-        for c in d.candidates
-        if d.effect(c.effect).between_visits and c.reason is not None and c.reason.kind in ("missing", "unusable")
-    ]
+    unrecorded = [c for c in d.candidates if c.reason is not None and c.reason.kind in ("missing", "unusable")]
+    lacking = [c for c in unrecorded if d.effect(c.effect).between_visits]
     if not lacking:
         return []
     effects = joined(list(dict.fromkeys(d.effect(c.effect).title for c in lacking)))
@@ -281,14 +259,13 @@ def may_hide(d: Diagnosis) -> list[str]:
 
 def not_recorded(d: Diagnosis) -> list[str]:
     """Hints on members of classes that can't be ruled out because a covariate is missing, and on how to test them."""
-    lacking = dict.fromkeys(
-        (m.effect, m.site) for c in sure_and_doubtful(d.causes)[1] for m in c.members if not m.recorded
-    )
+    members = (m for cause in sure_and_doubtful(d.causes)[1] for m in cause.members)
+    lacking = dict.fromkeys((m.effect, m.site) for m in members if not m.recorded)
     found = []
     for reason, rows in _by_reason(d, lacking).items():
         speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
         found.append(
-            f"{joined(_names(d, rows), 'or')} can't be ruled out, because {reason}: record it, or fill in what is known of it"
+            f"{_names(d, rows)} can't be ruled out, because {reason}: record it, or fill in what is known of it"
             f"{' (0 if the machine stood still)' if speeds else ''}, and diagnose again."
         )
     return found
@@ -296,9 +273,9 @@ def not_recorded(d: Diagnosis) -> list[str]:
 
 def could_be(d: Diagnosis) -> list[str]:
     """Effects that would explain the unknown cause but are untestable because a covariate is missing."""
+    lacking = _by_reason(d, d.unexplained.could_be[:LISTED])
     return [
-        f"It could be {joined(_names(d, rows), 'or')}, which these data can't test: {reason}."
-        for reason, rows in _by_reason(d, d.unexplained.could_be[:LISTED]).items()
+        f"It could be {_names(d, rows)}, which these data can't test: {reason}." for reason, rows in lacking.items()
     ]
 
 
@@ -312,5 +289,5 @@ def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, li
     return found
 
 
-def _names(d: Diagnosis, rows: Iterable[Considered]) -> list[str]:
-    return [named(d.effect(c.effect), c.site) for c in rows]
+def _names(d: Diagnosis, rows: Iterable[Considered]) -> str:
+    return joined([named(d.effect(c.effect), c.site) for c in rows], "or")

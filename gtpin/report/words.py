@@ -25,6 +25,8 @@ COORDINATES = {
 }
 UNITS = {"time": "s", "temp_frame": "°C", "temp_link": "°C", "payload": "kg", "fx": "N", "fy": "N", "fz": "N"}
 """Units of covariates, by name."""
+PER_TRAVEL = {"q": "", "speed": "/s"}
+"""What follows the unit of an actuator's travel, by the name of its columns without number."""
 MINUS = re.compile(r"(?<![\w.-])-(?=\.?\d)")
 """A hyphen that is a minus sign before a number: not one that joins words or digits, or begins an option of a command."""
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)\b")
@@ -47,15 +49,13 @@ def coordinate_words(name: str) -> str:
     return " and ".join(COORDINATES.get(word, word) for word in name.split(","))
 
 
-def covariate_unit(name: str, angular: bool = False) -> str:
-    """The unit of a command (angular: of a turning actuator) or covariate; empty if it has none or it is not known."""
-    if name in UNITS:
-        return UNITS[name]
-    if name.rstrip("0123456789") == "q":
-        return "rad" if angular else "m"
-    if name.rstrip("0123456789") == "speed":
-        return "rad/s" if angular else "m/s"
-    return ""
+def covariate_unit(name: str, robot: Chain) -> str:
+    """The unit of a command or covariate of a robot; empty if it has none or it is not known."""
+    word = name.rstrip("0123456789")
+    number = int(name[len(word) :] or 0)
+    if word in PER_TRAVEL and 0 < number <= robot.n_actuators:
+        return ("rad" if robot.actuators[number - 1].revolute else "m") + PER_TRAVEL[word]
+    return UNITS.get(name, "")
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -138,6 +138,11 @@ def chance(probability: float) -> str:
 def joined(words: list[str], last: str = "and") -> str:
     """A list in a sentence."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+def capital(words: str) -> str:
+    """Words with a capital first letter; the others are left as they are."""
+    return words[:1].upper() + words[1:]
 
 
 def counted(number: int, what: str) -> str:

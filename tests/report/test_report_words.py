@@ -26,7 +26,7 @@ from gtpin.report.phrases import REASONS, clause, parameter, reason_words, sente
 from gtpin.report.provenance import provenance, versions
 from gtpin.report.sections.causes import meaning
 from gtpin.report.verdict import beyond_noise
-from gtpin.report.words import chance, coordinate_words, joined, percent, quantity, site_words, typeset
+from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, percent, quantity, site_words, typeset
 
 
 @pytest.mark.parametrize(
@@ -94,6 +94,12 @@ def test_a_probability_is_never_told_as_certain():
 def test_coordinates_are_told_in_words():
     assert coordinate_words("q1,q3") == "q1 and q3"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
+
+
+@pytest.mark.parametrize(("robot", "unit"), [("gantry_tau", "m"), ("ur5", "rad")])
+def test_commands_and_speeds_have_the_unit_of_their_actuator(robot, unit):
+    units = {"q1": unit, "speed2": f"{unit}/s", "temp_link": "°C", "q9": "", "humidity": ""}
+    assert {name: covariate_unit(name, load_robot(robot)) for name in units} == units
 
 
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])

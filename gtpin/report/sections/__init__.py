@@ -7,21 +7,29 @@ can't be told apart, 100 what could not be tested, 110 parameters, 120 what the 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
 from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.output.shown import Presentation
+from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.effect_curves import EffectCurve, curves
 from gtpin.report.embedded import PlotChoice
+from gtpin.report.maps import workspace_figure
 from gtpin.report.page import Section
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading
+from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading, residual_figure
 from gtpin.report.residuals import Residuals
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 
 @dataclass(frozen=True)
@@ -39,9 +47,9 @@ class Reported:
     @cached_property
     def residuals(self) -> Residuals:
         """Residuals of geometry alone, and of geometry with the causes."""
-        d = self.diagnosis
-        model, aside = (None, None) if d is None else (d.model, d.set_aside_rows)
-        return Residuals.of(self.dataset, self.calibration, model, aside)
+        if (d := self.diagnosis) is None:
+            return Residuals.of(self.dataset, self.calibration)
+        return Residuals.of(self.dataset, self.calibration, d.model, d.set_aside_rows)
 
     @property
     def causes(self) -> bool:
@@ -53,20 +61,46 @@ class Reported:
         """The choice between residuals of geometry alone and of geometry with the causes."""
         return LAYERS if self.causes else ONE_LAYER
 
+    def first_component(self, *sites: str) -> str:
+        """The component that is shown where none is chosen; ``sites``: where to look if there are no causes."""
+        if (d := self.diagnosis) is None:
+            return self.residuals.first_component
+        return leading(self.residuals, [c.site for c in d.causes] or sites, d.where.axis)
+
     @cached_property
     def components(self) -> tuple[dict[str, View], PlotChoice]:
         """Views of the residuals along every component, and the choice between them."""
-        d, first = self.diagnosis, self.residuals.first_component
-        if d is not None:
-            sites = [c.site for c in d.causes] or [site for site, _, _ in d.unexplained.correlates]
-            first = leading(self.residuals, sites, d.where.axis)
-        return components(self.residuals, first)
+        correlates = () if self.diagnosis is None else self.diagnosis.unexplained.correlates
+        return components(self.residuals, self.first_component(*(site for site, _, _ in correlates)))
 
     @cached_property
     def curves(self) -> dict[tuple[str, str], tuple[EffectCurve, ...]]:
         """The curves of the causes, by effect and site."""
         effects = () if self.diagnosis is None else self.diagnosis.model.effects
         return {(active.effect.id, active.site): curves(active, self.residuals) for active in effects}
+
+
+class FitPresentation(Presentation):
+    """The figures that calibrations and diagnoses have in common."""
+
+    @property
+    @abstractmethod
+    def reported(self) -> Reported:
+        """What the figures are made from."""
+
+    def residuals(self, against: str, component: str | None, *, after: bool = False) -> Figure:
+        """Residuals against a column, with the causes' prediction."""
+        r = self.reported
+        component = component or r.first_component()
+        return residual_figure(r.residuals, against, component, causes=r.causes, after=after)
+
+    def ball_bar(self, circle: int) -> Figure:
+        """Deviations of the radius along a circle."""
+        return ball_bar_figure(self.reported.residuals, circle, self.reported.causes)
+
+    def workspace(self, view: str, *, after: bool = False) -> Figure:
+        """Position residuals, or errors of readings, over the workspace."""
+        return workspace_figure(self.reported.residuals, view, after=after)
 
 
 Make = Callable[[Reported], Section | None]

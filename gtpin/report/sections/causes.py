@@ -13,7 +13,7 @@ from gtpin.effects.effect import Effect
 from gtpin.report.effect_curves import curve_notes, curve_plots
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Note, Plots, Section, Small, Table
-from gtpin.report.phrases import SURE, clause, named, of_robot, parameter, sentence
+from gtpin.report.phrases import SURE, clause, named, of_robot, others, parameter, sentence
 from gtpin.report.sections import Reported, section
 from gtpin.report.verdict import verdict
 from gtpin.report.words import chance, joined, percent
@@ -74,8 +74,8 @@ def meaning(effect: Effect, robot: Chain) -> tuple[Markup, ...]:
     Paragraphs on typical sizes are omitted, because the data have determined the size.
     """
     text = inspect.cleandoc(type(effect).__dict__.get("__doc__") or "")
-    paragraphs = [" ".join(part.split()) for part in text.split("\n\n")]
-    return tuple(_marked(part) for part in of_robot(paragraphs, robot) if part and not part.startswith("Typical size"))
+    paragraphs = of_robot([" ".join(part.split()) for part in text.split("\n\n")], robot)
+    return tuple(_marked(part) for part in paragraphs if part and not part.startswith("Typical size"))
 
 
 def _marked(text: str) -> Markup:
@@ -92,18 +92,12 @@ def what_can_t_be_told_apart(r: Reported) -> Section | None:
     if (d := r.diagnosis) is None:
         return None
     content: list[Block] = []
-    for c in d.causes:
-        if len(c.members) > 1:
-            bars = [
-                Bar(
-                    named(d.effect(m.effect), m.site),
-                    m.probability,
-                    chance(m.probability),
-                    (m.effect, m.site) == (c.effect, c.site),
-                )
-                for m in c.members
-            ]
-            content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars(bars)]
+    for c in (c for c in d.causes if len(c.members) > 1):
+        bars = [
+            Bar(named(d.effect(m.effect), m.site), m.probability, chance(m.probability), m not in others(c))
+            for m in c.members
+        ]
+        content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars(bars)]
     if not d.causes:
         content.append("No cause is named, so there are no alternatives to distinguish.")
     elif not content:

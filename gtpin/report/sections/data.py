@@ -11,12 +11,12 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import cannot_judge, noise_words, scatters
+from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_words, scatters
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Small, Table
+from gtpin.report.residuals import columns_of
 from gtpin.report.sections import Reported, section
 from gtpin.report.words import counted, covariate_unit, joined, length, whole, with_unit
-from gtpin.typing import Floats
 
 ALIKE = 0.02
 """Relative difference of two noise floors that is not told."""
@@ -26,15 +26,19 @@ ALIKE = 0.02
 def data(r: Reported) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
-    facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), _fit(c), *_misspelt(r.dataset)]
+    judged = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    fit = f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged})."
+    facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), fit]
     content: list[Block] = [fact for fact in facts if fact]
+    for name, known in lookalikes(r.dataset.covariates).items():
+        content.append(f"No effect uses the column {name}: is {known} meant?")
     aside = _set_aside(r.dataset, c, c.rejected_rows if d is None else d.set_aside_rows)
     if aside.rows:
         about = "These poses were not used. Off by: distance from the prediction of the calibrated geometry."
         content += [Heading("Set aside"), about, aside]
     else:
         content.append("No pose was set aside.")
-    content.append(Fold("Ranges of commands and covariates", [_ranges(r.dataset)]))
+    content.append(Fold("Ranges of commands and covariates", [_ranges(r)]))
     if d is not None:
         words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
         content.append(Small(words.rstrip()))
@@ -48,10 +52,9 @@ def _counts(dataset: Dataset) -> str:
     """
     visits = len(np.unique(dataset.visits))
     repeats = len(dataset) - len(np.unique(np.column_stack([dataset.readings.read, dataset.visits]), axis=0))
-    more = ", none visited twice: repeatability can't be distinguished from errors of the geometry"
-    if repeats:
-        more = f", {counted(repeats, 'repeated visit')}"
-    return f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}{more}."
+    none = "none visited twice: repeatability can't be distinguished from errors of the geometry"
+    more = counted(repeats, "repeated visit") if repeats else none
+    return f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}, {more}."
 
 
 def _what_was_measured(dataset: Dataset) -> str:
@@ -65,27 +68,10 @@ def _what_was_measured(dataset: Dataset) -> str:
 
 
 def _noise(c: Calibration) -> str:
-    noise = c.noise
-    text = f"Noise of the instruments, 1 sigma of a number: {'; '.join(noise_words(c))}"
-    if noise.repeatability > 0.0:
-        how = "from the residuals" if noise.source == "residuals" else "from repeated visits"
-        text += f"; repeatability of each actuator, {how}: {length(noise.repeatability)}"
-    if noise.model_discrepancy > 0.0:
-        text += f"; model error along single drives, correlated between neighbouring poses: {length(noise.model_discrepancy)}"
+    facts = [*noise_words(c), *(f"{what}: {length(size)}" for what, size in noise_of_drives(c))]
     if np.isfinite(c.freedom):
-        text += f"; its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)"
-    return text + "."
-
-
-def _fit(c: Calibration) -> str:
-    meaning = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
-    return f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({meaning})."
-
-
-def _misspelt(dataset: Dataset) -> list[str]:
-    return [
-        f"No effect uses the column {name}: is {known} meant?" for name, known in lookalikes(dataset.covariates).items()
-    ]
+        facts.append(f"its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)")
+    return f"Noise of the instruments, 1 sigma of a number: {'; '.join(facts)}."
 
 
 def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Table:
@@ -106,21 +92,17 @@ def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Tabl
     return Table(("pose", "line", "off by"), cells, (1, 2))
 
 
-def _ranges(dataset: Dataset) -> Table:
-    rows = [_range(f"q{j + 1}", dataset.q[:, j]) for j in range(dataset.n_actuators)]
-    for name, values in dataset.covariates.items():
+def _ranges(r: Reported) -> Table:
+    rows = []
+    for name, values in columns_of(r.dataset).items():
         if name == "session":
             sessions = dict.fromkeys(str(v) for v in values)
             rows.append(["session", counted(len(sessions), "session"), ", ".join(sessions)])
         else:
-            rows.append(_range(name, np.asarray(values, dtype=float)))
+            low, high = whole(f"{values.min():.4g}"), whole(f"{values.max():.4g}")
+            label = with_unit(name, covariate_unit(name, r.calibration.model.robot))
+            rows.append([label, low, "does not vary" if values.min() == values.max() else high])
     return Table(("column", "from", "to"), rows, (1, 2))
-
-
-def _range(name: str, values: Floats) -> list[str]:
-    low, high = float(values.min()), float(values.max())
-    label = with_unit(name, covariate_unit(name))
-    return [label, whole(f"{low:.4g}"), "does not vary" if low == high else whole(f"{high:.4g}")]
 
 
 def _two_floors(d: Diagnosis) -> str:

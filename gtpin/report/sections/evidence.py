@@ -23,16 +23,14 @@ def where_it_lies(r: Reported) -> Section | None:
     if r.diagnosis is None:
         return None
     where = r.diagnosis.where
-    groups = (
-        ("By site", {short(site_words(k)): v for k, v in where.site.items()}),
-        ("By rod", where.rod),
-        ("By axis", where.axis),
-        (
-            "By coordinate, the strongest correlation as 100 %",
-            {short(coordinate_words(k)): v for k, v in where.covariate.items()},
-        ),
-    )
-    beside = [(title, bars) for title, shares in groups if (bars := _bars(shares, 0.01))]
+    coordinates = {short(coordinate_words(k)): v for k, v in where.covariate.items()}
+    groups = {
+        "By site": {short(site_words(k)): v for k, v in where.site.items()},
+        "By rod": where.rod,
+        "By axis": where.axis,
+        "By coordinate, the strongest correlation as 100 %": coordinates,
+    }
+    beside = [(title, bars) for title, shares in groups.items() if (bars := _bars(shares, 0.01))]
     if not beside or r.diagnosis.verdict == "none":
         return Section("where", "Where it lies", ["The residuals are noise: shares have no meaning."])
     content: list[Block] = [
@@ -95,11 +93,10 @@ def evidence(r: Reported) -> Section | None:
     causes = {(c.effect, c.site) for c in d.causes}
     tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
     top = max([c.log_evidence for c in tested], default=0.0)
-    names = [named(d.effect(c.effect), c.site) for c in tested]
-    gains = [whole(f"{c.log_evidence:.1f}") for c in tested]
+    gains = [(named(d.effect(c.effect), c.site), whole(f"{c.log_evidence:.1f}")) for c in tested]
     bars = [
         Bar(name, max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in causes)
-        for c, name, gain in zip(tested[:SHOWN], names, gains, strict=False)
+        for c, (name, gain) in zip(tested[:SHOWN], gains, strict=False)
     ]
     content: list[Block] = [
         "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
@@ -111,7 +108,7 @@ def evidence(r: Reported) -> Section | None:
             "may only resemble the true cause."
         )
     content.append(Bars(bars))
-    if rest := list(zip(names, gains, strict=True))[SHOWN:]:
+    if rest := gains[SHOWN:]:
         content.append(Fold("The other candidates", [Table(("candidate", "gain in log evidence"), rest, (1,))]))
     return Section("evidence", "Evidence", content)
 

@@ -62,28 +62,20 @@ def geometry_tables(calibration: Calibration, model: Model | None = None) -> tup
 
     ``model``: geometry that was fitted together with causes; it is shown in addition to the geometry alone.
     """
-    geometry = calibration.model.geometry
+    c, known = calibration, calibration.model.geometry.parameters
     head = ["parameter", "nominal", "identified − nominal", "in tolerances", "variance reduction"]
-    if model is not None:
-        head.append("with the causes − nominal")
-    rows = []
-    for p, value, sigma, reduction in zip(
-        geometry.parameters, calibration.values, calibration.sigma, calibration.variance_reduction, strict=True
-    ):
+    head += ["with the causes − nominal"] if model is not None else []
+    rows, changes = [], list[float]()
+    for p, value, sigma, reduction in zip(known, c.values, c.sigma, c.variance_reduction, strict=True):
         moved = float(value - p.nominal)
-        row = [
-            p.name,
-            whole(f"{p.nominal:.6f} {p.unit}"),
-            quantity(moved, p.unit, float(sigma)),
-            whole(f"{moved / p.tolerance:+.1f}"),
-            f"{100.0 * reduction:.0f} %",
-        ]
-        if model is not None:
-            row.append(quantity(model.geometry[p.name] - p.nominal, p.unit))
-        rows.append((abs(moved / p.tolerance), row))
-    moved_most = sorted(rows, key=lambda pair: -pair[0])[:MOVED]
+        changes.append(moved / p.tolerance)
+        row = [p.name, whole(f"{p.nominal:.6f} {p.unit}"), quantity(moved, p.unit, float(sigma))]
+        row += [whole(f"{changes[-1]:+.1f}"), f"{100.0 * reduction:.0f} %"]
+        row += [quantity(model.geometry[p.name] - p.nominal, p.unit)] if model is not None else []
+        rows.append(row)
+    most = np.argsort(-np.abs(changes), kind="stable")[:MOVED]
     numbers = range(1, len(head))
-    return Table(head, [row for _, row in moved_most], numbers), Table(head, [row for _, row in rows], numbers)
+    return Table(head, [rows[i] for i in most], numbers), Table(head, rows, numbers)
 
 
 def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
@@ -96,10 +88,9 @@ def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
         for p in controller_table(model)
         if p.site != "tool" and p.name != "beta" and p.determined and abs(p.correction) > SIGNIFICANT * p.sigma
     ]
-    if not moved:
-        return []
     said = f"Add to the controller's table (Denavit-Hartenberg): {', '.join(moved)}."
-    return [" ".join(filter(None, [said, doubt, f"All of it: gtpin export {folder} -o dh.csv --format dh"]))]
+    every = f"All of it: gtpin export {folder} -o dh.csv --format dh"
+    return [" ".join(filter(None, [said, doubt, every]))] if moved else []
 
 
 def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
