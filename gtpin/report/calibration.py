@@ -69,21 +69,10 @@ class CalibrationPresentation(FitPresentation):
         import pandas as pd
 
         c = self.calibration
-        estimates = [c[name] for name in c.names]
-        known = c.model.geometry.parameters
-        return pd.DataFrame(
-            {
-                "value": [e.value for e in estimates],
-                "sigma": [e.sigma for e in estimates],
-                "low": [e.interval[0] for e in estimates],
-                "high": [e.interval[1] for e in estimates],
-                "unit": [e.unit for e in estimates],
-                "nominal": [p.nominal for p in known],
-                "tolerance": [p.tolerance for p in known],
-                "learned": c.variance_reduction,
-            },
-            index=pd.Index(c.names, name="parameter"),
-        )
+        estimates = zip(map(c.__getitem__, c.names), c.model.geometry.parameters, c.variance_reduction, strict=True)
+        rows = [(e.value, e.sigma, *e.interval, e.unit, p.nominal, p.tolerance, share) for e, p, share in estimates]
+        columns = ["value", "sigma", "low", "high", "unit", "nominal", "tolerance", "learned"]
+        return pd.DataFrame(rows, columns=columns, index=pd.Index(c.names, name="parameter"))
 
     @cached_property
     def reported(self) -> Reported:

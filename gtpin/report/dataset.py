@@ -95,11 +95,10 @@ class PosesPresentation(Presentation):
 
     def short(self) -> str:
         """The number of poses, and the box that they span."""
-        poses = self.poses
-        there = poses.T[poses.reached]
-        first = f"Poses: {len(poses)}"
-        if len(there) < len(poses):
-            first += f", of which {len(poses) - len(there)} could not be computed"
+        there, count = self.poses.T[self.poses.reached], len(self.poses)
+        first = f"Poses: {count}"
+        if len(there) < count:
+            first += f", of which {count - len(there)} could not be computed"
         if not len(there):
             return first
         ends = zip("xyz", there.min(axis=0), there.max(axis=0), strict=True)

@@ -72,20 +72,18 @@ class DiagnosisPresentation(FitPresentation):
 
     def short(self) -> str:
         """Verdict, causes and the gap."""
-        d, words = self.diagnosis, gap_words(self.diagnosis.gap)
+        d, size = self.diagnosis, gap_words(self.diagnosis.gap)
         lines = [f"Diagnosis of {d.model.robot.name}: {d.verdict}"]
         for cause in d.causes:
             first, name = value(*next(iter(cause.parameters.items()))), named(d.effect(cause.effect), cause.site)
             lines.append(f"  {name}, probability {chance(cause.probability)}, {first}")
-        after = f", {words.after} with the causes" if d.causes else ""
-        lines.append(
-            f"{words.what} on left-out poses, RMS: {words.before} by geometry alone{after}; noise {words.floor}"
-        )
+        after = f", {size.after} with the causes" if d.causes else ""
+        lines.append(f"{size.what} on left-out poses, RMS: {size.before} by geometry alone{after}; noise {size.floor}")
         return "\n".join(lines)
 
     def text(self) -> str:
         """What ``gtpin diagnose`` prints."""
-        console = Console(highlight=False, markup=False, width=WIDTH, soft_wrap=True, color_system=None, record=False)
+        console = Console(highlight=False, markup=False, width=WIDTH, soft_wrap=True, color_system=None)
         with console.capture() as captured:
             console.print(self.terminal())
         return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
@@ -150,7 +148,7 @@ class DiagnosisPresentation(FitPresentation):
         """The causes' parameters."""
         rows = []
         for c in self.diagnosis.causes:
-            about = [self.diagnosis.effect(c.effect).title, site_words(c.site), chance(c.probability)]
+            about = (self.diagnosis.effect(c.effect).title, site_words(c.site), chance(c.probability))
             for name, e in c.parameters.items():
                 size = (*parameter(name, e.value, e.unit, e.sigma), *interval(name, e))
                 rows.append([*about, *size, percent(c.explained_fraction)])

@@ -98,11 +98,10 @@ def gap_method(gap: Gap) -> str:
         "time": f"each of {gap.blocks} stretches of time",
         "random": f"{number_word(TOGETHER)} poses drawn at random",
     }
-    other = f"what {ASKED} other poses may show, by the uncertainty of what was fitted"
+    fitted = "by the uncertainty of what was fitted"
+    other = f"what {ASKED} other poses may show, {fitted}"
     if gap.hold_out == "session":
-        other = (
-            f"what another session may show, by the uncertainty of what was fitted and how much the {gap.blocks} differ"
-        )
+        other = f"what another session may show, {fitted} and how much the {gap.blocks} differ"
     if gap.sessions < 2:
         other += (
             "; the data are of one session, as far as they tell, so that the interval ignores what another day brings"
@@ -115,8 +114,5 @@ def _turns(d: Diagnosis | HealthCheck) -> dict[str, float]:
     it."""
     if d.gap.turns is None or not joints(d.model.robot):
         return {}
-    return {
-        "orientation_rms_before": d.gap.turns.before,
-        "orientation_rms_after": d.gap.turns.after,
-        "orientation_noise_floor": d.gap.turns.floor,
-    }
+    before, after, floor = d.gap.turns.before, d.gap.turns.after, d.gap.turns.floor
+    return {"orientation_rms_before": before, "orientation_rms_after": after, "orientation_noise_floor": floor}

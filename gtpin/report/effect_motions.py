@@ -108,8 +108,8 @@ def _of_carrier(at: OperatingPoints, site: str, basis: Displacement) -> list[Mot
     frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
     if frame is None or not frame.indices:
         return []
-    nearest = [(int(np.argmax(np.abs(direction))), direction) for direction in frame.across]  # base axes
-    across = [f"towards {'−' if direction[k] < 0.0 else '+'}{'xyz'[k]}" for k, direction in nearest]
+    nearest = np.abs(frame.across).argmax(axis=1)  # base axes
+    across = [f"towards {'−' if way[k] < 0.0 else '+'}{'xyz'[k]}" for k, way in zip(nearest, frame.across, strict=True)]
     places = ["along its track", *(f"across its track, {a}" for a in across)]
     if len(frame.indices) > 1:
         places += ["about its track (roll)", *(f"about an axis {a}" for a in across)]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -59,10 +59,8 @@ class Plot:
         return {chosen: self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options}
 
 
-@dataclass(frozen=True)
-class Mark:
-    """An entry of a legend: name, shape and name of the colour of a trace, and ``choice=option`` where only one option has
-    it."""
+class Mark(NamedTuple):
+    """An entry of a legend: a trace's name, shape and colour's name, and ``choice=option`` where only one option has it."""
 
     name: str
     shape: str
@@ -89,10 +87,9 @@ class Shared:
 
     def embed(self, plot: Plot) -> Embedded:
         """Draw a plot's figures, and write them with references to the shared parts."""
-        drawn = plot.drawings()
         figures: list[dict[str, Any]] = []
         marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
-        for chosen, made in drawn.items():
+        for chosen, made in plot.drawings().items():
             self.kinds |= {trace.get("type", "scatter") for trace in made.traces}
             figures.append(self._written({"data": made.traces, "layout": made.layout}))
             for look in filter(None, map(_look, made.traces)):
@@ -162,16 +159,12 @@ def plain(value: Any) -> Any:
         return float(f"{value:.5g}") if isfinite(value) else None
     if isinstance(value, str):
         return str(value)
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(one) for one in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
     return value
 
 

@@ -21,12 +21,7 @@ from gtpin.report.words import counted, length
 
 Add = Callable[[HealthCheck], None]
 COLORS = {"none": GOOD, "explained": ACCENT, "ambiguous": WARN, "unknown": MYSTERY}
-WORDS = {
-    "none": "no change",
-    "explained": "changed",
-    "ambiguous": "changed, cause open",
-    "unknown": "unknown change",
-}
+WORDS = {"none": "no change", "explained": "changed", "ambiguous": "changed, cause open", "unknown": "unknown change"}
 
 
 @contextmanager
@@ -90,11 +85,8 @@ def history_drawing(entries: Sequence[Entry]) -> Drawing:
             texts = [_changes(entry) or "no change" for entry in some]
             look: dict[str, Any] = {"text": texts, "name": WORDS[verdict], "marker": {"color": color, "size": 9}}
             traces.append(trace(some, "markers", **look))
-    layout = {
-        "yaxis": {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"},
-        "xaxis": {"type": "date"},
-    }
-    return Drawing(traces, layout)
+    yaxis = {"title": {"text": "position error, RMS (µm)"}, "rangemode": "tozero"}
+    return Drawing(traces, {"yaxis": yaxis, "xaxis": {"type": "date"}})
 
 
 def _changes(entry: Entry) -> str:

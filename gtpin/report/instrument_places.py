@@ -1,4 +1,4 @@
-"""Positions of a model's instruments: stations, planes, sockets, targets and sensors; and their marks in a drawing."""
+"""Positions of a model's instruments: stations, planes, sockets, targets and sensors."""
 
 from __future__ import annotations
 
@@ -6,21 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from markupsafe import escape
 
 from gtpin.data.instrument_tables import PlaneTable, RangeTable, SocketTable, TiltTable, TrackerTable
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument
-from gtpin.report.skeleton import Camera
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
 NEAR = 1.0
 """Largest distance of a drawn instrument from the machine, over the machine's size: farther ones would make the machine
 small."""
-PATCH = 0.12
-"""Half the side of a plane's patch, over the machine's size."""
-LOOK = "stroke:var(--accent);stroke-width:1.2"
 LENGTHS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 
@@ -55,6 +50,22 @@ class InstrumentPlaces:
         """(m, 3) all places that do not move with the platform, base frame, m."""
         places = [*self.stations.values(), *(point for point, _ in self.planes.values()), *self.sockets.values()]
         return np.array(places).reshape(-1, 3)
+
+    def near(self, machine: Floats) -> InstrumentPlaces:
+        """The stations, planes, sockets and distances near a machine with the points (m, 3), base frame, m."""
+        low, high = machine.min(axis=0), machine.max(axis=0)
+
+        def is_near(at: Floats) -> bool:
+            outside = np.maximum(np.maximum(low - at, at - high), 0.0)
+            return bool(np.linalg.norm(outside) <= NEAR * (high - low).max())
+
+        sockets = {name: at for name, at in self.sockets.items() if is_near(at)}
+        return InstrumentPlaces(
+            stations={name: at for name, at in self.stations.items() if is_near(at)},
+            planes={name: plane for name, plane in self.planes.items() if is_near(plane[0])},
+            sockets=sockets,
+            distances=[one for one in self.distances if {*one[:2]} <= {*sockets}],
+        )
 
     @staticmethod
     def of(instruments: Sequence[FittedInstrument]) -> InstrumentPlaces:
@@ -126,71 +137,3 @@ def patch(point: Floats, normal: Floats, half: float) -> Floats:
     return np.array(
         [point + half * (a * first + b * second) for a, b in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))]
     )
-
-
-@dataclass(frozen=True, eq=False)
-class InstrumentMarks:
-    """Instruments near a machine.
-
-    ``places``: positions of the instruments. ``machine``: (m, 3) the machine's points, base frame, m. ``tcp``: (3,) the
-    TCP, at which wires end, base frame, m.
-    """
-
-    places: InstrumentPlaces
-    machine: Floats
-    tcp: Floats
-
-    @property
-    def points(self) -> Floats:
-        """(k, 3) positions of the drawn instruments, base frame, m."""
-        drawn = [at for at in self.places.fixed if self._near(at)]
-        corners = [patch(point, n, PATCH * self._size).reshape(-1, 3) for point, n in self._planes.values()]
-        return np.vstack([np.array(drawn).reshape(-1, 3), *corners])
-
-    def draw(self, at: Camera) -> str:
-        """SVG of the instruments, seen by a camera."""
-        made = [self._plane(at, name, *plane) for name, plane in self._planes.items()]
-        stations = {name: place for name, place in self.places.stations.items() if self._near(place)}
-        sockets = {name: place for name, place in self.places.sockets.items() if self._near(place)}
-        made += [_dashed(at, place, self.tcp) for place in stations.values()]
-        made += [
-            _dashed(at, sockets[a], sockets[b]) for a, b, _ in self.places.distances if a in sockets and b in sockets
-        ]
-        for name, place in stations.items():
-            x, y = at(place)[0]
-            corners = f"{x:.1f},{y - 7.0:.1f} {x + 6.0:.1f},{y + 5.0:.1f} {x - 6.0:.1f},{y + 5.0:.1f}"
-            made.append(f'<polygon points="{corners}" style="fill:var(--accent)"/>{_name(x, y + 17.0, name)}')
-        for name, place in sockets.items():
-            x, y = at(place)[0]
-            look = f"fill:var(--paper);{LOOK}"
-            title = f"<title>{escape(name)}</title>"  # sockets are too close together for names
-            made.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" style="{look}">{title}</circle>')
-        return "".join(made)
-
-    @property
-    def _size(self) -> float:
-        return float(np.ptp(self.machine, axis=0).max())
-
-    @property
-    def _planes(self) -> dict[str, tuple[Floats, Floats]]:
-        return {name: plane for name, plane in self.places.planes.items() if self._near(plane[0])}
-
-    def _near(self, at: Floats) -> bool:
-        outside = np.maximum(self.machine.min(axis=0) - at, at - self.machine.max(axis=0))
-        return bool(np.linalg.norm(np.maximum(outside, 0.0)) <= NEAR * self._size)
-
-    def _plane(self, at: Camera, name: str, point: Floats, normal: Floats) -> str:
-        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in at(patch(point, normal, PATCH * self._size)))
-        (x, y), (u, v) = at(np.stack([point, point + 0.7 * PATCH * self._size * normal]))
-        line = f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{LOOK}"/>'
-        shape = f'<polygon points="{outline}" style="fill:var(--accent);fill-opacity:.12;{LOOK}"/>'
-        return f"{shape}{line}{_name(u, v - 3.0, name)}"
-
-
-def _dashed(at: Camera, one: Floats, two: Floats) -> str:
-    (x, y), (u, v) = at(np.stack([one, two]))
-    return f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{LOOK};stroke-dasharray:4 3;opacity:.6"/>'
-
-
-def _name(x: float, y: float, name: str) -> str:
-    return f'<text class="rod" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{escape(name)}</text>'

@@ -37,10 +37,8 @@ class ExperimentPresentation:
         """What to measure, and for what purpose, in a sentence or two."""
         e, robot = self.experiment, self.experiment.robot
         if e.visits is not None:
-            where = (
-                f"the unknown effect at {site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
-            )
-            return f"{_visits(e, e.visits, robot)}: {where}."
+            depends = f"{site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
+            return f"{_visits(e, e.visits, robot)}: the unknown effect at {depends}."
         return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
 
 
@@ -51,8 +49,7 @@ def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
     """
     (folder / FOLDER).mkdir()
     for i, experiment in enumerate(d.next_experiment):
-        count = len(experiment.poses)
-        if count:
+        if count := len(experiment.poses):
             ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
             covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
             if "time" not in experiment.covariates:
@@ -65,28 +62,23 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
     for i, e in enumerate(d.next_experiment):
         content: list[Block] = [typeset(e.measure)]
         if (expected := e.expected_gain) is not None:
-            words = f"Expected gain in log evidence: {expected:.1f}"
-            if e.random_gain is not None and e.random_gain >= NEARLY * expected:
-                words += f". Other poses are as good ({e.random_gain:.1f}): the conditions that are set matter, not the poses."
-            else:
-                words += (
-                    "." if e.random_gain is None else f", compared with {e.random_gain:.1f} for as many random poses."
-                )
-            content.append(Small(words))
+            words, other = f"Expected gain in log evidence: {expected:.1f}", e.random_gain
+            if other is not None and other >= NEARLY * expected:
+                words += f". Other poses are as good ({other:.1f}): the conditions that are set matter, not the poses"
+            elif other is not None:
+                words += f", compared with {other:.1f} for as many random poses"
+            content.append(Small(f"{words}."))
         head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
         head += [with_unit(name, covariate_unit(name, e.robot)) for name in e.covariates]
-        rows = [
-            [*(whole(f"{value:.4f}") for value in q), *(_cell(values[k]) for values in e.covariates.values())]
-            for k, q in enumerate(e.poses)
-        ]
+        rows = []
+        for k, q in enumerate(e.poses):
+            conditions = [values[k] for values in e.covariates.values()]
+            rows.append([whole(f"{value:.4f}") for value in q])
+            rows[-1] += [v if isinstance(v, str) else whole(f"{v:.4g}") for v in conditions]
         if rows:
             title = f"{len(rows)} commands, also in {FOLDER}/{i + 1}.csv"
             content.append(Fold(title, [Table(head, rows, range(len(head)))]))
         yield Note(content)
-
-
-def _cell(value: float | str) -> str:
-    return value if isinstance(value, str) else whole(f"{value:.4g}")
 
 
 def _apart(e: Experiment, robot: Chain) -> str:
@@ -129,29 +121,24 @@ def _remedy(lacking: Lacking) -> str:
     """What must differ from the measurements so far, as the beginning of a sentence."""
     if not lacking.covariates:
         return "These "
+    what = f"{'Record and vary' if lacking.missing else 'Vary'} {joined(list(lacking.covariates))}"
     if lacking.covariates == ("session",):
-        if lacking.missing:
-            return "Add a column session, with one name for all measurements so far and others for these: these "
-        return "Begin further sessions: these "
-    what = "Record and vary" if lacking.missing else "Vary"
-    return f"{what} {joined(list(lacking.covariates))}: these "
+        column = "Add a column session, with one name for all measurements so far and others for these"
+        what = column if lacking.missing else "Begin further sessions"
+    return f"{what}: these "
 
 
 def _watch(sites: Sequence[str], robot: Chain) -> str:
     carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
     links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
-    words = []
-    if carts:
-        words.append(
-            f"measure {joined(carts)} directly by {'separate targets' if len(carts) > 1 else 'a separate target'}"
-        )
-    if links:
-        words.append("measure the length of the links by targets at both ends")
-    if "frame" in sites:
-        words.append("measure fixed targets next to the robot")
-    if "platform" in sites:
-        words.append("measure separately where the target is on the platform")
-    return joined(words)
+    targets = "separate targets" if len(carts) > 1 else "a separate target"
+    words = {
+        f"measure {joined(carts)} directly by {targets}": bool(carts),
+        "measure the length of the links by targets at both ends": bool(links),
+        "measure fixed targets next to the robot": "frame" in sites,
+        "measure separately where the target is on the platform": "platform" in sites,
+    }
+    return joined([said for said, wanted in words.items() if wanted])
 
 
 def _visits(e: Experiment, visits: Visits, robot: Chain) -> str:

@@ -116,9 +116,8 @@ class Residuals:
             return {c.name: (every, k, c.unit) for k, c in enumerate(instruments[0].components)}
         found = {}
         for i, one in enumerate(instruments):
-            mine = rows.rows_of(i)
+            mine, split = rows.rows_of(i), count < len(one.components)
             for k, c in enumerate(one.components):
-                split = count < len(one.components)
                 own = mine[rows.component[mine] == k] if split else mine
                 if len(own):
                     found[one.label(c)] = (own, 0 if split else k, c.unit)

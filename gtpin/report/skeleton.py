@@ -67,6 +67,11 @@ class Skeleton:
         spots = np.array([spot.at for spot in self.spots]).reshape(-1, 3)
         return np.vstack([*(line.ends for line in self.lines), spots, self.tcp[None]])
 
+    @property
+    def size(self) -> float:
+        """The largest extent along an axis, m."""
+        return float(np.ptp(self.points, axis=0).max())
+
     def of(self, *kinds: Kind) -> list[Line]:
         """The lines of some kinds."""
         return [line for kind in kinds for line in self.lines if line.kind == kind]
@@ -156,9 +161,8 @@ class Camera:
 
         ``beyond``: (m, 3) further points that must be in the picture, m.
         """
-        best = max(
-            (_axes(machine.up, a) for a in np.deg2rad(np.arange(0.0, 360.0, 10.0))), key=lambda v: _open(machine, v)
-        )
+        views = [_axes(machine.up, azimuth) for azimuth in np.deg2rad(np.arange(0.0, 360.0, 10.0))]
+        best = max(views, key=lambda axes: _open(machine, axes))
         flat = (machine.points if beyond is None else np.vstack([machine.points, beyond])) @ best.T
         size = np.ptp(flat, axis=0)
         room = np.array([WIDTH - 2.0 * MARGIN, HEIGHT - 2.0 * MARGIN])

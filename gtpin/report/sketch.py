@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from gtpin.model.model import Model
-from gtpin.report.instrument_places import InstrumentMarks, InstrumentPlaces
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, Kind, Skeleton, skeleton
 from gtpin.report.words import percent, short, site_words
 from gtpin.typing import Floats
@@ -28,6 +28,11 @@ LOOKS: dict[Kind, tuple[float, str]] = {
 """Width of a line, pixels, and further attributes, by kind."""
 EDGES = {"rod": 10.0, "link": 15.0}
 """Width of the edge, pixels, that marks the site of a cause."""
+PATCH = 0.12
+"""Half the side of a plane's patch, over the machine's size."""
+THIN = "stroke:var(--accent);stroke-width:1.2"
+STATION = np.array([[0.0, -7.0], [6.0, 5.0], [-6.0, 5.0]])
+"""Corners of the mark of a station, pixels."""
 AXIS = 15.0
 """Half the length of a joint's axis as drawn, pixels."""
 LETTER, LINE = 8.6, 19.0
@@ -55,9 +60,8 @@ def drawing(
     machine = skeleton(model, None if model.robot.rod_sites else q)
     if machine is None:
         return None
-    places = InstrumentPlaces.of(model.instruments)
-    marks = InstrumentMarks(places, machine.points, machine.tcp) if places else None
-    return sketch(machine, site_share or {}, rod_share or {}, causes, marks)
+    places = InstrumentPlaces.of(model.instruments).near(machine.points)
+    return sketch(machine, site_share or {}, rod_share or {}, causes, places)
 
 
 def sketch(
@@ -65,21 +69,23 @@ def sketch(
     site_share: Mapping[str, float],
     rod_share: Mapping[str, float],
     causes: Collection[str] = (),
-    marks: InstrumentMarks | None = None,
+    places: InstrumentPlaces | None = None,
 ) -> Markup:
     """Draw a machine.
 
     ``site_share``: shares of the gap by site (carts, joints, links, all links, platform, instrument), in which the parts
     are coloured; empty where there is no gap. ``rod_share``: share of the gap by rod. It is shown as a tooltip and not as a
     colour: the rods' shares sum to 1 by themselves, so that a rod would seem to have a larger share than its cart.
-    ``causes``: sites of the causes, which are marked by rings, links by a wide edge. ``marks``: instruments that are drawn
+    ``causes``: sites of the causes, which are marked by rings, links by a wide edge. ``places``: instruments that are drawn
     under the machine.
     """
-    at = Camera.of(machine, None if marks is None else marks.points)
+    places = places or InstrumentPlaces()
+    patches = {name: patch(*plane, PATCH * machine.size) for name, plane in places.planes.items()}
+    at = Camera.of(machine, np.vstack([places.fixed, *patches.values()]))
     top = max(site_share.values(), default=0.0)
     shades = {site: color(share / top) for site, share in site_share.items()} if top > 0.0 else {}
     parts = [
-        "" if marks is None else marks.draw(at),
+        *_instruments(machine, at, places, patches),
         _outline(at(machine.base), "fill:var(--panel);stroke:var(--line);stroke-width:2")
         if len(machine.base) > 2
         else "",
@@ -106,6 +112,31 @@ def color(part: float) -> str:
 
 NONE = color(0.0)
 """Colour of parts without a share."""
+
+
+def _instruments(
+    machine: Skeleton, at: Camera, places: InstrumentPlaces, patches: Mapping[str, Floats]
+) -> Iterator[str]:
+    for name, (point, normal) in places.planes.items():
+        (x, y), (u, v) = at(np.stack([point, point + 0.7 * PATCH * machine.size * normal]))
+        yield _polygon(at(patches[name]), f"fill:var(--accent);fill-opacity:.12;{THIN}")
+        yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{THIN}"/>{_small(u, v - 3.0, name)}'
+    wires = [(place, machine.tcp) for place in places.stations.values()]
+    for ends in wires + [(places.sockets[a], places.sockets[b]) for a, b, _ in places.distances]:
+        (x, y), (u, v) = at(np.stack(ends))
+        look = f"{THIN};stroke-dasharray:4 3;opacity:.6"
+        yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{look}"/>'
+    for name, place in places.stations.items():
+        x, y = at(place)[0]
+        yield _polygon(at(place) + STATION, "fill:var(--accent)") + _small(x, y + 17.0, name)
+    for name, place in places.sockets.items():  # they are too close together for names
+        x, y = at(place)[0]
+        title = f"<title>{escape(name)}</title>"
+        yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" style="fill:var(--paper);{THIN}">{title}</circle>'
+
+
+def _small(x: float, y: float, words: str) -> str:
+    return f'<text class="rod" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{escape(words)}</text>'
 
 
 def _lines(
@@ -235,8 +266,12 @@ def _ring(x: float, y: float, radius: float) -> str:
 def _outline(points: Floats, look: str, extra: str = "") -> str:
     """A polygon through corners (m, 2), in their order around their middle."""
     order = np.argsort(np.arctan2(*(points - points.mean(axis=0)).T[::-1]))
-    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points[order])
-    return f'<polygon points="{corners}" style="{look}" {extra}/>'
+    return _polygon(points[order], look, f" {extra}")
+
+
+def _polygon(corners: Floats, look: str, extra: str = "") -> str:
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    return f'<polygon points="{points}" style="{look}"{extra}/>'
 
 
 @dataclass

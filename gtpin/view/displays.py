@@ -132,11 +132,9 @@ class ChainDisplay:
         model = self.robot.model
         if not model.existJointName(name):
             return 0.0
-        j = model.getJointId(name)
-        at = model.idx_qs[j]
-        if model.nqs[j] == 2:
-            return float(np.arctan2(configuration[at + 1], configuration[at]))
-        return float(configuration[at])
+        joint = model.joints[model.getJointId(name)]
+        own = configuration[joint.idx_q : joint.idx_q + joint.nq]
+        return float(np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0])
 
     def _lines(self) -> None:
         model = self.robot.model

@@ -20,6 +20,8 @@ from gtpin.report.figure import round_below
 from gtpin.report.words import quantity
 from gtpin.typing import Floats
 
+CALIBRATED = "give the model that gtpin calibrate makes of these data"
+
 
 @dataclass(frozen=True)
 class DrawnGap:
@@ -106,8 +108,7 @@ class DrawnGap:
         lengths = self.length[self.length > 0.0]
         if not len(lengths):
             return 1.0
-        usual = float(np.median(lengths))
-        return round_below(max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / usual, 1.0))
+        return round_below(max(0.1 * max(float(np.ptp(self.T, axis=0).max()), 0.1) / float(np.median(lengths)), 1.0))
 
 
 def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tuple[FittedInstrument, ...]]:
@@ -129,8 +130,7 @@ def _check(model: Model, dataset: Dataset) -> None:
     """Refuse commands that do not fit the robot, and a free frame that the model does not contain."""
     robot = model.robot
     if dataset.instrument.frame == "free" and model.frame.is_base:
-        hint = "give the model that gtpin calibrate makes of these data"
-        raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=hint)
+        raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=CALIBRATED)
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
 
 
@@ -189,11 +189,11 @@ def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
 
 
 def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
-    missing = [unknown.name for unknown in one.unknowns if unknown.name not in known]
-    if missing:
-        hint = "give the model that gtpin calibrate makes of these data"
-        raise ModelError(f"the model does not know {missing[0]}", hint=hint)
-    return np.array([known[unknown.name] for unknown in one.unknowns])
+    names = [unknown.name for unknown in one.unknowns]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"the model does not know {name}", hint=CALIBRATED)
+    return np.array([known[name] for name in names])
 
 
 def whose(model: Model) -> str:

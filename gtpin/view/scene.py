@@ -36,17 +36,16 @@ NEAR = 0.15
 class GapPanel:
     """Errors, a choice of poses by their ids, a slider along them, and a box that plays them.
 
-    - ``server``: the page's viser server.
-    - ``name``: the machine's name.
-    - ``gap``: the gap to show.
-    - ``go``: function that brings the machine to a command (n,), m or rad. It returns an error message, or an empty text.
+    ``go`` brings the machine with this ``name`` to a command (n,), m or rad, and returns an error message, or an empty text.
     """
 
     def __init__(self, server: Any, name: str, gap: DrawnGap, go: Callable[[Floats], str]) -> None:
         self.gap, self._scene, self._go = gap, server.scene, go
         self.names = gap.names
         gui, factor, alone = server.gui, gap.magnification(), len(gap.q) == 1
-        gui.add_markdown(_plain(_summary(name, gap)))
+        shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
+        rods = f" Rods by share of the gap: {shares}." if shares else ""
+        gui.add_markdown(_plain(f"**{name}**: {gap.what}, {gap.summary}.{rods}"))
         self.chosen = gui.add_dropdown("pose", self.names, disabled=alone, hint="Its id, and its row in the table.")
         # A slider's end must be above its beginning, even if there is only one pose.
         self.place = gui.add_slider("one by one", 1, max(len(gap.q), 2), 1, 1, disabled=alone, hint="Along the table.")
@@ -91,12 +90,10 @@ class GapPanel:
 
     def _played(self, _: object) -> None:
         """Start to go from pose to pose where the box was ticked; a thread that still goes then ends."""
-        if not self.play.value:
-            self._walking = None
-            return
-        walking = threading.Thread(target=self._walk, daemon=True, name="poses played")
+        walking = threading.Thread(target=self._walk, daemon=True, name="poses played") if self.play.value else None
         self._walking = walking
-        walking.start()
+        if walking is not None:
+            walking.start()
 
     def _walk(self) -> None:
         """Go from pose to pose while the box is ticked."""
@@ -111,12 +108,6 @@ class GapPanel:
                 rest.wait(STEP)
             self.place.value = j + 1
             rest.wait(STEP)
-
-
-def _summary(name: str, gap: DrawnGap) -> str:
-    text = f"**{name}**: {gap.what}, {gap.summary}."
-    shares = ", ".join(f"{site} {100.0 * part:.0f} %" for site, part in gap.share.items())
-    return f"{text} Rods by share of the gap: {shares}." if shares else text
 
 
 def _plain(text: str) -> str:
@@ -158,7 +149,8 @@ class Scene:
         self.panel = None if gap is None else GapPanel(self.server, self.robot.name, gap, self._go)
         if gap is None:
             self._sliders()
-        self.names = self._name_box()
+        self.names = self.server.gui.add_checkbox("names", True)
+        self.names.on_update(self._named)
 
     @property
     def address(self) -> str:
@@ -234,10 +226,10 @@ class Scene:
         lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
         upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
         start = np.clip(self.robot.home_q, lower, upper)
-        sliders = [
-            self.server.gui.add_slider(site, float(a), float(b), float((b - a) / 500.0), float(q))
-            for site, a, b, q in zip(self.robot.sites, lower, upper, start, strict=True)
-        ]
+        ranges = zip(
+            self.robot.sites, *(v.tolist() for v in (lower, upper, (upper - lower) / 500.0, start)), strict=True
+        )
+        sliders = [self.server.gui.add_slider(*one) for one in ranges]
         note = self.server.gui.add_markdown("")
 
         def moved(_: object) -> None:
@@ -246,15 +238,9 @@ class Scene:
         for slider in sliders:
             slider.on_update(moved)
 
-    def _name_box(self) -> Any:
-        box = self.server.gui.add_checkbox("names", True)
-
-        def changed(_: object) -> None:
-            for label in (*self.labels.values(), *(self.instruments.labels if self.instruments else ())):
-                label.visible = box.value
-
-        box.on_update(changed)
-        return box
+    def _named(self, _: object) -> None:
+        for label in (*self.labels.values(), *(self.instruments.labels if self.instruments else ())):
+            label.visible = self.names.value
 
 
 def _serve(host: str, port: int) -> Any:

@@ -129,12 +129,11 @@ def with_its_meshes(description: RobotDescription) -> str:
             if mesh is None:
                 continue
             name = mesh.get("filename", "")
-            file = _found(name, folders)
-            if file is None:
+            if file := _found(name, folders):
+                mesh.set("filename", str(file))
+            else:
                 missing.append(name)
                 link.remove(visual)
-            else:
-                mesh.set("filename", str(file))
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         warn(f"{description.source}: shapes are left out, for their meshes are missing: {missing[0]}{more}")

@@ -79,16 +79,10 @@ def read_ranges(
     offset: float = 0.0,
     order: np.ndarray | None = None,
 ) -> Residuals:
-    """Residuals of a ball bar's readings along some ways.
+    """Residuals of a ball bar's readings along some ways: a plane, angles, and the deviation of the radius at angles.
 
-    Parameters
-    ----------
-    ways
-        A plane, angles, and the deviation of the radius at angles.
-    off, offset
-        Where the station stands, from the circles' centre, and the offset of its readings, m.
-    order
-        Of the rows in the table; time tells in which they were measured.
+    ``off``, ``offset``: where the station stands, from the circles' centre, and the offset of its readings, m. ``order``: of
+    the rows in the table; time tells in which they were measured.
     """
     T = np.vstack([way(plane, angle) for plane, angle, _ in ways])
     extra = np.concatenate([deviation(angle) for _, angle, deviation in ways])

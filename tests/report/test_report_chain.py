@@ -83,11 +83,15 @@ def page(found: Diagnosis) -> str:
 
 
 @pytest.mark.slow
-def test_the_joint_is_named(found: Diagnosis) -> None:
+def test_the_joint_is_named_and_where_has_no_rods(found: Diagnosis) -> None:
     assert [(c.effect, c.site) for c in found.causes] == [("joint_compliance", SITE)]
     value = found.causes[0].parameters["compliance"]
     assert abs(value.value - COMPLIANCE) < 4.0 * value.sigma
     assert value.unit == "rad/(N m)"
+    where = found.to_json()["where"]
+    assert where["rod"] == {}
+    assert set(where["site"]) >= {*ARM.sites, "arm", "platform", "frame"}
+    assert sum(where["site"].values()) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
@@ -121,14 +125,6 @@ def test_the_curve_is_the_joints_angle_over_the_moment_that_it_carries(found: Di
     arms = np.linalg.norm(poses.T - residuals.at(found.dataset.q, found.dataset.covariates).bodies.T[:, 1], axis=1)
     assert curve.lever is not None
     assert 0.3 * arms.mean() < curve.lever <= arms.max()
-
-
-@pytest.mark.slow
-def test_where_has_no_rods(found: Diagnosis) -> None:
-    where = found.to_json()["where"]
-    assert where["rod"] == {}
-    assert set(where["site"]) >= {*ARM.sites, "arm", "platform", "frame"}
-    assert sum(where["site"].values()) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
@@ -180,20 +176,16 @@ def test_corrected_commands_bring_the_arm_where_its_program_meant_it(found: Diag
 
 
 @pytest.mark.slow
-def test_a_periodic_deviation_of_a_joint_becomes_a_table_of_corrections(tmp_path: Path) -> None:
+def test_a_periodic_deviation_of_a_joint_becomes_a_table_of_corrections(found: Diagnosis, tmp_path: Path) -> None:
     d = gtpin.diagnose(gtpin.Dataset.read(measured(tmp_path / "given", amplitude=AMPLITUDE, count=150)))
     assert [(c.effect, c.site) for c in d.causes] == [("rack_periodic", PERIODIC)]
+    assert correctable(found.model) == ()  # a compliance is no table
     (table,) = corrections(d.model)
     assert (table.site, table.revolute) == (PERIODIC, True)
     inside = np.abs(table.nominal) < 1.2
     off = table.forward[inside] - table.nominal[inside]
     wanted = -AMPLITUDE * np.cos(PERIODS * table.nominal[inside])
     assert np.sqrt(np.mean((off - off.mean() - (wanted - wanted.mean())) ** 2)) < 0.1 * AMPLITUDE
-
-
-@pytest.mark.slow
-def test_what_does_not_move_along_a_joint_is_no_table(found: Diagnosis) -> None:
-    assert correctable(found.model) == ()
 
 
 def test_sensitivity_of_an_arm_is_that_of_its_levers() -> None:

@@ -43,25 +43,20 @@ def measured_carts() -> CartMeasurements:
 
 
 @pytest.mark.slow
-def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best():
-    told = text(comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}), dataset(), ROBOT))
+def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best_and_carts_tracks_are_shown():
+    models = comparison({1: 3e-4, 3: 1e-4, 4: 2e-5})
+    told = text(comparison_page(models, dataset(), ROBOT))
     assert "Model 4 (full arm, measured tracks) predicts best" in told
     assert "of model 3" in told
     assert "don't settle" not in told
+    assert "The carts' tracks" not in told
+    assert "The carts' tracks" in text(comparison_page(models, dataset(measured_carts()), ROBOT))
 
 
 @pytest.mark.slow
 def test_models_whose_intervals_overlap_are_not_told_apart():
     told = text(comparison_page(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9), dataset(), ROBOT))
     assert "their intervals overlap" in told.lower()
-
-
-@pytest.mark.slow
-def test_a_comparison_of_a_dataset_with_carts_shows_their_tracks():
-    with_carts = comparison_page(comparison({3: 1e-4, 4: 2e-5}), dataset(measured_carts()), ROBOT)
-    without = comparison_page(comparison({3: 1e-4, 4: 2e-5}), dataset(), ROBOT)
-    assert "The carts' tracks" in text(with_carts)
-    assert "The carts' tracks" not in text(without)
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,13 @@ from gtpin.report.verdict import verdict
 pytestmark = pytest.mark.slow  # two diagnoses
 
 
+def lacking(found, effect: str, column: str, probability: float = 0.0):
+    """The candidates, of which the effect can only be tested at one site, and not there: a column is missing."""
+    site = "cart2" if effect == "servo_lag" else "cart1"
+    one = Considered(effect, site, 0.0, probability, False, Untestable("missing", column))
+    return (*(c for c in found.candidates if (c.effect, c.site) != (effect, site)), one)
+
+
 def words(found) -> str:
     said = verdict(found)
     return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
@@ -123,14 +130,9 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     found = findings["explained"]
     cause = found.causes[0]
     members = (Member(cause.effect, cause.site, 0.5), Member("servo_lag", "cart2", 0.4, recorded=False))
-    lacking = Considered("servo_lag", "cart2", 0.0, 0.4, False, Untestable("missing", "speed2"))
-    others = tuple(c for c in found.candidates if (c.effect, c.site) != ("servo_lag", "cart2"))
-    doubtful = replace(
-        found,
-        verdict="ambiguous",
-        causes=(replace(cause, probability=0.5, members=members),),
-        candidates=(*others, lacking),
-    )
+    causes = (replace(cause, probability=0.5, members=members),)
+    candidates = lacking(found, "servo_lag", "speed2", 0.4)
+    doubtful = replace(found, verdict="ambiguous", causes=causes, candidates=candidates)
     advice = " ".join(verdict(doubtful).advice)
     assert "servo lag at cart2 can't be ruled out, because the covariate speed2 is missing" in advice
     assert "makes no difference" not in advice
@@ -150,10 +152,9 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
 
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"]
-    lacking = Considered("zero_shift", "cart1", 0.0, 0.0, False, Untestable("missing", "session"))
-    others = tuple(c for c in found.candidates if (c.effect, c.site) != ("zero_shift", "cart1"))
     unexplained = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
-    advice = " ".join(verdict(replace(found, candidates=(*others, lacking), unexplained=unexplained)).advice)
+    candidates = lacking(found, "zero_shift", "session")
+    advice = " ".join(verdict(replace(found, candidates=candidates, unexplained=unexplained)).advice)
     assert "could be zero shift at cart1, which these data can't test: the covariate session is missing." in advice
     assert "could be" not in " ".join(verdict(found).advice)
 
@@ -161,9 +162,9 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
     found = findings["none"]
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)
-    lacking = Considered("backlash", "cart1", 0.0, 0.0, False, Untestable("missing", "approach1"))
     others = tuple(c for c in found.candidates if c.effect not in ("backlash", "servo_lag"))
-    scattered = replace(found, baseline=replace(found.baseline, noise=noise), candidates=(*others, lacking))
+    candidates = lacking(replace(found, candidates=others), "backlash", "approach1")
+    scattered = replace(found, baseline=replace(found.baseline, noise=noise), candidates=candidates)
     said = verdict(scattered)
     assert said.tone == "warn"
     assert "Use it as it is" not in " ".join(said.advice)

@@ -66,11 +66,6 @@ def test_hyphens_of_numbers_become_minus_signs_and_no_others(written, printed):
     assert typeset(written) == printed
 
 
-def test_the_instrument_has_one_name():
-    assert site_words("frame") == "the instrument"
-    assert "the instrument drifts" in clause(effects_by_id()["tracker_drift"], "frame")
-
-
 @pytest.mark.slow
 def test_a_dataset_that_was_not_read_is_told_by_the_digests_of_the_files_that_it_is_written_to(single, tmp_path):
     assert single.dataset.path is None
@@ -91,9 +86,11 @@ def test_a_probability_is_never_told_as_certain():
     assert chance(0.0) != percent(0.0)
 
 
-def test_coordinates_are_told_in_words():
+def test_coordinates_and_sites_are_told_in_words():
     assert coordinate_words("q1,q3") == "q1 and q3"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
+    assert site_words("frame") == "the instrument"
+    assert "the instrument drifts" in clause(effects_by_id()["tracker_drift"], "frame")
 
 
 @pytest.mark.parametrize(("robot", "unit"), [("gantry_tau", "m"), ("ur5", "rad")])
@@ -201,12 +198,8 @@ def test_every_effect_of_the_catalogue_says_its_equation_and_its_parameters(effe
         assert not (robot.rods and any("robot without rods" in part[:50] for part in told))
 
 
-class Silent(Linearity):
-    id = "silent"
-
-
 def test_an_effect_without_a_description_of_its_own_says_nothing_of_another():
-    assert meaning(Silent(), gtpin.load_robot("ur5")) == ()
+    assert meaning(type("Silent", (Linearity,), {"id": "silent"})(), gtpin.load_robot("ur5")) == ()
 
 
 def test_directions_that_nothing_shows_are_one_sentence():

@@ -108,8 +108,7 @@ def test_without_instruments_nothing_is_drawn() -> None:
 def shown(tmp_path: Path) -> Shown:
     """The nominal model's gap at a wire, a cup and a level; of the level only the mounting is not known."""
     write(tmp_path)
-    gap, instruments = gap_with_instruments(NOMINAL, Dataset.read(tmp_path))
-    return gap, instruments
+    return gap_with_instruments(NOMINAL, Dataset.read(tmp_path))
 
 
 def test_errors_of_readings_are_along_what_is_read(shown: Shown) -> None:
@@ -149,18 +148,14 @@ def test_a_model_of_other_instruments_is_refused(tmp_path: Path) -> None:
         gap_with_instruments(replace(NOMINAL, instruments=(other,)), Dataset.read(tmp_path))
 
 
-def test_a_still_image_names_stations_sockets_and_known_distances(
-    shown: Shown,
-) -> None:
+def test_a_still_image_names_stations_sockets_and_known_distances(shown: Shown) -> None:
     (axes,) = still(NOMINAL, *shown).axes
     told = [text.get_text().strip() for text in axes.texts]
     assert {"wire", "cup S1", "cup S2", "100.1 mm"} <= set(told)
     assert "reading errors of the nominal model" in axes.get_title()
 
 
-def test_without_a_gap_wires_end_at_the_drawn_platform(
-    shown: Shown,
-) -> None:
+def test_without_a_gap_wires_end_at_the_drawn_platform(shown: Shown) -> None:
     (axes,) = still(replace(NOMINAL, instruments=shown[1])).axes
     machine = skeleton(NOMINAL)
     assert machine is not None
@@ -188,7 +183,7 @@ def scene(shown: Shown, served: Callable[..., Scene]) -> Scene:
     return served(NOMINAL, shown[0], instruments=(*shown[1], bed))
 
 
-def test_wires_go_from_stations_to_targets_and_follow_the_platform(scene: Scene) -> None:
+def test_wires_go_from_stations_to_targets_and_the_tilt_sensor_follows_the_platform(scene: Scene) -> None:
     assert scene.instruments is not None
     station = scene.instruments.places.stations["wire"]
     np.testing.assert_allclose(station, STATION, atol=0.1)
@@ -198,6 +193,7 @@ def test_wires_go_from_stations_to_targets_and_follow_the_platform(scene: Scene)
         pose = NOMINAL.kinematics.forward(q[None])
         np.testing.assert_allclose(start, station, atol=1e-6)
         np.testing.assert_allclose(end, pose.T[0] + pose.R[0] @ TARGET, atol=1e-6)
+        np.testing.assert_allclose(scene.instruments.drawn["/instruments/tilts/level"].position, pose.T[0], atol=1e-6)
 
 
 def test_sockets_planes_and_their_names_are_in_the_scene_and_names_can_be_hidden(scene: Scene) -> None:
@@ -216,14 +212,6 @@ def test_sockets_planes_and_their_names_are_in_the_scene_and_names_can_be_hidden
     assert {label.text for label in scene.instruments.labels} == {"wire", "cup S1", "cup S2", "100.1 mm", "bed"}
     scene.names.value = False
     assert not any(label.visible for label in scene.instruments.labels)
-
-
-def test_the_tilt_sensors_axes_are_on_the_platform(scene: Scene) -> None:
-    assert scene.instruments is not None
-    q = commands(1, 6)
-    scene.show(q[0])
-    frame = scene.instruments.drawn["/instruments/tilts/level"]
-    np.testing.assert_allclose(frame.position, NOMINAL.kinematics.forward(q).T[0], atol=1e-6)
 
 
 def test_the_page_tells_which_instrument_is_off_and_by_how_much(scene: Scene) -> None:

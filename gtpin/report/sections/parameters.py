@@ -96,17 +96,13 @@ def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
 def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
     """The table of a serial arm with what to add to it; empty for other robots. ``doubt``: as in `controller_words`."""
     rows = [[p.site, p.name, _to_add(p), whole(f"{p.nominal:z.6f} {p.unit}")] for p in controller_table(model)]
-    if not rows:
-        return []
     words = (
         "What to add to the parameters of the controller; theta is the zero of a joint. They belong together; one that is not "
         "determined stays near nominal. Where the controller's a and alpha have the other sign, so have what is added to them."
     )
-    return [
-        Heading("The controller's table (Denavit-Hartenberg)"),
-        " ".join(filter(None, [words, doubt])),
-        Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3)),
-    ]
+    table = Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3))
+    title = Heading("The controller's table (Denavit-Hartenberg)")
+    return [title, " ".join(filter(None, [words, doubt])), table] if rows else []
 
 
 def _to_add(p: DhParameter) -> str:
@@ -127,9 +123,8 @@ def what_the_data_can_t_see(r: Reported) -> Section | None:
         return None
     c, rows = r.calibration, []
     for direction in c.unobservable[:SHOWN]:
-        terms = [whole(f"{weight:+.2f} {name}") for name, weight in list(direction.weights.items())[:4]]
-        more = " …" if len(direction.weights) > 4 else ""
-        rows.append([" ".join(terms) + more, percent(direction.variance_reduction)])
+        terms = [whole(f"{weight:+.2f} {name}") for name, weight in direction.weights.items()]
+        rows.append([" ".join(terms[:4] + ["…"] * (len(terms) > 4)), percent(direction.variance_reduction)])
     content: list[Block] = ["The data determine every direction of the geometry."]
     if rows:
         content = [

@@ -36,10 +36,10 @@ def instruments(r: Reported) -> Section | None:
     if not rows:
         return None
     content: list[Block] = [Table(head, rows, range(2, len(head)))]
-    values = {name: value for one in (d or c).model.instruments for name, value in one.unknowns.items()}
+    deviations = {name: value for one in (d or c).model.instruments for name, value in one.unknowns.items()}
     unknowns = []
     for one in c.unknowns:
-        value = whole(f"{one.nominal + values.get(one.name, 0.0):.6f} {one.unit}")
+        value = whole(f"{one.nominal + deviations.get(one.name, 0.0):.6f} {one.unit}")
         prior = quantity(one.sigma, one.unit) if np.isfinite(one.sigma) else "none"
         unknowns.append([one.name, value, quantity(c.unknown(one.name).sigma, one.unit), prior])
     if unknowns:
