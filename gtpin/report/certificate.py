@@ -142,18 +142,16 @@ def certificate_page(c: Certificate) -> str:
     for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", "RP_l_pooled"):
         if (value := c[symbol].value) is not None:
             numbers.append((quantity(value, c[symbol].unit), DEFINITIONS[symbol].name))
-    certified = Items(
-        [
-            *further,
-            f"Measured commands: {limits(c)}.",
-            f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
-            f"The model is {MODEL} in the folder of this page; its digest is at the end.",
-        ]
-    )
+    certified = [
+        *further,
+        f"Measured commands: {limits(c)}.",
+        f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
+        f"The model is {MODEL} in the folder of this page; its digest is at the end.",
+    ]
     name, hint = c.model.robot.name, "To save this page as PDF, print it (Ctrl+P)."
     bind = "Definitions are in our own words; the standards themselves bind."
     sections = [
-        Section("statement", "What is certified", [certified]),
+        Section("statement", "What is certified", [Items(certified)]),
         *_numbers(c),
         _budget(c),
         Section("blank", "What the data do not suffice for", [_blanks(c)]),
@@ -174,12 +172,8 @@ def _numbers(c: Certificate) -> tuple[Section, Section]:
             rows.append([_name(q), _value(q), str(q.poses), str(q.rows), f"{d.formula}. {d.words}", after])
         return Table(("quantity", "value", "poses", "rows", "definition", "after"), rows, (1, 2, 3))
 
-    visits = "Repeatabilities are of visits with the same directions of approach."
-    if not c.one_way:
-        visits = (
-            "Repeatabilities are of visits from any side: reversal is part of them. The standard asks for visits from one "
-            "side."
-        )
+    any_side = "from any side: reversal is part of them. The standard asks for visits from one side"
+    visits = f"Repeatabilities are of visits {'with the same directions of approach' if c.one_way else any_side}."
     known = [q for q in c.quantities if q.value is not None]
     about = (
         "Values with one standard uncertainty. Where a row resembles a clause, fewer visits or other poses than the standard "
@@ -243,10 +237,8 @@ def _blanks(c: Certificate) -> Table:
         if q.value is None:
             d = DEFINITIONS[q.symbol]
             rows.setdefault((f"{d.name}: {d.formula} ({d.standard})", why(q)), []).append(q.site)
-    return Table(
-        ("quantity", "of", "why it is blank"),
-        [[name, ", ".join(site or "TCP" for site in sites), reason] for (name, reason), sites in rows.items()],
-    )
+    cells = [[name, ", ".join(site or "TCP" for site in sites), why_] for (name, why_), sites in rows.items()]
+    return Table(("quantity", "of", "why it is blank"), cells)
 
 
 def _by_axis(b: Budget, values: Floats) -> dict[str, float]:

@@ -160,18 +160,16 @@ def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
     Raises `DatasetError` if orientation was not measured, or there is no such angle.
     """
     names = [name for name, _ in ANGLES.options]
-    turned = [held for held in comparison.held if held.angles is not None]
+    turned = [(held.model, held.angles) for held in comparison.held if held.angles is not None]
     if not turned:
         raise DatasetError("orientation was not measured", hint="give qw qx qy qz")
     if angle not in names:
         raise DatasetError(f"there is no angle {angle!r}", hint=f"give one of {', '.join(names)}")
     traces = []
-    for held in turned:
-        assert held.angles is not None
-        rows = shown(len(held.position))
-        look = {"width": 1.2, "color": COLORS[held.model]}
-        y = 1e3 * held.angles[rows, names.index(angle)]
-        traces.append(scatter("lines", rows, y, name=f"model {held.model}", line=look))
+    for model, angles in turned:
+        rows, look = shown(len(angles)), {"width": 1.2, "color": COLORS[model]}
+        y = 1e3 * angles[rows, names.index(angle)]
+        traces.append(scatter("lines", rows, y, name=f"model {model}", line=look))
     return Drawing(traces, titled("held-out pose, in the dataset's order", f"{angle} (mrad)"))
 
 

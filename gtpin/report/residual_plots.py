@@ -191,10 +191,7 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
     for c in residuals.component_names:
         taken = residuals.component(c, residuals.before - residuals.after - seen)
         slope, level = np.polyfit(data, taken, 1)
-        straight = slope * grid + level
-        lines = [
-            residuals.component(c, line, by_command) + straight for line, by_command in zip(made, moved, strict=True)
-        ]
+        lines = [residuals.component(c, *both) + (slope * grid + level) for both in zip(made, moved, strict=True)]
         fit[c] = np.concatenate([part for line in lines for part in (line, gap)])
     return Along(np.concatenate([part for _ in levels for part in (grid, gap)]), fit)
 
@@ -266,17 +263,15 @@ def against_columns(
     def draw(one: ColumnFit, component: str, layer: str) -> Drawing:
         return _drawing(residuals, one, views[component], causes, layer == "after")
 
-    return [
-        Plot(
+    plots = []
+    for one in columns(residuals, share, causes):
+        name, title, lined = (
             f"against-{one.name}",
             f"Residuals against {coordinate_words(one.name)}",
-            partial(draw, one),
-            follows,
-            height=230 if one.line is None else 280,
-            whole=one.line is not None,
+            one.line is not None,
         )
-        for one in columns(residuals, share, causes)
-    ]
+        plots.append(Plot(name, title, partial(draw, one), follows, height=280 if lined else 230, whole=lined))
+    return plots
 
 
 def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], component: PlotChoice) -> Plot:
@@ -287,10 +282,8 @@ def over_two(residuals: Residuals, a: str, b: str, views: Mapping[str, View], co
         rows = seen.drawn
         marker = {"size": 8, "line": {"color": ZERO, "width": 0.5}, "colorscale": DIVERGING, "cmid": 0}
         marker |= {"color": seen.after[rows], "showscale": True, "colorbar": colorbar(seen.title)}
-        hover = "%{marker.color:.3g}<br>pose %{text}<extra></extra>"
-        trace = scatter(
-            "markers", q[a][rows], q[b][rows], marker=marker, text=residuals.names[rows], hovertemplate=hover
-        )
+        about = {"text": residuals.names[rows], "hovertemplate": "%{marker.color:.3g}<br>pose %{text}<extra></extra>"}
+        trace = scatter("markers", q[a][rows], q[b][rows], marker=marker, **about)
         titles = (with_unit(name, covariate_unit(name, residuals.model.robot)) for name in (a, b))
         return Drawing([trace], titled(*titles, margin={"t": 10}))
 

@@ -97,12 +97,9 @@ def sketch(
         _scale(top),
     ]
     shares = ", ".join(f"{_named(site)} {percent(share)}" for site, share in site_share.items() if share >= SHOWN)
-    name = f"The machine; shares of the gap: {shares}" if shares else "The machine"
-    return Markup(
-        f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{escape(name)}">'
-        + "".join(parts)
-        + "</svg>"
-    )
+    name = escape(f"The machine; shares of the gap: {shares}" if shares else "The machine")
+    head = f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{name}">'
+    return Markup("".join([head, *parts, "</svg>"]))
 
 
 def color(part: float) -> str:
@@ -187,9 +184,7 @@ def _tcp(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Colle
 def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
     """Symbols at the lower corners: three lines for all links together, and a tripod for the instrument; empty without
     shares."""
-    for site, x in CORNERS.items():
-        if site not in shades:
-            continue
+    for site, x in ((site, x) for site, x in CORNERS.items() if site in shades):
         y, shade, spread = HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
         for k in (-1.0, 0.0, 1.0):
             ends = np.array([[x + k * spread, y - 12.0], [x + k * 10.0, y + 12.0]])
@@ -222,11 +217,8 @@ def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: C
         return f"{_named(site)} {percent(part)}" if part >= SHOWN else _named(site)
 
     spots = {spot.site: at(spot.at)[0] for spot in machine.spots} | {"platform": at(machine.tcp)[0]}
-    beside = spots | {
-        one.site: at(one.ends.mean(axis=0))[0]
-        for one in machine.of("link")
-        if one.site in causes or share.get(one.site, 0.0) >= SHOWN
-    }
+    links = (one for one in machine.of("link") if one.site in causes or share.get(one.site, 0.0) >= SHOWN)
+    beside = spots | {one.site: at(one.ends.mean(axis=0))[0] for one in links}
     along = np.linspace(0.0, 1.0, 20)[:, None]
     lines = [a + along * (b - a) for a, b in (at(one.ends) for one in machine.lines)]
     places = Labels(np.array(list(spots.values())), np.vstack([np.empty((0, 2)), *lines]))
@@ -243,9 +235,8 @@ def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: C
     for one in machine.of("rod"):
         a, b = at(one.ends)
         free = [a + s * (b - a) for s in (0.3, 0.4, 0.5, 0.6, 0.22)]
-        spot = max(
-            free, key=lambda p: min([np.hypot(*(p - np.array(t[:2]))) for t in places.taken], default=1e9) > 26.0
-        )
+        taken = np.reshape([box[:2] for box in places.taken], (-1, 2))
+        spot = max(free, key=lambda p: bool((np.hypot(*(p - taken).T) > 26.0).all()))
         yield f'<text class="rod" {places.place(words(one.site), spot, 4.0, 0.8)[0]}>{escape(words(one.site))}</text>'
 
 

@@ -35,8 +35,7 @@ class InstrumentDisplay:
 
     def __init__(self, server: Any, places: InstrumentPlaces, size: float) -> None:
         self.places, self.drawn, self.labels = places, dict[str, Any](), list[Any]()
-        self._scene, self._size = server.scene, size
-        self._moving = dict[str, Any]()
+        self._scene, self._size, self._moving = server.scene, size, dict[str, Any]()
         for name, at in places.stations.items():
             self._ball(f"/instruments/stations/{name}", at, 1.5 * BALL, STATION, name)
         for name, at in places.sockets.items():

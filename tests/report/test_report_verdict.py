@@ -8,7 +8,6 @@ import pytest
 
 from gtpin.diagnosis.inference.findings import Considered, Member
 from gtpin.effects.untestable import Untestable
-from gtpin.estimate import Estimate
 from gtpin.report.verdict import verdict
 
 pytestmark = pytest.mark.slow  # two diagnoses
@@ -24,12 +23,6 @@ def lacking(found, effect: str, column: str, probability: float = 0.0):
 def words(found) -> str:
     said = verdict(found)
     return " ".join([said.headline, *said.advice]).replace("\u00a0", " ")
-
-
-def test_without_a_cause_nothing_is_to_be_compensated(findings):
-    said = words(findings["none"])
-    assert said.startswith("Nothing but noise is left")
-    assert "no compensation is needed" in said
 
 
 def test_noise_that_is_only_taken_from_the_residuals_is_not_said_to_be_found(none):
@@ -100,30 +93,11 @@ def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):
     assert verdict(found).badge == "1 certain, 1 unknown"
 
 
-def test_two_causes_are_both_named(findings):
-    found = findings["explained"]
-    half = {"half_width": Estimate(2.7183e-5, 4e-7, "m")}
-    play = replace(found.causes[0], effect="backlash", site="cart1", explained_fraction=0.99, parameters=half)
-    two = replace(found, causes=(*found.causes, play))
-    first, second = verdict(two).headline.replace("\u00a0", " ").splitlines()
-    assert first == "cart1: backlash, half width 27.2 µm (certain; 99 % of the gap)."
-    assert second.startswith("cart2: periodic drive error")
-    assert "The shares overlap" in words(two)
-
-
 def test_a_gap_below_the_noise_claims_no_shrinkage(findings):
     found = findings["explained"]
     said = words(replace(found, gap=replace(found.gap, floor=2.0 * found.gap.before)))
     assert "can't be estimated well" in said
     assert "of the gap's power beyond noise" not in said
-
-
-@pytest.mark.parametrize("kind", ["none", "explained", "ambiguous", "unknown"])
-def test_every_verdict_has_a_badge_and_advice(findings, kind):
-    said = verdict(findings[kind])
-    assert said.badge
-    assert said.advice
-    assert said.headline.endswith(".")
 
 
 def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings):
