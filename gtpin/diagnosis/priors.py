@@ -151,7 +151,7 @@ class Priors:
     excess: float = 1.2
     """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
     Assumed: data sheets and calibrations state a sigma to some 20 %."""
-    chance: float = 1e-6
+    chance: float = 1e-3
     """P-value of the chi-square of the residuals. The three ratios above count only where it is not larger. Assumed."""
     scatters: float = 0.5
     """Ratio of the repeatability to the instrument's sigma, from which part of the repeatability may be an effect. Assumed."""

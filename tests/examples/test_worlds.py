@@ -177,3 +177,16 @@ def test_a_base_that_rocks_with_what_it_carries_is_neither_noise_nor_a_listed_ef
     found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "case"))
     assert found.verdict == "unknown"
     assert all(cause.probability < 0.9 for cause in found.causes)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", ["heat", "scale"])
+def test_links_that_warm_late_and_a_scale_that_wanders_are_no_drift_of_the_instrument(
+    name: str, seed: int, tmp_path: Path
+) -> None:
+    (slow,) = (m for m in MECHANISMS if m.name == name)
+    worlds.write(tmp_path, "case", GantryTau(), [worlds.Act(slow, 1.0, 1000.0)], False, np.random.default_rng(seed))
+    found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "case"))
+    assert all(cause.probability < 0.9 for cause in found.causes if cause.effect == "tracker_drift")
