@@ -5,7 +5,7 @@ python examples/effects/pictures.py docs/effects [EFFECT ...]
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -188,4 +188,8 @@ def main(folder: Path, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/effects"), sys.argv[2:])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("docs/effects"))
+    parser.add_argument("effects", nargs="*", help="ids of effects; all by default")
+    asked = parser.parse_args()
+    main(asked.folder, asked.effects)

@@ -50,6 +50,13 @@ class Displacement:
     def __len__(self) -> int:
         return len(self.sigma)
 
+    @property
+    def parts(self) -> dict[str, Floats]:
+        """The arrays of displacements by the names of the parameters, each with the poses first and the coefficients last."""
+        found = {"command": self.command[1] if self.command else None, "length": self.length, "twist": self.twist}
+        found |= {f"placements[{i}]": twist for i, (_, twist) in enumerate(self.placements)}
+        return {name: part for name, part in found.items() if part is not None}
+
     def displacement(self, at: OperatingPoints) -> Floats:
         """(N, 6 + k, m) first-order motion by unit coefficients: of the TCP, base frame, m and rad; of k measured joints."""
         total = np.zeros((len(at), at.robot.motion_size, len(self)))

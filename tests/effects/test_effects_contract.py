@@ -116,7 +116,7 @@ def test_what_the_coefficients_say_has_a_name_a_unit_and_a_line_in_the_documenta
     assert told
     for parameter, (value, unit) in told.items():
         assert np.isfinite(value)
-        assert unit in UNITS
+        assert unit in UNITS, "units of parameters are listed in UNITS, in their shortest form"
         # ``shift[2]`` is documented as ``shift[k]``, ``turn_x`` as itself or by its beginning and ``_x``.
         stem, _, axis = parameter.split("[")[0].rpartition("_")
         assert parameter.replace("[1]", "[k]").split("[")[0] in documented or (

@@ -28,6 +28,7 @@ def told(name: str) -> dict[str, str]:
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_section_has_the_effects_title_parameters_and_units(name: str) -> None:
+    assert name in SECTIONS, f"docs/effects.md has no section for {name}"
     title, section = SECTIONS[name].split("\n", 1)
     assert title == f'<a id="{name}"></a>`{name}`: {EFFECTS[name].title.split(" (")[0]}'
     assert dict(re.findall(r"^- `([^`]+)`, ([^:]+):", section, re.MULTILINE)) == told(name)
@@ -51,6 +52,7 @@ def test_the_table_lists_every_effect_with_its_covariate() -> None:
 def test_every_section_has_its_picture() -> None:
     for name in EFFECTS:
         assert f"(effects/{name}.svg)" in SECTIONS[name]
+        assert (PICTURES / f"{name}.svg").exists(), f"python examples/effects/pictures.py docs/effects {name}"
         assert 1_000 < (PICTURES / f"{name}.svg").stat().st_size < LARGEST
 
 

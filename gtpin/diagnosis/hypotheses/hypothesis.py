@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from gtpin.data.names import site_called
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.errors import ModelError
+from gtpin.errors import GtpinError, ModelError
 from gtpin.robot.chain import Chain
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
@@ -72,6 +74,29 @@ class Hypothesis:
     def basis(self, at: OperatingPoints) -> Displacement:
         """Displacements for unit coefficients."""
         return self.effect.basis_of(at, self.site, self.values)
+
+    def checked(self, at: OperatingPoints) -> Displacement:
+        """Displacements for unit coefficients, for the first value of its nonlinear parameter, checked.
+
+        Raises `ModelError` if they can't be computed, are not finite, or do not have one size for each column.
+        """
+        try:
+            basis = self.effect.basis(at, self.site, *list(self.effect.nonlinear_values(at, self.site))[:1])
+            count, sizes, parts = len(basis), np.asarray(basis.sigma, dtype=float), basis.parts
+        except GtpinError:
+            raise
+        except Exception as error:  # the code of a user may fail in any way
+            what = f"the displacements of {self} can't be computed ({type(error).__name__}: {error})"
+            raise ModelError(what, hint="correct its method basis") from error
+        for name, part in parts.items():
+            rows = (len(at), count) if name == "command" else (len(at), *part.shape[1:2], count)
+            if part.shape != rows:
+                what = f"{name} of {self} has the shape {part.shape}, not {rows}"
+                raise ModelError(what, hint="a row for each pose, and a column for each typical size in sigma")
+        if not (all(np.isfinite(part).all() for part in (sizes, *parts.values())) and (sizes >= 0.0).all()):
+            what = f"{self} has displacements that are no finite numbers, or negative sizes"
+            raise ModelError(what, hint="correct its method basis")
+        return basis
 
     def covariates(self, robot: Chain) -> tuple[str, ...]:
         """Covariates that the effect needs at the site."""
@@ -187,6 +212,11 @@ class Scope:
         Raises `ModelError` if two effects have the same id, or an excluded effect or site does not exist.
         """
         known = tuple(effects)
+        for effect in known:
+            if not isinstance(effect, Effect):
+                raise ModelError(f"{effect!r} is no effect", hint="give objects of subclasses of Effect: MyEffect()")
+            if missing := [name for name in ("id", "title", "coefficient") if not hasattr(effect, name)]:
+                raise ModelError(f"the effect {type(effect).__name__} has no {missing[0]}", hint="set it in the class")
         by_id = {effect.id: effect for effect in known}
         for effect in known:
             if by_id[effect.id] is not effect:

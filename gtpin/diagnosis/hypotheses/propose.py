@@ -40,9 +40,10 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
         effect, site = hypothesis.effect, hypothesis.site
         reason = _no_change(at, hypothesis) if changes else as_untestable(effect.untestable(at, site))
         many = not changes and reason is None and len(effect.nonlinear_values(at, site)) > 0
-        if reason is None and not many:
+        basis = hypothesis.checked(at) if reason is None else None
+        if basis is not None and not many:
             # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
-            X = design.columns(hypothesis.basis(at)) * scope.priors.large
+            X = design.columns(basis) * scope.priors.large
             if float(np.trace(marginal.product(X, X))) <= scope.priors.shows:
                 reason = Untestable("uncertain" if changes else "absorbed")
         if reason:
