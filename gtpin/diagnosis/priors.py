@@ -116,8 +116,9 @@ class Priors:
     """Share of the chi-square beyond noise below which an undecided cause is told apart from the causes, and a flexible family
     without a mechanism's form makes no doubt. Assumed."""
     core_leaves: float = 0.15
-    """Largest share of the explained energy that may remain because real causes differ from the equations of their cores.
-    Assumed."""
+    """Largest share of the gap (squared errors of left-out poses beyond noise) that may remain beside named causes, and of the
+    explained energy, because real causes differ from the equations of their cores. Above it, the verdict becomes ``unknown``.
+    Measured: examples/diagnosis/noise_floor.py."""
     chance_line: float = 0.01
     """Probability above which the lines of a periodic error are attributed to scatter: that the best period of scatter alone
     takes a share of its power as large as the most significant line. Assumed: the usual probability of a false alarm."""
@@ -145,14 +146,11 @@ class Priors:
     silent: float = 1.25
     """Ratio of the error on left-out poses to the noise floor, above which the verdict ``none`` becomes ``unknown``. Measured:
     examples/diagnosis/noise_floor.py."""
-    named: float = 1.3
-    """The same ratio, where causes are named, whose forms are never exactly those of the equations. Measured by the same
-    script: at most 1.13; on an arm with a cause of E = 15,000, 1.23."""
     excess: float = 1.2
     """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
     Assumed: data sheets and calibrations state a sigma to some 20 %."""
     chance: float = 1e-3
-    """P-value of the chi-square of the residuals. The three ratios above count only where it is not larger. Assumed."""
+    """P-value of the chi-square of the residuals. The limits above count only where it is not larger. Assumed: 1 in 1,000."""
     scatters: float = 0.5
     """Ratio of the repeatability to the instrument's sigma, from which part of the repeatability may be an effect. Assumed."""
     two_groups: float = 5.0

@@ -151,6 +151,8 @@ def held_out(
 ) -> Conclusion:
     """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
 
+    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly.
+
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
     Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
     causes do not explain would pass for it.
@@ -164,8 +166,9 @@ def held_out(
         return found.doubted(Doubt("visits"))
     noise = shown.most if silent else shown.noise
     size, chance = shown.excess(noise, observed, hypotheses, found.model)
-    allowed = float(np.sqrt(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean()))
-    far = whole.after > (priors.silent if silent else priors.named) * allowed * whole.floor
+    allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
+    before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
+    far = after > priors.silent**2 * floor if silent else after - floor > priors.core_leaves * (before - floor)
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
         return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
     return found
