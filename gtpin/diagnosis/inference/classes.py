@@ -19,9 +19,14 @@ from gtpin.diagnosis.linear.posterior import without
 from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED, Priors
 
 
-def contenders(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> tuple[Contender, ...]:
-    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members."""
-    found = ranked(hypotheses, model, cause).named
+def contenders(
+    hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unlisted: bool = False
+) -> tuple[Contender, ...]:
+    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members.
+
+    ``unlisted``: as for :func:`ranked`.
+    """
+    found = ranked(hypotheses, model, cause, unlisted).named
     least = CLASS_SHARE * found[0].probability
     return tuple(m for m in found if m.probability >= least or m.hypothesis.place == cause.place)
 
@@ -39,10 +44,11 @@ class Ranking:
     heat: float
 
 
-def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> Ranking:
+def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unlisted: bool = False) -> Ranking:
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
+    ``unlisted``: whether something acts that no effect describes. Then every smooth term competes, with no prior odds against it.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
@@ -66,7 +72,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    against = hypotheses.gains(rest, unnamed(hypotheses, cause))
+    against = hypotheses.gains(rest, hypotheses.smooth if unlisted else unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
     # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
@@ -75,11 +81,14 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> 
     clock = drivers if drivers in ({"time"}, {"session"}) else None
     if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
         against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
+
+    def against_smooth(term: SmoothTerm) -> float:
+        return priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * own)
+
     smooth = {
         s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
         if frozenset(s.over) == clock
-        else (gain.value - priors.unnamed - (0.0 if hypotheses.modulates(s, (cause,)) else priors.departure * own))
-        / heat
+        else (gain.value - (0.0 if unlisted else against_smooth(s))) / heat
         for s, gain in against.items()
     }
     top = max([*log.values(), *smooth.values()])  # large numbers would round their sum

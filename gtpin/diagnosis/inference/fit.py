@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.hypotheses.lines import strongest_first
-from gtpin.diagnosis.inference.classes import described, undecided, without_undecided
+from gtpin.diagnosis.inference.classes import contenders, described, undecided, without_undecided
 from gtpin.diagnosis.inference.findings import Cause, Conclusion, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
@@ -96,14 +96,16 @@ def fit(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
 
     checked, takes = gaps_by("region")
-    found = held_out(without_undecided(hypotheses, found), hypotheses, checked, settled.observed, shown)
+    found = without_undecided(hypotheses, found)
+    before, found = found, held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.operating_points
     untestable = [one.hypothesis for one in hypotheses.untested]
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
     kept = [*found.beside_unknown(), *found.also] if found.doubts else found.classes
-    if len(kept) < len(found.classes):  # a cause that is not sure may only take up a part of the unknown
+    if len(kept) < len(found.classes) or found.classes is not before.classes:
+        # A cause that is not sure may only take up a part of the unknown.
         found = found.only(hypotheses, [c for c in found.classes if c in kept])
         model, causes = _fitted(prepared, settled, found)
         checked, takes = gaps_by("region")
@@ -170,7 +172,12 @@ def held_out(
     before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
     far = after > priors.silent**2 * floor if silent else after - floor > priors.core_leaves * (before - floor)
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
-        return found.doubted(Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out"))
+        # Something acts that no effect describes: a smooth term may as well be in a cause's place.
+        classes = {
+            cause: contenders(hypotheses, found.whole(hypotheses), cause, unlisted=True) for cause in found.classes
+        }
+        doubt = Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
+        return replace(found, classes=classes).doubted(doubt)
     return found
 
 
