@@ -48,7 +48,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then every smooth term competes, with no prior odds against it.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms, and all compete.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
