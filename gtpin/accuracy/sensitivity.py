@@ -133,7 +133,7 @@ def sensitivity(
             raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
     defined = well_defined(poses.R)
     if not defined:
-        warn("changes of orientation are left out: ZYZ angles jump at these poses")
+        warn("changes of orientation are left out: ZYZ angles jump where the z axes of TCP and base are parallel")
     rates = zyz_rates(poses.R) if defined else np.full((len(q), 3, 3), np.nan)
     cells: dict[tuple[str, str], tuple[Floats, Floats]] = {}
     for error in kinematics.small_errors(q, poses):

@@ -196,7 +196,8 @@ def _explanation(kind: str, location: list[str], first: Any, model: type[BaseMod
     # Of a place such as instrument.station.2, the key is station; of planes.A.normal, it is planes.
     hints = {name: field.description for model_ in (model, section) for name, field in _fields(model_).items()}
     key = next((part for part in location[section is not model :] if part in hints), location[0])
-    hint = hints.get(key) or ("a finite number, 0 or more, m or rad" if key.endswith("_sigma") else "correct the value")
+    expected = f"correct the value: {first['msg'][:1].lower()}{first['msg'][1:]}"
+    hint = hints.get(key) or ("a finite number, 0 or more, m or rad" if key.endswith("_sigma") else expected)
     if kind == "extra_forbidden":
         inside = section is model and len(location) > 1  # of a key, such as a plane's of planes
         return "unknown key", hint if inside else _nearest(location[-1], section)

@@ -1,7 +1,6 @@
 """Pages: one self-contained HTML file each, made of sections, with interactive plots.
 
-A :class:`Section` is one topic: paragraphs, tables, bars and plots in their order. A page is a list of them; the same tables
-are printed in a terminal and drawn in a notebook.
+A :class:`Section` is one topic: paragraphs, tables, bars and plots in their order. A page is a list of them.
 """
 
 from __future__ import annotations

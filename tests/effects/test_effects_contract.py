@@ -261,3 +261,8 @@ def test_every_number_changes_the_modulation_of_an_effect_and_no_core(name, unch
     assert any(len(columns) for columns in changed.values())
     for (_, effect, _), columns in changed.items():
         assert not set(columns) & set(WITH_DRIVEN[effect].core)
+
+
+def test_no_file_of_the_effects_has_a_name_that_their_package_gives() -> None:
+    files = {file.stem for file in Path(gtpin.effects.__path__[0]).glob("*.py")}
+    assert not files & set(gtpin.effects.__all__)

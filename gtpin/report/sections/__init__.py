@@ -122,5 +122,11 @@ def sections(reported: Reported) -> list[Section]:
     """All sections of a page, in their order."""
     for module in iter_modules(__path__):
         import_module(f"{__name__}.{module.name}")
-    made = [make(reported) for _, make in sorted(_SECTIONS, key=lambda one: one[0])]
-    return [one for one in made if one is not None]
+    made: dict[str, Section] = {}
+    for _, make in sorted(_SECTIONS, key=lambda one: one[0]):
+        one = make(reported)
+        if one is not None and (not isinstance(one, Section) or one.id in made):
+            raise TypeError(f"{make.__module__}.{make.__name__} must give a Section with an id of its own, or None")
+        if one is not None:
+            made[one.id] = one
+    return list(made.values())
