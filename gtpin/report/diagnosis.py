@@ -12,8 +12,9 @@ from markupsafe import Markup
 from rich.console import Console, Group, RenderableType
 
 from gtpin.diagnosis.inference.findings import Cause
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
+from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import nominal_words
@@ -161,17 +162,24 @@ class DiagnosisPresentation(FitPresentation):
 
         Returns the content of ``diagnosis.json``.
         """
-        d, result = self.diagnosis, self.json()
-        write_model(d.baseline.model, folder / "baseline")
-        write_model(d.model, folder / "model")
-        (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
-        write_experiments(d, d.dataset, folder)
-        (folder / "report.html").write_text(diagnosis_page(d), encoding="utf-8")
-        return result
+        d = self.diagnosis
+        return write_findings(d, d.baseline.model, self.json(), diagnosis_page(d), folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
         return diagnosis_json(self.diagnosis)
+
+
+def write_findings(
+    found: Diagnosis | HealthCheck, baseline: Model, result: dict[str, Any], page: str, folder: Path
+) -> dict[str, Any]:
+    """Write the files of a diagnosis or a check into a folder; returns the content of ``diagnosis.json``."""
+    write_model(baseline, folder / "baseline")
+    write_model(found.model, folder / "model")
+    (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
+    write_experiments(found, folder)
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    return result
 
 
 def diagnosis_page(d: Diagnosis) -> str:

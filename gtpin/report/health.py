@@ -13,12 +13,9 @@ from rich.console import Group, RenderableType
 
 from gtpin.diagnosis.inference.findings import Cause, Considered, Member, Smallest
 from gtpin.diagnosis.result import HealthCheck
-from gtpin.model.model_folder import write_model
-from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
-from gtpin.report.diagnosis import DIAGNOSIS
+from gtpin.report.diagnosis import DIAGNOSIS, write_findings
 from gtpin.report.diagnosis_json import diagnosis_json
-from gtpin.report.next_experiment import FOLDER
 from gtpin.report.page import Items, Lead, Section, Table, report
 from gtpin.report.phrases import (
     badge,
@@ -88,13 +85,7 @@ class HealthCheckPresentation(Presentation):
     @in_one_thread
     def write(self, folder: Path) -> dict[str, object]:
         """Write the files of ``gtpin diagnose --against``; return the content of the JSON."""
-        result = self.json()
-        write_model(self.check.baseline, folder / "baseline")
-        write_model(self.check.model, folder / "model")
-        (folder / FOLDER).mkdir()  # a check proposes no experiments: an older diagnosis's are removed
-        (folder / "diagnosis.json").write_text(json_text(result), encoding="utf-8")
-        (folder / "report.html").write_text(health_page(self.check), encoding="utf-8")
-        return result
+        return write_findings(self.check, self.check.baseline, self.json(), health_page(self.check), folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``: that of a diagnosis, and the key ``against``."""

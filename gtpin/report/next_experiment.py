@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.data import Commands, Dataset
+from gtpin.data import Commands
 from gtpin.data.ids import normal_ids
 from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
 from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
 from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with_nights
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.operating_points import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words
@@ -42,7 +42,7 @@ class ExperimentPresentation:
         return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
 
 
-def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
+def write_experiments(d: Diagnosis | HealthCheck, folder: Path) -> None:
     """Write the commands of each experiment as a table, with the conditions to set and usual values of all other covariates.
 
     ``gtpin predict`` can read the tables. The folder is made even if it is empty, so that it replaces an older one.
@@ -51,9 +51,9 @@ def write_experiments(d: Diagnosis, dataset: Dataset, folder: Path) -> None:
     for i, experiment in enumerate(d.next_experiment):
         if count := len(experiment.poses):
             ids = normal_ids([f"next{i + 1}-{k + 1}" for k in range(count)])
-            covariates = as_usual(dataset.covariates, count) | dict(experiment.covariates)
+            covariates = as_usual(d.dataset.covariates, count) | dict(experiment.covariates)
             if "time" not in experiment.covariates:
-                covariates = with_nights(covariates, dataset.conditions.reference_temperature)
+                covariates = with_nights(covariates, d.dataset.conditions.reference_temperature)
             Commands(ids, experiment.poses, covariates).write(folder / FOLDER / f"{i + 1}.csv")
 
 
