@@ -165,6 +165,7 @@ def test_stations_planes_and_sockets_are_drawn_inside_the_picture(name: str) -> 
         name="cup",
         kind="socket",
         sockets={"S1": place(name, (0.1, 0.0, 0.0)), "S2": place(name, (0.0, 0.1, 0.0))},
+        socket_sigma=1e-3,
         distances=(("S1", "S2", 0.1414, 1e-4),),
     )
     svg = picture(name, wire, bed, cup)
