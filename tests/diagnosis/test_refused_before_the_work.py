@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from urdfs import joint, loop, own, robot_of, urdf
 
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import GtpinError
-from gtpin.robot.description import RobotDescription
 
 
 @pytest.fixture(scope="module")
@@ -21,29 +21,20 @@ def measured() -> Dataset:
     return simulate(gtpin.load_robot("ur5"), "ur5", poses=60, seed=0).dataset
 
 
-def link(name: str) -> str:
-    return f'<link name="{name}"/>'
-
-
-def hinge(parent: str, child: str, x: float) -> str:
-    return (
-        f'{link(child)}<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-    )
-
-
-FIXED = f'{link("base")}{link("end")}<joint name="j" type="fixed"><parent link="base"/><child link="end"/></joint>'
-APART = (
-    f"{link('base')}{hinge('base', 'left', 0.0)}{hinge('left', 'left_far', 0.1)}{hinge('base', 'right', 5.0)}"
-    '<loop_joint name="pin"><link1 link="left_far" xyz="0.1 0 0"/><link2 link="right" xyz="0.1 0 0"/></loop_joint>'
-    '<gtpin><actuator joint="left_joint"/><platform link="left_far"/></gtpin>'
+FIXED = urdf("r", joint("j", "base", "end", kind="fixed"))
+APART = urdf(
+    "r",
+    joint("left_joint", "base", "left"),
+    joint("left_far_joint", "left", "left_far", "0.1 0 0"),
+    joint("right_joint", "base", "right", "5.0 0 0"),
+    loop("left_far", "0.1 0 0", "right", "0.1 0 0"),
+    own(["left_joint"], "left_far"),
 )
 
 
-def of_robot(body: str, dataset: Dataset, folder: Path) -> Dataset:
-    file = folder / "robot.urdf"
-    file.write_text(f'<robot name="r">{body}</robot>')
-    return replace(dataset, robot=str(file), q=dataset.q[:, :1], covariates={})
+def of_robot(text: str, dataset: Dataset, folder: Path) -> Dataset:
+    (folder / "robot.urdf").write_text(text)
+    return replace(dataset, robot=str(folder / "robot.urdf"), q=dataset.q[:, :1], covariates={})
 
 
 def free(dataset: Dataset) -> Dataset:
@@ -88,16 +79,14 @@ def test_what_can_not_be_diagnosed_is_refused_before_a_fit(
     assert "\n" not in str(error.value)
 
 
-TURNER = """<robot name="turner"><link name="base"/><link name="arm"/><joint name="turn" type="revolute">
-<parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3" rpy="1.3 0.2 0.1"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/></joint><link name="tool0"/><joint name="tool" type="fixed">
-<parent link="arm"/><child link="tool0"/><origin xyz="0.4 0 0.1" rpy="0.5 0.1 -0.4"/></joint></robot>"""
 OF_LOAD = {"joint_compliance", "bearing_compliance", "joint_clearance", "link_compliance"}
 
 
 def test_a_robot_without_masses_is_told_and_its_effects_of_load_are_not_tested() -> None:
     rng = np.random.default_rng(2)
-    robot = gtpin.Robot(RobotDescription.parse(TURNER, "turner"))
+    turn = joint("turn", "base", "arm", "0.1 0.2 0.3", rpy="1.3 0.2 0.1", limit=3.0)
+    tool = joint("tool", "arm", "tool0", "0.4 0 0.1", kind="fixed", rpy="0.5 0.1 -0.4")
+    robot = robot_of("turner", turn, tool)
     q = rng.uniform(-2.5, 2.5, (40, 1))
     plain = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
     noise = [pin.exp6(np.repeat([1.5e-5, 5e-5], 3) * rng.standard_normal(6)) for _ in q]
