@@ -52,21 +52,23 @@ def diagnose_alone(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) ->
     An error of the diagnosis is part of the outcome and is not raised.
     """
     start = time.perf_counter()
-    try:
-        outcome = _diagnosed(files, exclude)
-    except Exception as error:
-        kind = "" if isinstance(error, GtpinError) else f"{type(error).__name__}: "
-        outcome = Outcome(error=f"{kind}{error}")
+    with tempfile.TemporaryDirectory(prefix="gtpin-") as place:
+        try:
+            outcome = _diagnosed(files, exclude, Path(place) / "dataset")
+        except Exception as error:
+            kind = "" if isinstance(error, GtpinError) else f"{type(error).__name__}: "
+            outcome = Outcome(error=f"{kind}{error}")
+        # Warnings and errors name the folder, which is another one each time: the same case has the same outcome.
+        outcome = Outcome.model_validate_json(outcome.model_dump_json().replace(f"{place}/", ""))
     return outcome, time.perf_counter() - start
 
 
-def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...]) -> Outcome:
+def _diagnosed(files: Mapping[str, bytes], exclude: tuple[str, ...], folder: Path) -> Outcome:
     known = [name for name in sys.modules if name.startswith(("gtpin.bench.simulator", "gtpin.bench.blind.draw"))]
     if known:
         raise GtpinError(f"this process knows the plant ({known[0]})", hint="diagnose in one that does not")
-    with tempfile.TemporaryDirectory(prefix="gtpin-") as place, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        folder = Path(place) / "dataset"
         folder.mkdir()
         for name, content in files.items():
             (folder / name).write_bytes(content)

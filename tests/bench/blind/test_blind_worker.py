@@ -28,6 +28,13 @@ def test_the_worker_does_not_import_the_plant() -> None:
     assert done.stdout.strip() == "['gtpin.bench.blind', 'gtpin.bench.blind.worker']"
 
 
+@pytest.mark.slow
+def test_what_is_said_of_a_case_has_no_name_of_a_folder_that_is_another_one_each_time() -> None:
+    code = "from gtpin.bench.blind.worker import diagnose_alone as d; print(d({'dataset.toml': b'nonsense'})[0].error)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("dataset/dataset.toml: not TOML")
+
+
 def test_a_process_that_knows_the_plant_refuses_to_diagnose(cases: Path) -> None:
     files = {file.name: file.read_bytes() for file in (cases / "a").iterdir()}
     said, _ = diagnose_alone(files)  # this process has made the dataset
