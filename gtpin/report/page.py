@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from gtpin.report.embedded import Embedded, Plot, PlotChoice, Shared, escaped, key_of
+from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
 from gtpin.report.words import typeset
 
@@ -193,54 +193,31 @@ def report(
     """A page of sections as one self-contained HTML file.
 
     ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. ``contents``:
-    whether the page begins with links to its sections.
+    whether the page begins with links to its sections. Text is escaped. No plot is drawn if a kind of them needs plotly and it
+    is not installed.
     """
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
     blocks = [*lead.content, *(block for section in sections for block in section.content)]
-    plots = {str(k): block.plots for k, block in enumerate(blocks) if isinstance(block, Plots)}
-    links = links if contents else []
-    return render(
-        "report.html", title=title, contents=links, plots=plots, provenance=provenance, lead=lead, sections=sections
-    )
-
-
-def render(
-    template: str,
-    *,
-    title: str,
-    contents: Sequence[tuple[str, str]] = (),
-    plots: Mapping[str, Plot | Sequence[Plot] | None] | None = None,
-    provenance: Table | None = None,
-    **content: Any,
-) -> str:
-    """Make a page from a template that extends ``base.html``.
-
-    ``template``: a file in ``gtpin/report/templates``. ``title``: title in the browser's tab. ``contents``: (id, title) of
-    the sections that the page links to at its top. ``plots``: plots by their names in the template; none is drawn if a kind
-    of them needs plotly and it is not installed. ``provenance``: versions, and digests of the data of the page.
-    ``content``: other values for the template. Text is escaped.
-    """
-    shared, environment, by_plot = Shared(), _environment(), dict[int, Embedded]()
-    wanted = {name: some for name, some in (plots or {}).items() if some}
-    for some in wanted.values():
-        by_plot |= {id(plot): shared.embed(plot) for plot in ([some] if isinstance(some, Plot) else some)}
-    library = plotly_js(frozenset(shared.kinds)) if wanted else None
+    plots = [plot for block in blocks if isinstance(block, Plots) for plot in block.plots]
+    shared, environment = Shared(), _environment()
+    by_plot = {id(plot): shared.embed(plot) for plot in plots}
+    library = plotly_js(frozenset(shared.kinds)) if plots else None
     scripts = (library, Markup(environment.get_template("plots.js").render())) if library else ()
     # The page's security policy allows only scripts with these hashes.
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
-    return environment.get_template(template).render(
+    return environment.get_template("report.html").render(
         title=title,
-        contents=contents,
-        plots={name: by_plot[id(some)] for name, some in wanted.items() if library and isinstance(some, Plot)},
+        lead=lead,
+        sections=sections,
+        contents=links if contents else (),
         embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
-        drawn=library is not None or not wanted,
+        drawn=library is not None or not plots,
         scripts=scripts,
         script_hashes=[f"'sha256-{one}'" for one in hashes],
         shared=shared.json,
         provenance=provenance,
         version=version("gtpin"),
-        **content,
     )
 
 

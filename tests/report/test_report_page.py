@@ -20,7 +20,6 @@ from gtpin.report.calibration import calibration_page
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
 from gtpin.report.figure import DATA, FIT, LIGHT, Drawing
-from gtpin.report.page import render
 from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
@@ -228,7 +227,7 @@ def test_a_marked_function_is_a_section_at_its_place_of_every_page(single, monke
 
 def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
     with pytest.raises(Exception, match="undefined"):
-        render("report.html", title="nothing")
+        page._environment().get_template("report.html").render(title="nothing")
 
 
 @pytest.mark.slow
