@@ -161,7 +161,7 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
     robot = model.robot
     if not robot.rod_sites:
         return _filling(model, count or _by_actuators(POSES, model), seed)[0]
-    lower, upper = _ranges(model)
+    lower, upper = model.robot.ends
     size = 1.0
     while size >= SMALLEST_BOX:
         a, b = robot.home_q + size * (lower - robot.home_q), robot.home_q + size * (upper - robot.home_q)
@@ -170,11 +170,6 @@ def default_commands(model: Model, count: int | None = None, seed: int = 0) -> F
             return found
         size /= 2.0
     raise UnreachableError(f"{robot.name} reaches hardly any of its range", hint="give commands")
-
-
-def _ranges(model: Model) -> tuple[Floats, Floats]:
-    lower, upper = model.robot.lower, model.robot.upper
-    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
 
 
 def _by_actuators(counts: tuple[int, int, int], model: Model) -> int:
@@ -188,7 +183,7 @@ def _filling(model: Model, count: int, seed: int) -> tuple[Floats, Poses]:
     from scipy.stats import qmc
 
     robot, kinematics = model.robot, model.kinematics
-    lower, upper = _ranges(model)
+    lower, upper = model.robot.ends
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
     poses = kinematics.forward(q)
     kept = poses.reached

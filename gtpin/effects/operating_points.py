@@ -248,11 +248,7 @@ class OperatingPoints:
         For a range without limits: from -pi to pi. For a robot without rods, whose joints often use a small part of their
         range: from the smallest to the largest command of the fit.
         """
-        lower, upper = self.robot.lower, self.robot.upper
-        if joints(self.robot):
-            lower, upper = self.references.commands
-        lower = np.where(np.isfinite(lower), lower, -np.pi)
-        upper = np.where(np.isfinite(upper), upper, np.pi)
+        lower, upper = self.references.commands if joints(self.robot) else self.robot.ends
         return np.asarray(2.0 * (self.q - lower) / (upper - lower) - 1.0)
 
     @cached_property

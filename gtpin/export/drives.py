@@ -101,8 +101,7 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
 
 def _over_the_range(model: Model, index: int, at: OperatingPoints) -> OperatingPoints:
     """The same conditions with an actuator's commands over its whole range."""
-    robot = model.robot
-    lower, upper = np.where(np.isfinite([robot.lower, robot.upper]), [robot.lower, robot.upper], [[-np.pi], [np.pi]])
+    lower, upper = model.robot.ends
     q = at.q.copy()
     q[:, index] = np.linspace(lower[index], upper[index], len(q))
     poses = model.kinematics.forward(q)

@@ -72,11 +72,9 @@ def rms(moved: Floats) -> float:
 
 def ranges(model: Model) -> tuple[Floats, Floats]:
     """(n,) smallest and largest commands of the fit; without a fit, the robot's limits, or -pi and pi where it has none."""
-    robot = model.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    lower, upper = model.robot.ends
     for active in model.effects:
-        if len(active.references.commands[0]) == robot.n_actuators:
+        if len(active.references.commands[0]) == len(lower):
             lower, upper = active.references.commands
     return lower, upper
 

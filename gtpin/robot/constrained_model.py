@@ -248,6 +248,12 @@ class ConstrainedModel:
         return np.array([actuator.lower for actuator in self.actuators])
 
     @property
+    def ends(self) -> tuple[Floats, Floats]:
+        """(n,) lower and (n,) upper ends of the commands' ranges, m or rad; -pi and pi where there are none."""
+        lower, upper = self.lower, self.upper
+        return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+    @property
     def upper(self) -> Floats:
         """(n,) upper ends of the commands' ranges, m or rad."""
         return np.array([actuator.upper for actuator in self.actuators])

@@ -223,8 +223,7 @@ class Scene:
         self.server.initial_camera.look_at = tuple(middle)
 
     def _sliders(self) -> None:
-        lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
-        upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
+        lower, upper = self.robot.ends
         start = np.clip(self.robot.home_q, lower, upper)
         ranges = zip(
             self.robot.sites, *(v.tolist() for v in (lower, upper, (upper - lower) / 500.0, start)), strict=True

@@ -238,8 +238,7 @@ class RodMachine:
 
     def _in_ranges(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, n) random commands in the ranges; NaN where the machine is worse conditioned than ``CONDITIONED`` allows."""
-        lower = np.where(np.isfinite(self.robot.lower), self.robot.lower, -np.pi)
-        upper = np.where(np.isfinite(self.robot.upper), self.robot.upper, np.pi)
+        lower, upper = self.robot.ends
         q = rng.uniform(lower, upper, (count, self.n_carts))
         q[gain(self.kinematics, q) > CONDITIONED * gain(self.kinematics, self._middle[0])] = np.nan
         return q

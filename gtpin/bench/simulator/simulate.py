@@ -95,8 +95,7 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
     if isinstance(machine.chain, ArmMachine) and not machine.chain.loops.pairs:
         return machine.chain.reachable(count, rng)
     robot = machine.geometry.robot
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    lower, upper = robot.ends
     equations, passive = 3 * len(robot.constraints), robot.n_passive
     hint = "give a home inside the workspace, or smaller tolerances"
     if equations > passive:
