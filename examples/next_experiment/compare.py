@@ -22,6 +22,7 @@ from gtpin.diagnosis.linear.evidence import Groups, Marginal
 from gtpin.diagnosis.linear.posterior import NOTHING, gain
 from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
 from gtpin.diagnosis.planning.trials import Known, possible
+from gtpin.diagnosis.priors import PRIORS, SURE
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings
 
@@ -38,8 +39,8 @@ PAIRS = (
 )
 """The effect that a machine has, and the one that it shall be told from."""
 ENERGY, POSES, ROUND = 80.0, 140, 20
-OPEN = 5.9
-"""Log Bayes factor, nats, below which a diagnosis leaves two effects in one class: it halves what it is told."""
+OPEN = PRIORS.temperature * float(np.log(SURE / (1.0 - SURE)))
+"""Log Bayes factor, nats, below which neither of two effects is sure: the temperature divides it."""
 
 
 @dataclass(frozen=True)
