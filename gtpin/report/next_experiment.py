@@ -37,8 +37,11 @@ class ExperimentPresentation:
         """What to measure, and for what purpose, in a sentence or two."""
         e, robot = self.experiment, self.experiment.robot
         if e.visits is not None:
+            again = _visits(e, e.visits, robot)
+            if not e.visits.site:
+                return f"{again}: they tell whether the unknown error repeats."
             depends = f"{site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
-            return f"{_visits(e, e.visits, robot)}: the unknown effect at {depends}."
+            return f"{again}: the unknown effect at {depends}."
         return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
 
 

@@ -172,12 +172,11 @@ def held_out(
     before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
     far = after > priors.silent**2 * floor if silent else after - floor > priors.core_leaves * (before - floor)
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
-        # Something acts that no effect describes: a smooth term may as well be in a cause's place.
-        classes = {
-            cause: contenders(hypotheses, found.whole(hypotheses), cause, unlisted=True) for cause in found.classes
-        }
+        # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
+        model = found.whole(hypotheses)
+        again = {cause: contenders(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
         doubt = Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
-        return replace(found, classes=classes).doubted(doubt)
+        return replace(found, classes={**found.classes, **again}).doubted(doubt)
     return found
 
 
