@@ -23,8 +23,7 @@ def bodies(robot: Chain, q: Floats) -> Bodies:
     placed.append((robot.tcp_joint, robot.tcp_placement))
     response = _unknown(robot, q)
     R, T = np.full((len(q), len(placed), 3, 3), np.nan), np.full((len(q), len(placed), 3), np.nan)
-    for i, row in _responses(robot, q):
-        response[i] = row
+    for i in _responses(robot, q, response):
         for index, (joint, placement) in enumerate(placed):
             frame = data.oMi[joint] * placement
             R[i, index], T[i, index] = frame.rotation, frame.translation
@@ -34,8 +33,8 @@ def bodies(robot: Chain, q: Floats) -> Bodies:
 def responses(robot: Chain, q: Floats, start: ClosedPosture | None = None) -> Floats:
     """The response of :class:`Bodies` alone, without the frames, in less time; ``start``: the home posture, if it is known."""
     response = _unknown(robot, q)
-    for i, row in _responses(robot, q, start):
-        response[i] = row
+    for _ in _responses(robot, q, response, start):
+        pass
     return response
 
 
@@ -76,24 +75,26 @@ def driven_twists(robot: Chain) -> Floats:
     return twists
 
 
-def _responses(robot: Chain, q: Floats, start: ClosedPosture | None = None) -> Iterator[tuple[int, Floats]]:
-    """Index and response (6 + k, J + 1 + 2 L, 6) of each row whose loops can be closed; ``robot.data`` hold its posture."""
-    count = robot.model.njoints - 1
-    for i, found in _motions(robot, q, start):
-        tcp = (robot.data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
-        by_tcp = np.zeros((robot.motion_size, 1, 6))
-        by_tcp[:3, 0, :3] = by_tcp[3:6, 0, 3:] = tcp
-        by_frame = found.reshape(robot.motion_size, -1, 6)
-        yield i, np.concatenate([by_frame[:, :count], by_tcp, by_frame[:, count:]], axis=1)
+def _responses(robot: Chain, q: Floats, response: Floats, start: ClosedPosture | None = None) -> Iterator[int]:
+    """Fill in the response at one command after the other; Pinocchio's data hold the posture of the row that is yielded."""
+    data, count = robot.data, robot.model.njoints - 1
+    for i, by_frames in _loops(robot, q, start) if robot.constraints else _tree(robot, q):
+        tcp = (data.oMi[robot.tcp_joint] * robot.tcp_placement).rotation
+        response[i, :, :count] = by_frames[:, : 6 * count].reshape(robot.motion_size, count, 6)
+        response[i, :, count] = 0.0
+        response[i, :, count + 1 :] = by_frames[:, 6 * count :].reshape(robot.motion_size, -1, 6)
+        response[i, :3, count, :3] = response[i, 3:6, count, 3:] = tcp
+        yield i
 
 
-def _motions(robot: Chain, q: Floats, start: ClosedPosture | None) -> Iterator[tuple[int, Floats]]:
-    """Index of each row whose loops can be closed, and the motion of :func:`by_frames` there."""
-    if not robot.constraints:
-        for i, configuration in enumerate(configurations(robot, q)):
-            pin.forwardKinematics(robot.model, robot.data, configuration)
-            yield i, _regressor(robot, robot.tcp_joint, robot.tcp_placement)
-        return
+def _tree(robot: Chain, q: Floats) -> Iterator[tuple[int, Floats]]:
+    model, data, tcp = robot.model, robot.data, robot.tcp_placement
+    for i, configuration in enumerate(configurations(robot, q)):
+        pin.forwardKinematics(model, data, configuration)
+        yield i, pin.computeJointKinematicRegressor(model, data, robot.tcp_joint, pin.LOCAL_WORLD_ALIGNED, tcp)
+
+
+def _loops(robot: Chain, q: Floats, start: ClosedPosture | None) -> Iterator[tuple[int, Floats]]:
     start = home(robot) if start is None else start
     for i, row in enumerate(q):
         try:

@@ -194,7 +194,7 @@ class ChainKinematics:
                 continue
             poses.T[i], poses.R[i] = posture.T, posture.R
             for joint in self.robot.measured_joints:
-                poses.joints[joint.name][i] = self.robot.coordinate(joint.joint_id, posture.configuration)
+                poses.joints[joint.name][i] = joint.coordinate(posture.configuration)
 
     @cached_property
     def _home(self) -> ClosedPosture:

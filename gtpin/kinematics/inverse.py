@@ -104,12 +104,9 @@ def commands_for(
     >>> q.shape, bool(poses.reached.all())
     ((1, 3), True)
     """
-    if T.ndim != 2 or T.shape[1] != 3:
-        raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
-    if R is not None and R.shape != (len(T), 3, 3):
-        raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
-    begin = np.tile(kinematics.robot.home_q, (len(T), 1)) if start is None else start.copy()
-    return _newton(kinematics, T, R, begin)
+    _check(T, R)
+    home_q = kinematics.geometry.robot.home_q
+    return _newton(kinematics, T, R, np.tile(home_q, (len(T), 1)) if start is None else start.copy())
 
 
 def _newton(
@@ -162,7 +159,7 @@ def solved(kinematics: Kinematics, T: Floats, R: Floats | None, start: Floats) -
     of a robot with loops could be of another assembly mode.
     """
     robot = kinematics.robot
-    if robot.constraints:
+    if robot.constraints or robot.rods:
         found, _ = commands_for(kinematics, T, R, start)
         found[((found < robot.lower - INSIDE) | (found > robot.upper + INSIDE)).any(axis=1)] = np.nan
         return found
@@ -191,6 +188,13 @@ def out_of_reach(robot: str, T: Floats, turned: bool, row: int | None = None) ->
         hint += ", and leave the orientation free unless there are six actuators"
     what = f"{place}{robot} can't bring its TCP to ({where}){' with that rotation' if turned else ''}"
     return UnreachableError(what, hint=f"{hint}, or start nearer (start)" if row is not None else hint)
+
+
+def _check(T: Floats, R: Floats | None) -> None:
+    if T.ndim != 2 or T.shape[1] != 3:
+        raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
+    if R is not None and R.shape != (len(T), 3, 3):
+        raise ModelError(f"wanted rotations of shape {R.shape}", hint="give one 3 x 3 matrix for each position")
 
 
 def errors_of(poses: Poses, T: Floats, R: Floats | None) -> Floats:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from gtpin.robot.chain import Chain
+from gtpin.robot.constraints import constraint_error, constraint_jacobian
 from gtpin.typing import Floats
 
 MAX_STEPS = 12
@@ -121,10 +122,10 @@ def close(
     own = np.zeros((0, 0))
     for steps in range(MAX_STEPS + 1):
         pin.computeJointJacobians(model, robot.data, configuration)
-        error = robot.constraint_error()
+        error = constraint_error(robot)
         closed = bool(error.size == 0 or np.abs(error).max() <= rounding)
         if not closed or jacobian is None:
-            jacobian = robot.constraint_jacobian()
+            jacobian = constraint_jacobian(robot)
             own = jacobian[:, passive]
             near = near or Passive(own, rank)
         assert near is not None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,8 @@ from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, Unre
 from gtpin.kinematics import newton
 from gtpin.robot.assembly import NEAR, closest
 from gtpin.robot.chain import Chain
+from gtpin.robot.constraints import constraint_jacobian
 from gtpin.typing import Floats
-
-Result = TypeVar("Result")
 
 HOME_OFF = 0.1
 """Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
@@ -138,7 +137,7 @@ class ClosedPosture:
         A loop equation is a component of the gap between a loop's two anchors, in metres, in the frame of the first anchor.
         """
         self.refresh()
-        return _frozen(self.robot.constraint_jacobian())
+        return _frozen(constraint_jacobian(self.robot))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
@@ -146,8 +145,11 @@ class ClosedPosture:
 
         The column of a joint that other joints follow (``<mimic>``) includes the motion of these joints.
         """
-        self.refresh()
-        return _frozen(self.robot.tcp_jacobian())
+        data = self.refresh()
+        frame = pin.getFrameJacobian(
+            self.robot.model, data, self.robot.tcp_joint, self.robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
+        )
+        return _frozen(self.robot.folded(np.reshape(np.array(frame), (6, self.robot.model.nv))))
 
     @cached_property
     def passive_response(self) -> Floats:
@@ -199,16 +201,18 @@ class ClosedPosture:
         if self is not self._home:
             return self._along(target)
         # Poses and their derivatives are computed at the same commands, one after the other.
-        found = _kept(self._reached, MOST_KEPT, target, self._tried)
+        place = target.tobytes()
+        if place not in self._reached:
+            if len(self._reached) >= MOST_KEPT:
+                self._reached.clear()
+            try:
+                self._reached[place] = self._from_home(target)
+            except ClosureError as error:
+                self._reached[place] = error
+        found = self._reached[place]
         if isinstance(found, ClosureError):
             raise found
         return found
-
-    def _tried(self, target: Floats) -> ClosedPosture | ClosureError:
-        try:
-            return self._from_home(target)
-        except ClosureError as error:
-            return error
 
     def _from_home(self, target: Floats) -> ClosedPosture:
         """As :meth:`moved_to`, from home to valid commands."""
@@ -237,12 +241,15 @@ class ClosedPosture:
 
     def _configuration_at(self, target: Floats) -> Floats | None:
         """(nq,) configuration at commands that are reached from this home; None where they are not."""
-
-        def configuration(q: Floats) -> Floats | None:
-            found = self._tried(q)
-            return None if isinstance(found, ClosureError) else found.configuration
-
-        return _kept(self._found, MOST_FOUND, target, configuration)
+        place = target.tobytes()
+        if place not in self._found:
+            if len(self._found) >= MOST_FOUND:
+                self._found.clear()
+            try:
+                self._found[place] = self._from_home(target).configuration
+            except ClosureError:
+                self._found[place] = None
+        return self._found[place]
 
     def _can_close(self, target: Floats) -> bool:
         """Whether the loops nearly close at commands in any assembly mode that is found from home."""
@@ -314,18 +321,14 @@ def home(robot: Chain) -> ClosedPosture:
     start = robot.assembly.configuration if nominal is None else nominal.configuration
     closing = newton.close(robot, start, contraction=1.0)
     if not closing.closed:
-        what, declared = f"the loops of {robot.name} don't close at its home", robot.home_pose is not None
-        if not declared and robot.assembly.gap > NEAR:
-            what += f": {robot.assembly.gap:.3g} m is the smallest gap found between their anchors"
-        hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
-        raise UnreachableError(what, hint=hint)
+        raise _open_at_home(robot)
     posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
     posture._nominal = nominal
-    declared = robot.home_pose
+    declared = robot.description.home
     if declared is not None:
         there = posture.placement(robot.home_joint) * robot.home_placement
-        off = float(np.linalg.norm(there.translation - declared.translation))
-        turned = float(np.linalg.norm(pin.log3(there.rotation @ declared.rotation.T)))
+        off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
+        turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
         if off > HOME_OFF or turned > HOME_TURNED:
             far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
             raise AssemblyModeError(
@@ -338,6 +341,15 @@ def home(robot: Chain) -> ClosedPosture:
 def _nominal_home(robot: Chain) -> ClosedPosture:
     """The home posture of a nominal robot, which keeps the configurations from which displaced copies are closed."""
     return home(robot)
+
+
+def _open_at_home(robot: Chain) -> UnreachableError:
+    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
+    gap = robot.assembly.gap
+    if not declared and gap > NEAR:
+        what += f": {gap:.3g} m is the smallest gap found between their anchors"
+    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
+    return UnreachableError(what, hint=hint)
 
 
 def _ways_round(robot: Chain, target: Floats) -> Iterator[list[Floats]]:
@@ -361,16 +373,6 @@ def _commands(robot: Chain, q: npt.ArrayLike) -> Floats:
     if values.shape != (robot.n_actuators,) or not np.isfinite(values).all():
         raise UnreachableError(f"commands {q!r} for {robot.name}", hint=f"give {robot.n_actuators} finite numbers")
     return values
-
-
-def _kept(cache: dict[bytes, Result], most: int, q: Floats, make: Callable[[Floats], Result]) -> Result:
-    """The result at commands q, kept; a full cache is emptied."""
-    place = q.tobytes()
-    if place not in cache:
-        if len(cache) >= most:
-            cache.clear()
-        cache[place] = make(q)
-    return cache[place]
 
 
 def _frozen(array: Floats) -> Floats:

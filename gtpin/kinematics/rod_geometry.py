@@ -154,16 +154,7 @@ class RodGeometry:
     @cached_property
     def seats(self) -> tuple[CarrierJoint, ...]:
         """The motion of each rod's joint on its carrier."""
-        found, turns = [], self._deviations("direction", 3)
-        for i, rod in enumerate(self._rods):
-            if rod.carrier is None:
-                found.append(CarrierJoint(self.C0[i], np.zeros(3), np.eye(3), np.zeros(3)))
-                continue
-            actuator, track = self.robot.actuators[rod.carrier], self.geometry.track(i)
-            origin = actuator.origin if actuator.revolute and track is None else None
-            axes = rotation_axes(actuator.axis)
-            found.append(CarrierJoint(self.C0[i], actuator.axis, axes, turns[i], origin, track))
-        return tuple(found)
+        return tuple(self._seat(i, rod) for i, rod in enumerate(self._rods))
 
     @cached_property
     def scale(self) -> Floats:
@@ -202,6 +193,18 @@ class RodGeometry:
         own = self.geometry.deviations(kind, "rod", (self._k, components))
         by_actuator = self.geometry.deviations(kind, "actuator", (self.geometry.robot.n_actuators, components))
         return np.asarray(own + np.where(self._driver[:, None] >= 0, by_actuator[self._driver], 0.0))
+
+    def _seat(self, i: int, rod: Rod) -> CarrierJoint:
+        if rod.carrier is None:
+            return CarrierJoint(self.C0[i], np.zeros(3), np.eye(3), np.zeros(3))
+        actuator, track = self.robot.actuators[rod.carrier], self.geometry.track(i)
+        origin = actuator.origin if actuator.revolute and track is None else None
+        return CarrierJoint(self.C0[i], actuator.axis, rotation_axes(actuator.axis), self._turns[i], origin, track)
+
+    @cached_property
+    def _turns(self) -> Floats:
+        """(k, 3) rotations of each rod's path, rad: a, b, and about the track itself."""
+        return self._deviations("direction", 3)
 
     @cached_property
     def size(self) -> float:

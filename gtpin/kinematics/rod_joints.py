@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from gtpin.kinematics.posture import home
 from gtpin.kinematics.rotations import exp, skew
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_axis
-from gtpin.robot.measured_joints import MeasuredJoint
+from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
+from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 
@@ -45,23 +46,10 @@ class RodJoint:
 
         Raises `ModelError` if it does not belong to a rod's universal joint.
         """
-        model, driven = robot.model, {actuator.joint_id for actuator in robot.actuators}
-        for index, rod in enumerate(robot.rods):
-            tip, end = robot.anchors[rod.tip]
-            beyond = list(model.supports[tip])
-            passive = [int(j) for j in beyond[beyond.index(rod.joint_id) :] if j not in driven]
-            if joint.joint_id not in passive or len(passive) != 2:
-                continue
-            first, second = passive
-            for j in reversed(beyond[beyond.index(second) + 1 :]):
-                end = model.jointPlacements[j] * end
-            t = end.translation / np.linalg.norm(end.translation)
-            A = robot.tcp_placement.rotation.T @ model.jointPlacements[first].rotation
-            B = model.jointPlacements[second].rotation
-            a1, a2 = joint_axis(model, first)[3:], joint_axis(model, second)[3:]
-            found = RodJoint(joint, index, joint.joint_id == second, A, B, a1, a2, t, 1.0)
-            at_home = robot.coordinate(second, home(robot).configuration)
-            return replace(found, side=1.0 if np.sin(at_home - found._second()[0]) >= 0.0 else -1.0)
+        for i, rod in enumerate(robot.rods):
+            chain = _passive_chain(robot, rod)
+            if joint.joint_id in chain and len(chain) == 2:
+                return _of_rod(robot, joint, i, chain)
         raise ModelError(f"joint {joint.name} is not of a rod's universal joint", hint="read one of these")
 
     def angles(self, u: Floats) -> tuple[Floats, Floats]:
@@ -116,3 +104,27 @@ def motion(joint: RodJoint, poses: Poses, P: Floats, C: Floats, moved: Floats, d
     turned = dC - moved[:, :3] + away @ moved[:, 3:6]
     slope = joint.by_direction(direction(joint, poses, P, C))
     return np.asarray(np.einsum("ni,nim->nm", slope, np.swapaxes(poses.R, 1, 2) @ turned - dP))
+
+
+def _passive_chain(robot: Chain, rod: Rod) -> list[int]:
+    """Pinocchio's joints from the platform to a rod's end, without the driven ones."""
+    driven = {actuator.joint_id for actuator in robot.actuators}
+    chain = list(robot.model.supports[robot.anchors[rod.tip][0]])
+    return [int(j) for j in chain[chain.index(rod.joint_id) :] if j not in driven]
+
+
+def _of_rod(robot: Chain, joint: MeasuredJoint, index: int, chain: list[int]) -> RodJoint:
+    model = robot.model
+    first, second = chain
+    tip, end = robot.anchors[robot.rods[index].tip]
+    beyond = list(model.supports[tip])
+    for j in reversed(beyond[beyond.index(second) + 1 :]):
+        end = model.jointPlacements[j] * end
+    t = end.translation / np.linalg.norm(end.translation)
+    A = robot.tcp_placement.rotation.T @ model.jointPlacements[first].rotation
+    B = model.jointPlacements[second].rotation
+    a1, a2 = joint_axis(model, first)[3:], joint_axis(model, second)[3:]
+    found = RodJoint(joint, index, joint.joint_id == second, A, B, a1, a2, t, 1.0)
+    at_home = measured_joint(robot, model.names[second]).coordinate(home(robot).configuration)
+    sine = float(np.sin(at_home - found._second()[0]))
+    return RodJoint(joint, index, found.second, A, B, a1, a2, t, 1.0 if sine >= 0.0 else -1.0)

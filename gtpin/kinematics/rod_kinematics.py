@@ -36,7 +36,7 @@ class RodKinematics(RodGeometry):
 
         Raises `ModelError` if ``q`` is not (N, n).
         """
-        self.robot.check_commands(q)
+        self.geometry.robot.check_commands(q)
         near = start if start is not None and start.reached.all() else None
         guess = self._first_guess if near is None and len(q) >= MANY else None
         T, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
@@ -75,12 +75,11 @@ class RodKinematics(RodGeometry):
         return found
 
     def _from_neighbours(self, q: Floats, near: Poses) -> Poses:
-        after = self.ends(q)
-        before = RodEnds(after.P, after.C, np.linalg.norm(rod_vectors(near, after)[0], axis=2))  # these close there
+        before, after = self._ends_that_close(near, q), self.ends(q)
         return follow(lambda s, rows: between(before, after, s, rows), near, self.size)
 
     def _from_home(self, q: Floats) -> Poses:
-        q_home = self.robot.home_q
+        q_home = self.geometry.robot.home_q
         T, R = self.home.T[0], self.home.R[0]
         begin = Poses(np.tile(T, (len(q), 1)), np.tile(R, (len(q), 1, 1)))
         return follow(lambda s, rows: self.ends(q_home + s[:, None] * (q[rows] - q_home)), begin, self.size)
@@ -97,12 +96,15 @@ class RodKinematics(RodGeometry):
 
     @cached_property
     def _first_guess(self) -> FirstGuess | None:
-        return FirstGuess.fit(self.robot.lower, self.robot.upper, self._from_home, self.home.R[0])
+        robot = self.geometry.robot
+        return FirstGuess.fit(robot.lower, robot.upper, self._from_home, self.home.R[0])
 
     @cached_property
     def home(self) -> Poses:
-        posture, q = home(self.robot), self.robot.home_q[None, :]
-        nominal = RodGeometry(Geometry(self.robot, (), np.zeros(0)))
+        robot = self.geometry.robot
+        posture = home(robot)
+        nominal = RodGeometry(Geometry(robot, (), np.zeros(0)))
+        q = robot.home_q[None, :]
         before, after = nominal.ends(q), self.ends(q)
         start = Poses(posture.T[None, :].copy(), posture.R[None, :, :].copy())
         return self.with_joints(follow(lambda s, rows: between(before, after, s, rows), start, self.size), q)
@@ -138,7 +140,7 @@ class RodKinematics(RodGeometry):
 
     def axis(self, actuator: int) -> Floats:
         """(3,) unit vector of a track or axis, base frame."""
-        return np.asarray(self.robot.actuators[actuator].axis)
+        return np.asarray(self.geometry.robot.actuators[actuator].axis)
 
     def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Floats:
         """(N, k, 6) force, N, and no moment, of each rod on the joint on its carrier, base frame."""
@@ -166,7 +168,7 @@ class RodKinematics(RodGeometry):
         A row of the Jacobian is the rod's unit vector u and (r x u) / l, with r the vector from the mean of the joints on the
         platform to the rod's joint, and l the root mean square length of all r: the result does not depend on the TCP.
         """
-        at_home = self._smallest(self.robot.home_q[None], self.home)
+        at_home = self._smallest(self.geometry.robot.home_q[None], self.home)
         return self._smallest(q, poses) / at_home, "home"
 
     def _smallest(self, q: Floats, poses: Poses) -> Floats:
@@ -187,15 +189,20 @@ class RodKinematics(RodGeometry):
                 change = rod_step(self, q, parameter, i)
                 if change is not None:
                     rate = -response[:, :, i] * change.slope(d[:, i], ends, poses)[:, None]
-                    size = self.robot.size
+                    size = self.geometry.robot.size
                     after = partial(change.poses_after, ends=ends, poses=poses, size=size)
                     yield SmallError(parameter, rod.name, rate, after)
 
     def urdf(self) -> str:
         """See :func:`~gtpin.robot.export.to_urdf`; raises `ModelError` if the loops don't close at home."""
         if not self.home.reached.all():
-            raise ModelError(f"the loops of {self.robot.name} don't close at home", hint="check the geometry's values")
+            name = self.geometry.robot.name
+            raise ModelError(f"the loops of {name} don't close at home", hint="check the geometry's values")
         return to_urdf(self.geometry, self.P, self.C0, self.L0, self.v, (self.home.T[0], self.home.R[0]))
+
+    def pose_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, k, 6) derivative of the closures (|d|^2 - L^2) / 2 by the TCP's pose, base frame."""
+        return pose_jacobian(*rod_vectors(poses, self.ends(q)))
 
     def command_jacobian(self, q: Floats, poses: Poses, at: Bodies | None = None) -> Floats:
         jacobian = np.empty((len(q), 6, q.shape[1]))
@@ -224,11 +231,12 @@ class RodKinematics(RodGeometry):
             return np.zeros((len(q), 6 + len(self._measured), 0))
         ends = self.ends(q)
         d, RP = rod_vectors(poses, ends)
-        gradient = self._gradient(q, poses, ends, d)
+        slots = self._slots
+        gradient = self._gradient(q, poses, ends, d, slots)
         # A parameter changes the closures of its own rods only. Its derivative is a sum over these rods: the response of the
         # pose to the rod's closure, times the derivative of the closure by the parameter.
         response = -np.linalg.inv(pose_jacobian(d, RP))
-        columns, rods = np.array(self._slots).T
+        columns, rods = np.array(slots).T
         first = np.flatnonzero(np.diff(columns, prepend=-1))
         jacobian = response[:, :, rods[first]]
         jacobian *= gradient[:, None, first]
@@ -270,7 +278,7 @@ class RodKinematics(RodGeometry):
         ends = self.ends(q)
         d, _ = rod_vectors(poses, ends)
         gradient = np.zeros((len(q), self._k, len(self.geometry.parameters)))
-        values = self._gradient(q, poses, ends, d)
+        values = self._gradient(q, poses, ends, d, self._slots)
         for slot, (column, i) in enumerate(self._slots):
             gradient[:, i, column] = values[:, slot]
         return gradient
@@ -281,13 +289,13 @@ class RodKinematics(RodGeometry):
         parameters = self.geometry.parameters
         return [(column, i) for column, p in enumerate(parameters) for i in self._owned(p.per, p.kind, p.owner)]
 
-    def _gradient(self, q: Floats, poses: Poses, ends: RodEnds, d: Floats) -> Floats:
-        """(N, s) derivative of one rod's closure by one parameter, for the s pairs of both."""
+    def _gradient(self, q: Floats, poses: Poses, ends: RodEnds, d: Floats, slots: list[tuple[int, int]]) -> Floats:
+        """(N, s) derivative of one rod's closure by one parameter, for the s pairs of parameter and rod in ``slots``."""
         travel = self._travel(q)
         by_travel = self._by_travel(ends, d, travel)
         along = d @ poses.R  # the rods in the TCP frame
-        gradient = np.empty((len(q), len(self._slots)))
-        for slot, (column, i) in enumerate(self._slots):
+        gradient = np.empty((len(q), len(slots)))
+        for slot, (column, i) in enumerate(slots):
             parameter = self.geometry.parameters[column]
             c = parameter.component
             if parameter.kind == "length":
@@ -304,4 +312,10 @@ class RodKinematics(RodGeometry):
 
     @cached_property
     def _measured(self) -> tuple[RodJoint, ...]:
-        return tuple(RodJoint.of(self.robot, joint) for joint in self.robot.measured_joints)
+        return tuple(RodJoint.of(self.geometry.robot, joint) for joint in self.geometry.robot.measured_joints)
+
+    def _ends_that_close(self, poses: Poses, q: Floats) -> RodEnds:
+        """Rods of this geometry, with the lengths at which their closures hold at ``poses``."""
+        ends = self.ends(q)
+        d, _ = rod_vectors(poses, ends)
+        return RodEnds(ends.P, ends.C, np.linalg.norm(d, axis=2))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from scipy.optimize import least_squares
 
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
-from gtpin.robot.constraints import is_determined, undetermined
+from gtpin.robot.constraints import constraint_error, constraint_jacobian, is_determined, undetermined
 from gtpin.typing import Floats
 
 NEAR = 0.02
@@ -83,16 +83,17 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
     """
     if not robot.n_passive:
         return configuration, _largest_gap(robot, configuration)
+    every = np.ones(robot.n_passive, dtype=bool)
 
     def off(x: Floats) -> Floats:
-        return _gaps(robot, _moved(robot, configuration, x))
+        return _gaps(robot, _turned(robot, configuration, every, x))
 
     def slopes(x: Floats) -> Floats:
         off(x)
-        return robot.constraint_jacobian()[:, robot.passive]
+        return constraint_jacobian(robot)[:, robot.passive]
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
-    exact = all(nv == 1 for nv in list(robot.model.nvs)[1:])
+    exact = all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints))
     found = least_squares(
         off,
         np.zeros(robot.n_passive),
@@ -102,15 +103,7 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
         gtol=tolerance,
         max_nfev=100,
     )
-    return _moved(robot, configuration, found.x), float(np.abs(found.fun).max(initial=0.0))
-
-
-def _starts(count: int) -> Iterator[Floats]:
-    """Starts (count,) of a search: zero, then random angles, the same in each search."""
-    rng = np.random.default_rng(0)
-    yield np.zeros(count)
-    for _ in range(ATTEMPTS - 1):
-        yield rng.uniform(-np.pi, np.pi, count)
+    return _turned(robot, configuration, every, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
 def _nearest_to_zero(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats:
@@ -118,30 +111,23 @@ def _nearest_to_zero(robot: ConstrainedModel, start: Floats, notes: list[str]) -
 
     ``notes`` is told which one it is.
     """
-    found, best, smallest = list[tuple[Floats, Floats]](), start, np.inf
-    for x in _starts(robot.n_passive):
-        configuration, gap = closest(robot, _moved(robot, start, x))
+    rng = np.random.default_rng(0)
+    every, found = np.ones(robot.n_passive, dtype=bool), list[tuple[Floats, Floats]]()
+    best, smallest = start, np.inf
+    for attempt in range(ATTEMPTS):
+        x = np.zeros(robot.n_passive) if attempt == 0 else rng.uniform(-np.pi, np.pi, robot.n_passive)
+        configuration, gap = closest(robot, _turned(robot, start, every, x))
         if gap < smallest:
             best, smallest = configuration, gap
         if gap > CLOSED * robot.size:
             continue
         moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive])
         if all(np.abs(moved - other).max() > SAME for other, _ in found):
-            found.append((moved, _moved(robot, start, moved)))
+            found.append((moved, _turned(robot, start, every, moved)))
     if not found:
         return best
     found.sort(key=lambda one: float(np.linalg.norm(one[0])))
-    homes = []
-    for _, configuration in found[:SHOWN]:
-        numbers = home_attributes(robot, configuration, robot.home_joint, robot.home_placement, digits=6)
-        written = " ".join(f'{key}="{value}"' for key, value in numbers.items())
-        homes.append(f"<home {written}/>")
-    more = f", and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
-    others = f"; others are {', '.join(homes[1:])}{more}" if len(homes) > 1 else ""
-    notes.append(
-        f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero: the closed posture nearest to "
-        f"zero is taken, {homes[0]}{others}; put one of these elements into <gtpin> to choose its assembly"
-    )
+    notes.append(_which(robot, [configuration for _, configuration in found]))
     return found[0][1]
 
 
@@ -152,6 +138,22 @@ def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
         if robot.model.nvs[joint] == 1:
             turning[robot.model.idx_vs[joint]] = joint_axis(robot.model, joint)[3:].any()
     return np.where(turning[robot.passive], (moved + np.pi) % (2.0 * np.pi) - np.pi, moved)
+
+
+def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
+    homes = [_home_element(robot, configuration) for configuration in found[:SHOWN]]
+    more = f", and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    others = f"; others are {', '.join(homes[1:])}{more}" if len(homes) > 1 else ""
+    return (
+        f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero: the closed posture nearest to "
+        f"zero is taken, {homes[0]}{others}; put one of these elements into <gtpin> to choose its assembly"
+    )
+
+
+def _home_element(robot: ConstrainedModel, configuration: Floats) -> str:
+    numbers = home_attributes(robot, configuration, robot.home_joint, robot.home_placement, digits=6)
+    written = " ".join(f'{key}="{value}"' for key, value in numbers.items())
+    return f"<home {written}/>"
 
 
 def home_attributes(
@@ -166,53 +168,72 @@ def home_attributes(
 
 def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
     """Configuration whose loops are nearly closed with the platform at, or near, the pose of ``<home>``."""
-    passive = np.arange(robot.model.nv)[robot.passive]
-    turned = np.ones(passive.size, dtype=bool)
+    free = np.arange(robot.model.nv)[robot.passive]
+    turned = np.ones(free.size, dtype=bool)
     platform = robot.model.joints[robot.home_joint]
-    wanted = robot.home_pose * robot.home_placement.inverse()  # of the joint that carries the TCP
-    floats = platform.nv == 6
-    if floats:
-        pin.forwardKinematics(robot.model, robot.data, start)
-        parent = robot.data.oMi[robot.model.parents[robot.home_joint]] * robot.model.jointPlacements[robot.home_joint]
-        start = start.copy()
-        start[platform.idx_q : platform.idx_q + 7] = pin.SE3ToXYZQUAT(parent.inverse() * wanted)
-        turned &= ~np.isin(passive, np.arange(platform.idx_v, platform.idx_v + 6))
-    count = int(turned.sum())
-
-    def at(x: Floats) -> Floats:
-        moved = np.zeros(passive.size)
-        moved[turned] = x
-        return _moved(robot, start, moved)
+    wanted: Any = None
+    if platform.nv == 6:
+        start = _with_platform_at_home(robot, start)
+        turned &= ~np.isin(free, np.arange(platform.idx_v, platform.idx_v + 6))
+    elif free.size:
+        wanted = _home_of_platform(robot)
+    count = np.count_nonzero(turned)
 
     def off(x: Floats) -> Floats:
-        gap = _gaps(robot, at(x))
-        if floats or not passive.size:
-            return gap
-        here = robot.data.oMi[robot.home_joint]
-        return np.concatenate([gap, here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
+        gap = _gaps(robot, _turned(robot, start, turned, x))
+        return gap if wanted is None else np.concatenate([gap, _from(wanted, robot)])
 
     def largest(x: Floats) -> float:
         return float(np.abs(off(x)).max(initial=0.0))
 
+    rng = np.random.default_rng(0)
     best, smallest = np.zeros(count), np.inf
-    for x in _starts(count):
+    for attempt in range(ATTEMPTS):
+        x = np.zeros(count) if attempt == 0 else rng.uniform(-np.pi, np.pi, count)
         if largest(x) > NEAR:
             x = np.asarray(least_squares(off, x, max_nfev=100).x)
         if largest(x) < smallest:
             best, smallest = x, largest(x)
         if smallest <= NEAR:
             break
-    return at(best)
+    return _turned(robot, start, turned, best)
 
 
-def _moved(robot: ConstrainedModel, configuration: Floats, x: Floats) -> Floats:
-    """Configuration with the passive coordinates moved by x (p,)."""
-    return np.asarray(pin.integrate(robot.model, configuration, robot.velocity(None, x)))
+def _home_of_platform(robot: ConstrainedModel) -> Any:
+    """Placement in the base frame, at home, of the joint that carries the TCP."""
+    home = robot.description.home
+    assert home is not None
+    return pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
+
+
+def _from(wanted: Any, robot: ConstrainedModel) -> Floats:
+    """(6,) shift, m, and rotation vector, rad, from the wanted pose of the platform to the one in Pinocchio's data."""
+    here = robot.data.oMi[robot.home_joint]
+    return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
+
+
+def _with_platform_at_home(robot: ConstrainedModel, configuration: Floats) -> Floats:
+    wanted = _home_of_platform(robot)
+    pin.forwardKinematics(robot.model, robot.data, configuration)
+    joint = robot.home_joint
+    parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]
+    index = robot.model.idx_qs[joint]
+    changed = configuration.copy()
+    changed[index : index + 7] = pin.SE3ToXYZQUAT(parent.inverse() * wanted)
+    return changed
+
+
+def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[np.bool_], x: Floats) -> Floats:
+    """Configuration with some of the passive coordinates, a mask (p,), moved by x."""
+    passive = np.zeros(robot.n_passive)
+    passive[which] = x
+    turned: Floats = pin.integrate(robot.model, configuration, robot.velocity(None, passive))
+    return turned
 
 
 def _gaps(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return robot.constraint_error()
+    return constraint_error(robot)
 
 
 def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:

@@ -66,8 +66,14 @@ class Chain(ConstrainedModel):
     @property
     def home_coordinates(self) -> dict[str, float]:
         """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
-        names, at_home = list(self.model.names), self.assembly.configuration
-        return {name: self.coordinate(joint, at_home) for joint, name in enumerate(names) if self.model.nvs[joint] == 1}
+        model, configuration = self.model, self.assembly.configuration
+        found = {}
+        for joint in range(1, model.njoints):
+            if model.nvs[joint] == 1:
+                at = int(model.idx_qs[joint])
+                both = configuration[at : at + int(model.nqs[joint])]
+                found[str(model.names[joint])] = float(both[0] if len(both) == 1 else np.arctan2(both[1], both[0]))
+        return found
 
     @property
     def rod_sites(self) -> tuple[str, ...]:
@@ -149,15 +155,19 @@ class Chain(ConstrainedModel):
             other.tcp_placement = self.tcp_placement * pin.exp6(platform)
         for joint_id in range(1, self.model.njoints):
             other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
+        if anchors is not None:
+            placed = zip(self.anchors, self.anchor_axes, anchors, strict=True)
+            other.place_anchors([(joint, pin.SE3(M.rotation, M.translation + R @ d)) for (joint, M), R, d in placed])
         other.data = other.model.createData()
-        moved = np.zeros((len(self.anchors), 3)) if anchors is None else anchors
-        placed = zip(self.anchors, self.anchor_axes, moved, strict=True)
-        other.place_anchors([(joint, pin.SE3(M.rotation, M.translation + R @ d)) for (joint, M), R, d in placed])
+        other.prepare_constraints()
         return other
 
     def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[list[Any], tuple[str, ...]]]:
-        state = self._placed(), tuple(joint.name for joint in self.measured_joints)
-        return type(self), (self.description, self.tcp_frame), state
+        return (
+            type(self),
+            (self.description, self.tcp_frame),
+            (self._placed(), tuple(j.name for j in self.measured_joints)),
+        )
 
     def __setstate__(self, state: tuple[list[Any], tuple[str, ...]]) -> None:
         # Displaced placements and measured joints are not in the URDF.

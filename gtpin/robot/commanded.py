@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, tostring
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription, parse_xml
-from gtpin.robot.tree import Tree, listed, own_element
+from gtpin.robot.tree import Tree
 
 
 def with_actuators(description: RobotDescription, names: Sequence[str]) -> RobotDescription:
@@ -27,12 +27,15 @@ def with_actuators(description: RobotDescription, names: Sequence[str]) -> Robot
         if name in follows:
             raise _error(f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place")
         if name not in description.tree.moving:
-            known = listed(description.tree.moving, 12) or "none"
-            raise _error(f"{description.name} has no moving joint {name!r}", f"moving joints are {known}")
+            known = ", ".join(description.tree.moving[:12]) + (" ..." if len(description.tree.moving) > 12 else "")
+            raise _error(f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}")
         if name in names[:number]:
             raise _error(f"{name} comes twice", "name each joint once")
     root = parse_xml(description.xml, description.source)
-    own = own_element(root)
+    own = root.find("gtpin")
+    if own is None:
+        own = Element("gtpin")
+        root.append(own)
     before = {element.get("joint"): element for element in own.findall("actuator")}
     for element in before.values():
         own.remove(element)

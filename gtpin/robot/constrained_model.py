@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,8 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.planar_loops import in_planes, normals
-from gtpin.robot.resting import followers, moving_model, neutral, put
-from gtpin.robot.tree import listed
+from gtpin.robot.planar_loops import in_planes, normal_of, postures
+from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
 
 FARTHEST = 1e5
@@ -104,7 +104,7 @@ class ConstrainedModel:
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
         self.description = description
         self.name = description.name
-        self.tolerance = description.tolerance
+        self.tolerance: Mapping[str, float] = MappingProxyType(dict(description.tolerance))
         elements = self._actuator_elements()
         self.model: Any = moving_model(description, [element.joint for element in elements])
         self.model.gravity.linear = np.array(description.gravity)
@@ -130,32 +130,22 @@ class ConstrainedModel:
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         if tcp is None and description.tcp_guessed:
             others = [link for link in description.tree.ends if link != self.tcp_frame]
-            taken = f"{self.tcp_frame} is taken, and there are also {listed(others, 6)}"
-            warn(f"{self.name} names no TCP: {taken}; name it (tcp, --tcp)")
-        self.tcp_joint, self.tcp_placement = self.link_placement(self.tcp_frame)
+            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
+            warn(
+                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
+            )
+        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
-        self.home_joint, self.home_placement = self.link_placement(named)
-        self._in_planes: Floats | None = None
-        placed = []
-        for anchor in self._anchor_elements:
-            joint, placement = self.link_placement(anchor.link)
-            local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
-            placed.append((joint, placement * local))
-        self.place_anchors(placed)
+        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
+        self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
-        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
-            where = np.abs(placement.translation).max()
-            if not where < FARTHEST:  # rounding errors would spoil a calibration
-                raise description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
-        if description.home and len(description.home.q) != self.n_actuators:
-            what = f"home has {len(description.home.q)} commands for {self.n_actuators} actuators"
-            raise description.error(what, "mend <home q>")
+        self._check_size()
+        self._check_home()
         self.planes = self._planes()
-        if any(normal is not None for normal in self.planes):
-            self._in_planes = in_planes(self.planes)
+        self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
 
     def place_anchors(self, anchors: Sequence[tuple[int, Any]]) -> None:
         """Set where the loops' anchors are: the joint that carries each, and its placement (``pinocchio.SE3``) on this joint.
@@ -165,36 +155,7 @@ class ConstrainedModel:
         self.anchors = tuple(anchors)
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self._constraint_data = [constraint.createData() for constraint in self.constraints]
-
-    def constraint_error(self) -> Floats:
-        """(m,) components of the vectors between the anchors of each loop, m, in the first anchor's frame.
-
-        They are at the configuration for which ``data`` was computed last; of planar loops in their plane only: see
-        :meth:`closing`.
-        """
-        gaps = [np.zeros(0)]
-        for constraint, data in zip(self.constraints, self._constraint_data, strict=True):
-            constraint.calc(self.model, self.data, data)
-            gaps.append(data.constraint_position_error)
-        return self.closing(np.concatenate(gaps))
-
-    def constraint_jacobian(self) -> Floats:
-        """(m, nv) derivative of :meth:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
-        rows = [np.zeros((0, self.model.nv))]
-        for constraint, data in zip(self.constraints, self._constraint_data, strict=True):
-            constraint.calc(self.model, self.data, data)
-            rows.append(np.reshape(constraint.jacobian(self.model, self.data, data), (3, self.model.nv)))
-        return self.closing(self.folded(np.concatenate(rows)))
-
-    def tcp_jacobian(self) -> Floats:
-        """(6, nv) derivative of the TCP: position (m) and rotation vector (rad), base frame; joints that follow move along.
-
-        The joint Jacobians in ``data`` must have been computed.
-        """
-        placed = self.tcp_joint, self.tcp_placement, pin.LOCAL_WORLD_ALIGNED
-        found = np.array(pin.getFrameJacobian(self.model, self.data, *placed))
-        return self.folded(found.reshape(6, self.model.nv))
+        self.prepare_constraints()
 
     def anchor_point(self, index: int) -> Floats:
         """(3,) position of an anchor, base frame, m, at the posture that ``data`` hold."""
@@ -203,13 +164,23 @@ class ConstrainedModel:
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
-        return [anchor for loop in self.description.loops for anchor in loop.anchors]
+        return [anchor for loop in self.description.loops for anchor in (loop.anchor1, loop.anchor2)]
 
     @cached_property
     def anchor_axes(self) -> Floats:
         """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
-        links = (anchor.link for anchor in self._anchor_elements)
-        return np.array([self.link_placement(link)[1].rotation for link in links]).reshape(-1, 3, 3)
+        frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
+        return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
+
+    def prepare_constraints(self) -> None:
+        """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
+        self.constraint_pairs = tuple((constraint, constraint.createData()) for constraint in self.constraints)
+        models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+        for constraint in self.constraints:
+            models.append(pin.ConstraintModel(constraint))
+            data.append(models[-1].createData())
+        self.constraint_vectors = (models, data)
+        self.constraint_elements = tuple(zip(models, data, strict=True))
 
     @property
     def n_actuators(self) -> int:
@@ -225,22 +196,6 @@ class ConstrainedModel:
     def links(self) -> tuple[str, ...]:
         """Names of its links."""
         return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
-
-    def link_placement(self, link: str) -> tuple[int, Any]:
-        """The Pinocchio joint that carries a link, and the link's placement (``pinocchio.SE3``) on it.
-
-        Raises `RobotError` if there is no such link.
-        """
-        if not self.model.existFrame(link, pin.FrameType.BODY):
-            raise self.description.error(f"no link is called {link}", "mend the loop, platform or TCP")
-        frame = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
-        return int(frame.parentJoint), frame.placement.copy()
-
-    @property
-    def home_pose(self) -> Any:
-        """Pose (``pinocchio.SE3``) of the TCP in the base frame that the URDF's ``<home>`` gives; None where it has none."""
-        home = self.description.home
-        return home and pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz))
 
     @property
     def lower(self) -> Floats:
@@ -285,11 +240,6 @@ class ConstrainedModel:
             follower.put(changed, q[i])
         return changed
 
-    def coordinate(self, joint_id: int, configuration: Floats) -> float:
-        """Coordinate, rad or m, of a joint of one coordinate in a configuration (nq,); of a continuous one from -pi to pi."""
-        at = configuration[self.model.idx_qs[joint_id] :]
-        return float(np.arctan2(at[1], at[0]) if self.model.nqs[joint_id] == 2 else at[0])
-
     def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
         """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
         velocity = np.zeros(self.model.nv)
@@ -302,12 +252,7 @@ class ConstrainedModel:
 
     def folded(self, derivative: Floats) -> Floats:
         """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
-        if not self.followers:
-            return derivative
-        total = derivative.copy()
-        for follower in self.followers:
-            total[..., follower.master_v] += follower.multiplier * derivative[..., follower.index_v]
-        return total
+        return folded(derivative, self.followers)
 
     def closing(self, gaps: Floats) -> Floats:
         """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
@@ -354,8 +299,7 @@ class ConstrainedModel:
     def _actuator(self, element: ActuatorElement) -> Actuator:
         model = self.model
         if not model.existJointName(element.joint):
-            hint = f"moving joints are {listed(self.description.tree.moving, 12)}"
-            raise self.description.error(f"no moving joint is called {element.joint}", hint)
+            raise self.description.error(f"no moving joint is called {element.joint}", self._known())
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
             raise self.description.error(
@@ -385,16 +329,47 @@ class ConstrainedModel:
             element.scale_unknown,
         )
 
+    def _known(self) -> str:
+        names = self.description.tree.moving
+        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
+
+    def _placement(self, anchor: Anchor) -> tuple[int, Any]:
+        if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
+            raise self.description.error(f"no link is called {anchor.link}", "mend the loop, platform or TCP")
+        frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
+        local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
+        return int(frame.parentJoint), frame.placement * local
+
     def _planes(self) -> tuple[Floats | None, ...]:
-        named, loops = self.description.planes, self.description.loops
-        if named or self.description.rods or not loops:
-            return tuple(named.get(loop.name) for loop in loops)
-
-        def motions(configuration: Floats) -> Floats:
+        named = self.description.planes
+        if named:
+            return tuple(named.get(loop.name) for loop in self.description.loops)
+        if self.description.rods or not self.constraints:
+            return (None,) * len(self.constraints)
+        found = []
+        for configuration in postures(self.model, self.neutral):
             pin.computeJointJacobians(self.model, self.data, configuration)
-            return self.constraint_jacobian()[:, self.passive]
+            for constraint, data in self.constraint_elements:
+                constraint.calc(self.model, self.data, data)
+            jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+            found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
+        pin.computeJointJacobians(self.model, self.data, self.neutral)
+        motions = np.hstack(found) if found else np.zeros((0, 0))
+        return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
 
-        return normals(self.model, self.neutral, motions)
+    def _check_size(self) -> None:
+        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
+        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
+            where = np.abs(placement.translation).max()
+            if not where < FARTHEST:
+                raise self.description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
+
+    def _check_home(self) -> None:
+        home = self.description.home
+        if home and len(home.q) != self.n_actuators:
+            raise self.description.error(
+                f"home has {len(home.q)} commands for {self.n_actuators} actuators", "mend <home q>"
+            )
 
 
 def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:

@@ -1,4 +1,4 @@
-"""Passive motions that the closure equations of a robot's loops do not determine.
+"""The closure equations of a robot's loops, their derivative, and the passive motions that they do not determine.
 
 Undetermined are the motion of one joint too many, and the spin of a link that moves nothing.
 """
@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.robot.constrained_model import ConstrainedModel
-from gtpin.robot.tree import listed
 from gtpin.typing import Floats
 
 Closing = Callable[[Floats], tuple[Floats, float]]
@@ -27,6 +26,32 @@ NEGLIGIBLE = 0.05
 """Smallest weight of a joint that is named."""
 NAMED = 8
 """Largest number of joints that are named."""
+
+
+def constraint_error(robot: ConstrainedModel) -> Floats:
+    """(m,) components of the vectors between the anchors of each loop, m, in the first anchor's frame.
+
+    They are at the configuration for which ``robot.data`` was computed last.
+
+    For planar loops only the components in their plane: see :meth:`~gtpin.robot.constrained_model.ConstrainedModel.closing`.
+    """
+    if not robot.constraints:
+        return np.zeros(0)
+    gaps = []
+    for constraint, data in robot.constraint_pairs:
+        constraint.calc(robot.model, robot.data, data)
+        gaps.append(data.constraint_position_error)
+    return robot.closing(np.concatenate(gaps))
+
+
+def constraint_jacobian(robot: ConstrainedModel) -> Floats:
+    """(m, nv) derivative of :func:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
+    if not robot.constraints:
+        return np.zeros((0, robot.model.nv))
+    for constraint, data in robot.constraint_elements:
+        constraint.calc(robot.model, robot.data, data)
+    jacobian = np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
+    return robot.closing(robot.folded(jacobian.reshape(-1, robot.model.nv)))
 
 
 def is_determined(robot: ConstrainedModel, configuration: Floats) -> bool:
@@ -53,12 +78,12 @@ def undetermined(robot: ConstrainedModel, home: Floats, close: Closing, notes: l
     if gap > 1e-9 * robot.size or near.shape[1] < free.shape[1]:
         return np.zeros((robot.n_passive, 0))  # a singularity at home: paths from there say so
     pin.computeJointJacobians(robot.model, robot.data, home)
-    tcp = robot.tcp_jacobian()[:, robot.passive] @ free
-    count = free.shape[1]
-    what = f"{count} passive motion{'' if count == 1 else 's'} of {robot.name}"
+    frame = pin.getFrameJacobian(robot.model, robot.data, robot.tcp_joint, robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED)
+    tcp = robot.folded(np.reshape(np.array(frame), (6, robot.model.nv)))[:, robot.passive] @ free
+    what = f"{_counted(free.shape[1])} of {robot.name}"
     named = _named(robot, free)
     if np.abs(tcp).max() > ZERO * robot.size:
-        equations = len(robot.constraint_jacobian())
+        equations = len(constraint_jacobian(robot))
         raise robot.description.error(
             f"{what} can't be determined, and the TCP moves with it: of {named} with the loops closed ({robot.n_passive} "
             f"passive coordinates, {equations} closure equations)",
@@ -72,13 +97,17 @@ def undetermined(robot: ConstrainedModel, home: Floats, close: Closing, notes: l
 
 def _slopes(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return robot.constraint_jacobian()[:, robot.passive]
+    return constraint_jacobian(robot)[:, robot.passive]
 
 
 def _null_space(matrix: Floats, zero: float = ZERO) -> Floats:
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(sizes > zero * sizes.max(initial=0.0)))
     return np.asarray(rows[rank:].T)
+
+
+def _counted(count: int) -> str:
+    return "1 passive motion" if count == 1 else f"{count} passive motions"
 
 
 def _named(robot: ConstrainedModel, free: Floats) -> str:
@@ -91,4 +120,5 @@ def _named(robot: ConstrainedModel, free: Floats) -> str:
         name = str(robot.model.names[by_velocity[first]])
         joints[name] = max(joints.get(name, 0.0), float(weight))
     named = sorted((name for name in joints if joints[name] >= NEGLIGIBLE), key=lambda name: -joints[name])
-    return listed([f"{name} ({joints[name]:.2f})" for name in named], NAMED)
+    more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
+    return ", ".join(f"{name} ({joints[name]:.2f})" for name in named[:NAMED]) + more

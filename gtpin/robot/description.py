@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -48,7 +48,8 @@ class Loop:
     """A spherical joint that closes a loop: two anchors that coincide."""
 
     name: str
-    anchors: tuple[Anchor, Anchor]
+    anchor1: Anchor
+    anchor2: Anchor
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,11 @@ class RobotDescription:
         if len(elements) > 1:
             raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
         own = elements[0] if elements else Element("gtpin")
-        platform, gravity, tolerance = (own.find(tag) for tag in ("platform", "gravity", "tolerance"))
+        platform = own.find("platform")
+        home = own.find("home")
+        gravity = own.find("gravity")
+        tolerance = own.find("tolerance")
+        compliance = own.find("compliance")
         tree = Tree.of(root, source)
         several = len(tree.ends) > 1 and tree.tip != TOOL
         return RobotDescription(
@@ -169,11 +174,21 @@ class RobotDescription:
             actuators=tuple(reader.actuator(e) for e in own.findall("actuator")),
             platform=None if platform is None else reader.text(platform, "link"),
             tcp=None if platform is None else platform.get("tcp"),
-            rods=tuple(reader.rod(element) for element in own.findall("rod")),
-            home=reader.home(own.find("home")),
+            rods=tuple(
+                RodElement(reader.text(e, "link"), reader.text(e, "loop"), e.get("site", reader.text(e, "link")))
+                for e in own.findall("rod")
+            ),
+            home=None
+            if home is None
+            else Home(
+                reader.numbers(home, "q", None),
+                reader.numbers(home, "tcp_xyz", 3),
+                reader.numbers(home, "tcp_rotvec", 3),
+                home.get("link"),
+            ),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
-            link_compliance=reader.compliance(own.find("compliance")),
+            link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
             planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
             tree=tree,
             tcp_guessed=several if platform is None else platform.get("guessed") == "true",
@@ -251,31 +266,23 @@ class _AttributeReader:
                 'write type="spherical", the only type that is read; a loop whose joints turn about parallel axes is '
                 "recognised as planar, and closed in its plane only",
             )
-        return Loop(name, (self.anchor(element, "link1"), self.anchor(element, "link2")))
+        return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
 
     def planes(self, own: Element, loops: set[str]) -> dict[str, NDArray[np.float64]]:
         found = {}
         for element in own.findall("plane"):
             name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
             if name not in loops or not normal.any():
-                what = "of no loop " + name if name not in loops else f"of {name} has a normal of no length"
-                raise self.error(f"<plane> {what}", "name a <loop_joint> and the normal of its plane")
+                what = (
+                    f"<plane> of no loop {name}"
+                    if name not in loops
+                    else f"<plane> of {name} has a normal of no length"
+                )
+                raise self.error(what, "name a <loop_joint> and the normal of its plane")
             found[name] = normal / np.linalg.norm(normal)
         return found
 
-    def rod(self, element: Element) -> RodElement:
-        link = self.text(element, "link")
-        return RodElement(link, self.text(element, "loop"), element.get("site", link))
-
-    def home(self, element: Element | None) -> Home | None:
-        if element is None:
-            return None
-        xyz, rotvec = (self.numbers(element, key, 3) for key in ("tcp_xyz", "tcp_rotvec"))
-        return Home(self.numbers(element, "q", None), xyz, rotvec, element.get("link"))
-
-    def compliance(self, element: Element | None) -> float:
-        if element is None:
-            return LINK_COMPLIANCE
+    def compliance(self, element: Element) -> float:
         self.text(element, "link")
         return self.positive(element)["link"]
 
@@ -290,23 +297,29 @@ class _AttributeReader:
 XACRO = "this is a xacro file"
 EXPAND = "expand it first (xacro FILE > robot.urdf)"
 UNEXPANDED = re.compile(r"\$\{|\$\((arg|cwd|dirname|env|eval|find|optenv) ")
+FULL_TURN = 2.0 * math.pi
 
 
 def refuse_xacro(root: Element, source: str) -> None:
     """Refuse a file that xacro has still to expand: with its elements or attributes, or ``${...}`` in a link or joint.
 
     A file that only declares the namespace of xacro is what xacro writes.
+
+    Raises `RobotError` if it is one.
     """
     for element in root.iter():
         if any("xacro}" in str(name) for name in (element.tag, *element.attrib)):
             raise RobotError(XACRO, file=source, hint=EXPAND)
-    parts = (element for part in root if part.tag in ("link", "joint") for element in part.iter())
-    if any(UNEXPANDED.search(value) for element in (root, *parts) for value in element.attrib.values()):
-        raise RobotError(XACRO, file=source, hint=EXPAND)
+    for element in _parts(root):
+        if any(UNEXPANDED.search(value) for value in element.attrib.values()):
+            raise RobotError(XACRO, file=source, hint=EXPAND)
 
 
 def refuse_masses(root: Element, source: str) -> None:
-    """Refuse links with a mass that is negative or not finite. What is no number, Pinocchio reports."""
+    """Refuse links with a mass that is negative or not finite.
+
+    Raises `RobotError` if there is one, with its name. What is no number, Pinocchio reports.
+    """
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
         try:
@@ -322,11 +335,19 @@ def warn_of_degrees(root: Element, source: str) -> None:
     """Warn of each ``rpy`` with an angle of more than a full turn: URDF has radians."""
     for part in root:
         for element in part.iter():
-            rpy = element.get("rpy", "")
             try:
-                large = any(abs(float(word)) > 2.0 * math.pi for word in rpy.split())
+                angles = [float(word) for word in element.get("rpy", "").split()]
             except ValueError:
                 continue
-            if large:
-                where = f"{source}: {part.tag} {part.get('name', '')}".rstrip()
-                warn(f'{where}: rpy="{rpy}" is more than a full turn: angles in a URDF are in rad')
+            if any(abs(angle) > FULL_TURN for angle in angles):
+                where = f"{part.tag} {part.get('name', '')}".strip()
+                warn(
+                    f'{source}: {where}: rpy="{element.get("rpy")}" is more than a full turn: angles in a URDF are in rad'
+                )
+
+
+def _parts(root: Element) -> Iterator[Element]:
+    yield root
+    for part in root:
+        if part.tag in ("link", "joint"):
+            yield from part.iter()

@@ -7,12 +7,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import RobotError
 from gtpin.robot.assembly import home_attributes
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.mjcf_values import exact_text
-from gtpin.robot.tree import own_element
 from gtpin.typing import Floats
 
 
@@ -37,24 +37,21 @@ def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, ho
         if carried:
             frame = robot.data.oMi[actuator.joint_id].rotation
             mean = v[carried].mean(axis=0)
-            # Where a URDF has no axis, it is (1, 0, 0).
-            _part(joints[actuator.joint], "axis").set("xyz", exact_text(frame.T @ (mean / np.linalg.norm(mean))))
+            _axis(joints[actuator.joint]).set("xyz", exact_text(frame.T @ (mean / np.linalg.norm(mean))))
     for i, rod in enumerate(robot.rods):
         loop = robot.description.loops[rod.loop]
-        own, other = loop.anchors[rod.rod_end], loop.anchors[1 - rod.rod_end]
-        placement = _link_placement(robot, own.link)
-        along = placement.act(np.array(own.xyz)) - robot.data.oMi[rod.joint_id].translation
-        stretched = np.array(own.xyz) + (L0[i] - rod.L) * (placement.rotation.T @ (along / np.linalg.norm(along)))
-        at_carrier = _link_placement(robot, other.link).actInv(C0[i])
-        ends = [_part(loops[loop.name], tag) for tag in ("link1", "link2")]
-        ends[rod.rod_end].set("xyz", exact_text(stretched))
-        ends[1 - rod.rod_end].set("xyz", exact_text(at_carrier))
-        joint = joints[robot.model.names[rod.joint_id]]  # on the platform; its axes keep their directions
-        moved = pin.SE3(robot.model.jointPlacements[rod.joint_id].rotation, robot.tcp_placement.act(P[i]))
-        _set_origin(joint, _parent_placement(robot, joint).inverse() * moved)
+        own, other = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
+        element = loops[loop.name]
+        own_element = _child(element, "link1" if rod.rod_end == 0 else "link2")
+        other_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
+        stretched = np.array(own.xyz) + (L0[i] - rod.L) * _own_direction(robot, own.link, own.xyz, rod.joint_id)
+        own_element.set("xyz", exact_text(stretched))
+        other_element.set("xyz", exact_text(_link_placement(robot, other.link).actInv(C0[i])))
+        _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
     _rehome(robot, root, joints, home)
     _name_what_was_found(robot, root)
-    return _text(root)
+    indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
 def placements_to_urdf(geometry: Geometry) -> str:
@@ -77,24 +74,20 @@ def placements_to_urdf(geometry: Geometry) -> str:
     for index, moved_by in enumerate(geometry.anchors):
         loop = robot.description.loops[index // 2]
         if moved_by.any():
-            anchor = loop.anchors[index % 2]
-            element = _part(loops[loop.name], f"link{index % 2 + 1}")
+            anchor = (loop.anchor1, loop.anchor2)[index % 2]
+            element = _child(loops[loop.name], f"link{index % 2 + 1}")
             element.set("xyz", exact_text(np.array(anchor.xyz) + moved_by))
     _name_what_was_found(robot, root)
     platform = geometry.platform
     if platform.any():
         _move_tcp(robot, root, pin.exp6(platform))
-    return _text(root)
-
-
-def _text(root: Element) -> str:
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
 def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
     for joint in root.findall("joint"):
-        if joint.get("type") == "fixed" and _part(joint, "child").get("link") == robot.tcp_frame:
+        if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
             _set_origin(joint, _parent_placement(robot, joint).inverse() * robot.tcp_placement * moved)
             return
     name = f"{robot.tcp_frame}_tcp"
@@ -103,7 +96,10 @@ def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
     SubElement(joint, "parent", {"link": robot.tcp_frame})
     SubElement(joint, "child", {"link": name})
     _set_origin(joint, moved)
-    platform = _part(own_element(root), "platform")
+    own = root.find("gtpin")
+    own = SubElement(root, "gtpin") if own is None else own
+    platform = own.find("platform")
+    platform = SubElement(own, "platform") if platform is None else platform
     platform.set("link", name)
     platform.attrib.pop("tcp", None)
 
@@ -117,7 +113,10 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
     chosen = bool(robot.constraints) and robot.assembly.chosen
     if tcp is None and not planes and not chosen:
         return
-    own = own_element(root)
+    own = root.find("gtpin")
+    if own is None:
+        own = Element("gtpin")
+        root.append(own)
     if tcp is not None:
         for home in own.findall("home"):
             home.set("link", home.get("link") or named_tcp)
@@ -135,28 +134,45 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
             own.append(Element("plane", loop=name, normal=exact_text(normal)))
 
 
+def _own_direction(robot: Chain, link: str, xyz: tuple[float, ...], root: int) -> Floats:
+    """Unit vector along a rod, from its joint on the platform to its own end, in its link's frame."""
+    placement = _link_placement(robot, link)
+    along = placement.act(np.array(xyz)) - robot.data.oMi[root].translation
+    return np.asarray(placement.rotation.T @ (along / np.linalg.norm(along)))
+
+
 def _link_placement(robot: Chain, link: str) -> pin.SE3:
-    joint, placement = robot.link_placement(link)
-    return robot.data.oMi[joint] * placement
+    frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
+    return robot.data.oMi[frame.parentJoint] * frame.placement
 
 
 def _parent_placement(robot: Chain, joint: Element) -> pin.SE3:
     """Placement of a joint's parent link on the Pinocchio joint that carries it."""
-    return robot.link_placement(_part(joint, "parent").get("link", ""))[1]
+    link = _child(joint, "parent").get("link", "")
+    return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
+
+
+def _hang(robot: Chain, joint: Element, joint_id: int, P: Floats) -> None:
+    """Move a rod's joint on the platform to P (TCP frame, m); its axes keep their directions."""
+    parent = _parent_placement(robot, joint)
+    placement = robot.model.jointPlacements[joint_id]
+    moved = pin.SE3(placement.rotation, robot.tcp_placement.act(P))
+    _set_origin(joint, parent.inverse() * moved)
 
 
 def _rehome(robot: Chain, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
     """Write the new home pose. A floating platform whose zero was at the home pose is moved to the new one."""
-    element = root.find("gtpin/home")
-    if element is None:
+    own = root.find("gtpin")
+    element = None if own is None else own.find("home")
+    if element is None or robot.description.home is None:
         return
     platform_pose = pin.SE3(home[1], home[0]) * robot.tcp_placement.inverse()
     pose = platform_pose * robot.home_placement
     element.set("tcp_xyz", exact_text(pose.translation))
     element.set("tcp_rotvec", exact_text(pin.log3(pose.rotation)))
     platform = robot.model.names[robot.tcp_joint]
+    was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
     now = robot.data.oMi[robot.tcp_joint] * robot.home_placement
-    was = robot.home_pose
     if platform in joints and joints[platform].get("type") == "floating" and was.isApprox(now, 1e-6):
         _set_origin(joints[platform], platform_pose)
 
@@ -170,7 +186,16 @@ def _set_origin(joint: Element, placement: pin.SE3) -> None:
     origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placement.rotation)))
 
 
-def _part(element: Element, tag: str) -> Element:
-    """The element of a tag in another; where there is none, one is added."""
-    part = element.find(tag)
-    return SubElement(element, tag) if part is None else part
+def _axis(joint: Element) -> Element:
+    axis = joint.find("axis")
+    if axis is None:  # URDF's default, which is not written
+        axis = Element("axis")
+        joint.append(axis)
+    return axis
+
+
+def _child(element: Element, tag: str) -> Element:
+    child = element.find(tag)
+    if child is None:
+        raise RobotError(f"<{element.tag} {element.get('name', '')}> lacks <{tag}>", hint="complete the URDF")
+    return child

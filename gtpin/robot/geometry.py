@@ -232,7 +232,11 @@ class Geometry:
 
         These parameters exist where the place of the target is unknown (``target = "free"``); without them it is zero.
         """
-        return np.asarray(self.deviations("platform", "joint", (1, 6))[0])
+        twist = np.zeros(6)
+        for parameter, value in zip(self.parameters, self.values, strict=True):
+            if parameter.kind == "platform":
+                twist[parameter.component] = value
+        return twist
 
     @property
     def anchors(self) -> Floats:

@@ -9,29 +9,42 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
-from gtpin.robot.tree import listed
+from gtpin.typing import Floats
+
+SHOWN = 12
+"""Largest number of joints that a hint lists."""
 
 
 @dataclass(frozen=True)
 class MeasuredJoint:
     """A passive joint of one coordinate that is measured.
 
-    - ``name``, ``joint_id``: its name in the URDF, and its index among Pinocchio's joints.
+    - ``name``: its name in the URDF.
+    - ``joint_id``, ``index_q``: its index among Pinocchio's joints, and its first index in a configuration.
     - ``passive``: its index among the passive coordinates.
     - ``turns``: whether its coordinate is an angle, rad, instead of a distance, m.
+    - ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
     """
 
     name: str
     joint_id: int
+    index_q: int
     passive: int
     turns: bool
+    continuous: bool
+
+    def coordinate(self, configuration: Floats) -> float:
+        """Its coordinate, rad or m, in a Pinocchio configuration (nq,)."""
+        here = configuration[self.index_q]
+        return float(np.arctan2(configuration[self.index_q + 1], here)) if self.continuous else float(here)
 
 
 def readable(robot: ConstrainedModel) -> tuple[str, ...]:
     """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
-    model, passive = robot.model, _passive(robot)
+    passive = set(_passive(robot))
+    model = robot.model
     return tuple(
-        name for name, nv, at in zip(model.names, model.nvs, model.idx_vs, strict=True) if nv == 1 and at in passive
+        model.names[j] for j in range(1, model.njoints) if model.nvs[j] == 1 and int(model.idx_vs[j]) in passive
     )
 
 
@@ -41,14 +54,17 @@ def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
     coordinates.
     """
-    known = readable(robot)
-    if name not in known:
-        what = f"joints that can be read: {listed(known, 12)}"
-        hint = what if known else "no joint of this robot is moved by its loops alone"
-        raise RobotError(_why_not(robot, name), column="joint", hint=hint)
-    joint_id = int(robot.model.getJointId(name))
-    passive = _passive(robot).index(robot.model.idx_vs[joint_id])
-    return MeasuredJoint(name, joint_id, passive, bool(joint_axis(robot.model, joint_id)[3:].any()))
+    model, known = robot.model, readable(robot)
+    if name in known:
+        joint_id = int(model.getJointId(name))
+        turns = bool(joint_axis(model, joint_id)[3:].any())
+        passive = _passive(robot).index(int(model.idx_vs[joint_id]))
+        return MeasuredJoint(
+            name, joint_id, int(model.idx_qs[joint_id]), passive, turns, bool(model.nqs[joint_id] == 2)
+        )
+    listed = f"{', '.join(known[:SHOWN])}{' ...' if len(known) > SHOWN else ''}"
+    hint = f"joints that can be read: {listed}" if known else "no joint of this robot is moved by its loops alone"
+    raise RobotError(_why_not(robot, name), column="joint", hint=hint)
 
 
 def _why_not(robot: ConstrainedModel, name: str) -> str:

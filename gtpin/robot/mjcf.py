@@ -16,7 +16,7 @@ import pinocchio as pin
 from gtpin.errors import RobotError, warn
 from gtpin.robot.mjcf_masses import SHOWN, Masses
 from gtpin.robot.mjcf_values import MAIN, Part, Values, exact_text, without_objects
-from gtpin.robot.tree import TOOL, Tree, listed
+from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
 WORLD = "world"
@@ -138,8 +138,8 @@ class _UrdfWriter:
         self.masses.warn()
         lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
         if lifted:
-            what = "gravcomp is not read, gravity acts on the whole mass"
-            warn(f"{self.values.source}: {what}: bodies {listed(lifted, SHOWN)}")
+            names = ", ".join(lifted[:SHOWN]) + (f" and {len(lifted) - SHOWN} more" if len(lifted) > SHOWN else "")
+            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
         for name in sorted(self.named & self.bodies.keys() - {WORLD}):
             warn(
                 f"{self.values.source}: a site and a body are called {name}: the link {name} is the site, and the link of the "

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from gtpin.errors import warn
 from gtpin.robot.mjcf_values import MAIN, Part, Values
-from gtpin.robot.tree import listed
 from gtpin.typing import Floats
 
 DENSITY = 1000.0
@@ -71,7 +70,9 @@ class Masses:
     def warn(self) -> None:
         """Warn of what is not read, with the names of the bodies."""
         for what, names in self.unread.items():
-            warn(f"{self.values.source}: {what}: bodies {listed(list(dict.fromkeys(names)), SHOWN)}")
+            names = list(dict.fromkeys(names))
+            more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+            warn(f"{self.values.source}: {what}: bodies {', '.join(names[:SHOWN])}{more}")
 
     def _found(self, name: str, parts: Sequence[Part]) -> Any:
         """The inertia that ``<inertial>`` gives, or the sum of the geoms'."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
 from gtpin.errors import ModelError
 from gtpin.robot.chain import Chain
+from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform", "anchor"]
@@ -90,6 +91,12 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     return found
 
 
+def _carrier_kind(robot: Chain, rod: Rod) -> str:
+    if rod.carrier is None:
+        return "base_joint"
+    return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
+
+
 def rod_parameters(
     robot: Chain,
     tolerances: Mapping[str, float],
@@ -107,50 +114,58 @@ def rod_parameters(
     found = _lengths_and_joints(robot, tolerances, reduced)
     carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
     straight = [(i, carrier) for i, carrier in carriers if not measured[i]]
-    along_measured = [(i, carrier) for i, carrier in carriers if measured[i]]
-    ways: list[tuple[Per, list[tuple[int, int]], str]] = [
-        ("actuator" if reduced else directions, straight, "ab"),
-        ("actuator", along_measured, "abc"),
-    ]
-    for per, driven, components in ways:
-        for owner, label, actuator in _owners(robot, per, driven):
-            word = "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
-            for c, axis in enumerate(components):
-                name, size = f"{word}[{label}].{axis}", tolerances["track_roll" if axis == "c" else word]
-                found.append(Parameter(name, "direction", owner, c, per, "rad", 0.0, size))
-    driven = straight
-    if not reduced:
-        driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
-    if scale is None:  # not asked for: only scales that the URDF declares unknown
-        driven = [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
-    per = "actuator" if reduced or scale is None else scale
-    return found + [
-        Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
-        for owner, label, _ in _owners(robot, per, driven)
-    ]
-
-
-def _lengths_and_joints(robot: Chain, tolerances: Mapping[str, float], reduced: bool) -> list[Parameter]:
-    """Lengths of rods, and their joints; of a reduced arm those of the first rod on each cart, for all rods on it."""
-    per: Per = "actuator" if reduced else "rod"
-    owners = [(i, rod.name, rod) for i, rod in enumerate(robot.rods)]
-    joints: list[tuple[Kind, str]] = [("platform_joint", "P"), ("carrier_joint", "C")]
+    found += _directions(robot, tolerances, "actuator" if reduced else directions, straight, "ab")
+    found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
     if reduced:
+        return found + _scales(robot, tolerances, scale and "actuator", straight)
+    driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
+    return found + _scales(robot, tolerances, scale, driven)
+
+
+def _lengths_and_joints(robot: Chain, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
+    if clusters:
         firsts = {rod.carrier: rod for rod in reversed(robot.rods) if rod.carrier is not None}
-        owners, joints = [(a, robot.sites[a], firsts[a]) for a in sorted(firsts)], joints[1:]
+        owners = [(a, robot.sites[a], firsts[a]) for a in sorted(firsts)]
+    else:
+        owners = [(i, rod.name, rod) for i, rod in enumerate(robot.rods)]
+    per: Per = "actuator" if clusters else "rod"
     found = [
         Parameter(f"length[{n}]", "length", o, 0, per, "m", rod.L, tolerances["link_length"]) for o, n, rod in owners
     ]
+    joints: list[tuple[Kind, str]] = (
+        [("carrier_joint", "C")] if clusters else [("platform_joint", "P"), ("carrier_joint", "C")]
+    )
     for kind, point in joints:
         for owner, label, rod in owners:
-            word: str = kind
-            if kind == "carrier_joint":
-                revolute = rod.carrier is not None and robot.actuators[rod.carrier].revolute
-                word = "base_joint" if rod.carrier is None else "arm_joint" if revolute else "cart_joint"
+            word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)
             for c, axis in enumerate("xyz"):
-                value, size = float(getattr(rod, point)[c]), tolerances[f"{word}_{axis}"]
-                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, size))
+                value = float(getattr(rod, point)[c])
+                tolerance = tolerances[f"{word}_{axis}"]
+                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, tolerance))
     return found
+
+
+def _directions(
+    robot: Chain, tolerances: Mapping[str, float], per: Per, carriers: list[tuple[int, int]], components: str
+) -> list[Parameter]:
+    found = []
+    for owner, label, actuator in _owners(robot, per, carriers):
+        word = "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
+        for c, axis in enumerate(components):
+            tolerance = tolerances["track_roll" if axis == "c" else word]
+            found.append(Parameter(f"{word}[{label}].{axis}", "direction", owner, c, per, "rad", 0.0, tolerance))
+    return found
+
+
+def _scales(
+    robot: Chain, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
+) -> list[Parameter]:
+    if per is None:  # not asked for: only scales that the URDF declares unknown
+        per, driven = "actuator", [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
+    return [
+        Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
+        for owner, label, _ in _owners(robot, per, driven)
+    ]
 
 
 def _owners(robot: Chain, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
@@ -167,15 +182,15 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[
     the data do not assign to one parameter is divided among several in proportion to their prior variances. The name of an
     anchor has the names of its loop and of its link.
     """
-    owners: list[tuple[Kind, int, str]] = [
-        ("placement", joint, f"placement[{robot.model.names[joint]}]") for joint in robot.moving_joints
-    ]
+    owners = [(j, f"placement[{robot.model.names[j]}]") for j in robot.moving_joints]
     found = []
-    for kind, joint, word in [*owners, ("platform", 0, "platform")]:
+    for kind, joint_id, word in [*(("placement", *owner) for owner in owners), ("platform", 0, "platform")]:
         for c, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
             unit, size = ("m", "placement_position") if c < 3 else ("rad", "placement_rotation")
-            found.append(Parameter(f"{word}.{axis}", kind, joint, c, "joint", unit, 0.0, tolerances[size]))
-    ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in loop.anchors]
+            found.append(
+                Parameter(f"{word}.{axis}", cast(Kind, kind), joint_id, c, "joint", unit, 0.0, tolerances[size])
+            )
+    ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in (loop.anchor1, loop.anchor2)]
     for owner, (loop, link) in enumerate(ends):
         for c, axis in enumerate("xyz"):
             name = f"anchor[{loop}.{link}].{axis}"

@@ -7,12 +7,10 @@ bearings for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import block_diag
 
 from gtpin.typing import Floats
 
@@ -22,28 +20,28 @@ PARALLEL = 1e-5
 """Ratio of motions across a plane to those in it, below which they count as zero: URDFs have at least five digits. Assumed."""
 
 
-def normals(model: Any, neutral: Floats, motions: Callable[[Floats], Floats]) -> tuple[Floats | None, ...]:
-    """For each of k loops, the unit normal (3,) of the plane in which it moves; None where it moves in no plane.
-
-    ``motions`` gives, at a configuration, the motions (3 k, p) of one anchor of each loop relative to the other. The
-    configurations are random ones around the neutral one, the same in each call; their loops need not be closed.
-    """
+def postures(model: Any, neutral: Floats) -> list[Floats]:
+    """Random configurations (nq,) around the neutral one, the same in each call. Their loops need not be closed."""
     rng = np.random.default_rng(0)
-    at = [pin.integrate(model, neutral, rng.uniform(-0.5, 0.5, model.nv)) for _ in range(POSTURES)]
-    found = np.hstack([motions(configuration) for configuration in at])
-    return tuple(_normal(of_loop) for of_loop in np.split(found, len(found) // 3))
+    return [pin.integrate(model, neutral, rng.uniform(-0.5, 0.5, model.nv)) for _ in range(POSTURES)]
 
 
-def _normal(motions: Floats) -> Floats | None:
+def normal_of(motions: Floats) -> Floats | None:
+    """(3,) unit normal of the plane of motions (3, k) of one anchor relative to the other; None where they span no plane."""
     directions, sizes, _ = np.linalg.svd(motions)
     planar = len(sizes) == 3 and sizes[2] <= PARALLEL * sizes[0] < sizes[1]
     return np.asarray(directions[:, 2]) if planar else None
 
 
-def in_planes(normals: Sequence[Floats | None]) -> Floats:
+def in_planes(normals: list[Floats | None]) -> Floats:
     """(m, 3 k) matrix that gives the closure equations, from the vectors between the anchors of k loops.
 
     A planar loop, with a normal, has two equations, in its plane; any other loop has three.
     """
     blocks = [np.eye(3) if normal is None else np.linalg.svd(normal[None])[2][1:] for normal in normals]
-    return np.asarray(block_diag(*blocks))
+    found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
+    row = 0
+    for i, block in enumerate(blocks):
+        found[row : row + len(block), 3 * i : 3 * i + 3] = block
+        row += len(block)
+    return found

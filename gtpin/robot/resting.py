@@ -40,7 +40,7 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
             )
     # The closure of a loop moves the joints that carry only one of its two anchors.
     path, loops = description.tree.path, description.loops
-    closing = set[str]().union(*(path(one.link) ^ path(other.link) for one, other in (loop.anchors for loop in loops)))
+    closing = set[str]().union(*(path(loop.anchor1.link) ^ path(loop.anchor2.link) for loop in loops))
     moving = {name for name in model.names[1:] if name in driven or name in closing}
     moving |= {name for name, mimic in follows.items() if mimic.master in moving}
     resting = [name for name in model.names[1:] if name not in moving]
@@ -140,8 +140,16 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     for mimic in mimics:
         if model.existJointName(mimic.joint):
             joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
-            places = int(model.idx_qs[joint]), int(model.idx_vs[joint]), int(model.idx_vs[master])
-            found.append(Follower(*places, mimic.multiplier, mimic.offset, model.nqs[joint] == 2))
+            found.append(
+                Follower(
+                    int(model.idx_qs[joint]),
+                    int(model.idx_vs[joint]),
+                    int(model.idx_vs[master]),
+                    mimic.multiplier,
+                    mimic.offset,
+                    model.nqs[joint] == 2,
+                )
+            )
     return tuple(found)
 
 
@@ -151,3 +159,13 @@ def put(configuration: Floats, index: int, value: float, continuous: bool) -> No
         configuration[index : index + 2] = np.cos(value), np.sin(value)
     else:
         configuration[index] = value
+
+
+def folded(derivative: Floats, followers: Sequence[Follower]) -> Floats:
+    """A derivative (..., nv) by Pinocchio velocities: each follower's column times its multiplier is added to its master's."""
+    if not followers:
+        return derivative
+    total = derivative.copy()
+    for follower in followers:
+        total[..., follower.master_v] += follower.multiplier * derivative[..., follower.index_v]
+    return total

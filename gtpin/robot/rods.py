@@ -87,7 +87,7 @@ def rods(robot: ConstrainedModel) -> tuple[Rod, ...]:
 
 def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -> Rod:
     model, placements = robot.model, robot.data.oMi
-    names = [anchor.link for anchor in loop.anchors]
+    names = (loop.anchor1.link, loop.anchor2.link)
     if element.link not in names:
         raise _error(robot, element, f"its loop {loop.name} does not touch it")
     rod_end = names.index(element.link)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 from gtpin.errors import RobotError
 
@@ -15,17 +15,6 @@ MOST = 1e6
 """Largest multiplier and offset of a follower: rad/m, m/rad, rad or m."""
 TOOL = "tool0"
 """ROS-Industrial's name of the link at a robot's tool flange: the TCP where a URDF has it and names no other."""
-
-
-def listed(names: Sequence[str], most: int) -> str:
-    """Names for a message: the first ones, and how many more there are."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
-def own_element(root: Element) -> Element:
-    """The ``<gtpin>`` element of a URDF's outer element; where it has none, one is added."""
-    own = root.find("gtpin")
-    return SubElement(root, "gtpin") if own is None else own
 
 
 @dataclass(frozen=True)
@@ -108,6 +97,9 @@ def _mimic(joint: str, element: Element, source: str) -> Mimic:
         numbers = [math.nan]
     if not all(map(math.isfinite, numbers)):
         raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
+    if max(map(abs, numbers)) > MOST:
+        what = f"<mimic> of joint {joint}: multiplier {numbers[0]:g}, offset {numbers[1]:g}"
+        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     return Mimic(joint, element.get("joint", ""), *numbers)
 
 
@@ -121,13 +113,11 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
         offset += multiplier * further.offset
         multiplier *= further.multiplier
         master = further.master
-    if not all(abs(number) <= MOST for number in (multiplier, offset)):
-        what = (
-            f"<mimic> of joint {mimic.joint}: it follows {master} by a multiplier of {multiplier:g}, offset {offset:g}"
-        )
+    if max(abs(multiplier), abs(offset)) > MOST:
+        what = f"joint {mimic.joint} follows {master} by a multiplier of {multiplier:g} and an offset of {offset:g}"
         raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     if master not in moving or master in follows:
+        what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>"
         why = "that follows it" if master in follows else "which does not move"
-        what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>, {why}"
-        raise RobotError(what, file=source, hint="let it follow a joint that moves by itself")
+        raise RobotError(f"{what}, {why}", file=source, hint="let it follow a joint that moves by itself")
     return Mimic(mimic.joint, master, multiplier, offset)

@@ -46,7 +46,7 @@ def test_yourdfpy_puts_both_ends_of_every_loop_in_one_place(drawn: Drawn, export
         for loop in robot.description.loops:
             told = next(e for e in again.description.loops if e.name == loop.name)
             ends = []
-            for end in told.anchors:
+            for end in (told.anchor1, told.anchor2):
                 on_platform = end.link in _below(other, platform)
                 link = where @ _pose(other, platform, end.link) if on_platform else _pose(other, base, end.link)
                 ends.append(link.at(np.array(end.xyz)))

@@ -143,17 +143,23 @@ def test_commands_of_a_continuous_joint_may_go_round(four_bar: gtpin.Robot) -> N
     assert (four_bar.lower[0], four_bar.upper[0]) == (-np.inf, np.inf)
 
 
-def test_commands_that_are_nan_give_nan_none_give_none_and_of_another_shape_an_error(
-    arm: tuple[gtpin.Robot, Path],
-) -> None:
+def test_commands_that_are_nan_give_nan_and_of_another_shape_an_error(arm: tuple[gtpin.Robot, Path]) -> None:
     model = gtpin.Model(gtpin.Geometry.nominal(arm[0]))
     q = np.zeros((3, arm[0].n_actuators))
     q[1, 2] = np.nan
     np.testing.assert_array_equal(model.predict(q).reached, [True, False, True])
-    assert model.kinematics.forward(q[:0]).T.shape == (0, 3)
-    for other in (q[:, :-1], q[0]):
-        with pytest.raises(ModelError):
-            model.predict(other)
+    with pytest.raises(ModelError):
+        model.predict(q[:, :-1])
+    with pytest.raises(ModelError):
+        model.predict(q[0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_no_commands_have_no_poses(name: str) -> None:
+    robot = gtpin.load_robot(name)
+    kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
+    poses = kinematics.forward(np.zeros((0, robot.n_actuators)))
+    assert poses.T.shape == (0, 3)
 
 
 ARM = gtpin.load_robot(Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf")

@@ -37,7 +37,7 @@ def test_a_solve_closes_the_loops_to_1e_14_of_their_size(
         q = rng.uniform(robot.lower, robot.upper)
         posture = at_home.moved_to(q)
         posture.refresh()
-        assert np.abs(robot.constraint_error()).max() <= 1e-14 * robot.size
+        assert np.abs(newton.constraint_error(robot)).max() <= 1e-14 * robot.size
         gap = gantry.residual(q[None], posture.T[None], posture.R[None])
         assert np.abs(gap).max() <= 1e-14 * robot.size
 

@@ -19,7 +19,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import kinematics
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.robot.measured_joints import readable
+from gtpin.robot.measured_joints import measured_joint, readable
 
 Floats = np.ndarray
 
@@ -227,7 +227,7 @@ def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robo
     found = kinematics(moved).forward(q)
     for i, posture in enumerate(postures(moved, q)):
         for name, x in found.joints.items():
-            there = posture.robot.coordinate(posture.robot.model.getJointId(name), posture.configuration)
+            there = measured_joint(posture.robot, name).coordinate(posture.configuration)
             assert turned(x[i], np.array(there)) < 1e-9, name
 
 

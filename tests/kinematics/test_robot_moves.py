@@ -86,7 +86,16 @@ def test_a_start_at_a_solution_is_kept(robot: gtpin.Robot, q: np.ndarray) -> Non
     np.testing.assert_allclose(robot.inverse(poses.T[0], poses.R[0], start=q[0]), q[0], rtol=0, atol=1e-9)
 
 
-UR5, GANTRY = gtpin.load_robot("ur5"), gtpin.load_robot("gantry_tau")
+@pytest.fixture(scope="module")
+def ur5() -> gtpin.Robot:
+    return gtpin.load_robot("ur5")
+
+
+@pytest.fixture(scope="module")
+def gantry() -> gtpin.Robot:
+    return gtpin.load_robot("gantry_tau")
+
+
 FAR = [9.0, 0.0, 0.0]
 MISTAKES: dict[str, tuple[Callable[[gtpin.Robot, gtpin.Robot], object], type[Exception], str]] = {
     "an arm's position": (lambda arm, _: arm.inverse(FAR), UnreachableError, r"ur5.*\(9, 0, 0\); stay inside"),
@@ -112,10 +121,10 @@ MISTAKES: dict[str, tuple[Callable[[gtpin.Robot, gtpin.Robot], object], type[Exc
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_ends_in_one_line_that_says_what_to_do(mistake: str) -> None:
+def test_a_mistake_ends_in_one_line_that_says_what_to_do(ur5: gtpin.Robot, gantry: gtpin.Robot, mistake: str) -> None:
     call, kind, said = MISTAKES[mistake]
     with pytest.raises(kind, match=said) as caught:
-        call(UR5, GANTRY)
+        call(ur5, gantry)
     shown = "".join(traceback.format_exception(caught.value))
     assert shown.count("Traceback") == 1  # no error before it, of a library
     assert shown.rstrip().splitlines()[-1] == f"gtpin.errors.{type(caught.value).__name__}: {caught.value}"
@@ -140,7 +149,7 @@ def test_a_name_in_the_place_of_what_it_names_is_an_error_that_says_how_to_read_
         function(*arguments)
 
 
-def test_a_robot_moves_on_after_it_was_sent_to_another_process() -> None:
-    sent = pickle.loads(pickle.dumps(GANTRY))
+def test_a_robot_moves_on_after_it_was_sent_to_another_process(gantry: gtpin.Robot) -> None:
+    sent = pickle.loads(pickle.dumps(gantry))
     assert type(sent) is gtpin.Robot is type(gtpin.Robot.from_urdf(urdf_path("gantry_tau")))
-    np.testing.assert_array_equal(sent.forward([0.1, 0.2, 0.1]).T, GANTRY.forward([0.1, 0.2, 0.1]).T)
+    np.testing.assert_array_equal(sent.forward([0.1, 0.2, 0.1]).T, gantry.forward([0.1, 0.2, 0.1]).T)

@@ -112,6 +112,13 @@ def test_joints_that_are_not_commanded_rest_at_neutral() -> None:
     assert pin.computeTotalMass(robot.model) == pytest.approx(pin.computeTotalMass(whole.model))
 
 
+def test_commands_come_in_the_order_of_the_actuators() -> None:
+    robot = load_robot("panda", actuators=SEVEN[::-1])
+    q = np.linspace(-1.0, 1.0, 7)
+    usual = gtpin.home(load_robot("panda", actuators=SEVEN)).moved_to(q)
+    np.testing.assert_allclose(gtpin.home(robot).moved_to(q[::-1]).T, usual.T, rtol=0, atol=1e-13)
+
+
 def test_a_follower_rests_with_its_master() -> None:
     robot = load_robot("panda", tcp="panda_rightfinger", actuators=SEVEN)
     assert robot.followers == ()

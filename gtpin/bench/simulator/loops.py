@@ -56,7 +56,7 @@ class Loops:
         driven = tuple(names.index(actuator.joint) for actuator in robot.actuators)
         points, ends, axes = [], [], []
         for loop in robot.description.loops:
-            for anchor in loop.anchors:
+            for anchor in (loop.anchor1, loop.anchor2):
                 on = urdf.links[anchor.link]
                 points.append(TreeFrame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
                 ends.append(f"{loop.name}.{anchor.link}")

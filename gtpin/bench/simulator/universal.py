@@ -42,7 +42,7 @@ class Universal:
         urdf = read_urdf(robot.description.xml, still=("floating",))
         rod = robot.rods[0]
         loop = robot.description.loops[rod.loop]
-        end = loop.anchors[rod.rod_end]
+        end = (loop.anchor1, loop.anchor2)[rod.rod_end]
         on = urdf.links[end.link]
         way = [on.joint]
         while urdf.joints[way[-1]].parent >= 0:
