@@ -174,5 +174,5 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
     monkeypatch.setattr(fit, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
-    after = fit.held_out(found, hypotheses, SimpleNamespace(before=2.0, after=1.6, floor=1.0), None, shown)
+    after = fit.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
     assert [doubt.reason for doubt in after.doubts] == doubts
