@@ -93,7 +93,8 @@ def by_session() -> gtpin.Diagnosis:
 def test_shifts_between_sessions_are_named_and_predict_no_other_session():
     known, unseen = said(SEED, EFFECT), by_session()
     truth = {(effect.effect, effect.site) for effect in machine(SEED, EFFECT, noncentrality=LARGE).effects}
-    assert not known.doubts and not unseen.doubts
+    assert not known.doubts
+    assert not unseen.doubts
     assert classes(known) == classes(unseen) == truth  # nothing else could be it
     assert all(cause.probability > 0.9 for cause in (*known.causes, *unseen.causes))
     assert known.gap.interval[0] > 0.8
