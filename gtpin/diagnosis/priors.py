@@ -91,6 +91,8 @@ class Priors:
     """Typical size of turns, rad. Assumed."""
     smooth_strain: float = 2e-5
     """Typical size of strains of all links, and of the scale of what is measured. Assumed: smooth shifts over two metres."""
+    smooth_distance: float = 2.0
+    """Typical distance from home to the instrument along each axis, m: its scale times this shifts home. Assumed."""
     smooth_change: float = 0.4
     """Typical size of the slow change of a smooth function along a track, relative to the function. Assumed."""
 
@@ -119,7 +121,7 @@ class Priors:
     core_leaves: float = 0.15
     """Largest share of the gap (squared errors of left-out poses beyond noise) that may remain beside named causes, and of the
     explained energy, because real causes differ from the equations of their cores. Above it, the verdict becomes ``unknown``.
-    Measured: examples/diagnosis/noise_floor.py."""
+    Assumed; examples/diagnosis/noise_floor.py measures how many right verdicts it costs."""
     chance_line: float = 0.01
     """Probability above which the lines of a periodic error are attributed to scatter: that the best period of scatter alone
     takes a share of its power as large as the most significant line. Assumed: the usual probability of a false alarm."""

@@ -40,8 +40,6 @@ ROUGH, ROUGH_ASIDE = 40, 28
 """Half waves of a rough function over an actuator's travel, along and across it; its sizes fall with 1/k, as those of a
 Gaussian process with the exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: more than the 20 of the smooth
 effects over the travel, so that an error that is rougher than these (a pit) is not taken for one of them."""
-INSTRUMENT_DISTANCE = 2.0
-"""Typical distance, m, from home to the instrument along each axis of the base frame. Assumed: a laser tracker stands there."""
 COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
@@ -149,7 +147,7 @@ def _of_platform_and_frame(at: OperatingPoints, priors: Priors) -> Terms:
     from_home = at.poses.T - at.kinematics.home.T[0]
     # The scale of what is measured: positions about home, and home about the instrument, whose place is not used.
     ways = np.concatenate([from_home[:, :, None], np.tile(np.eye(3), (len(at), 1, 1))], axis=2)
-    size4 = priors.smooth_strain * np.array([1.0, *[INSTRUMENT_DISTANCE] * 3])
+    size4 = priors.smooth_strain * np.array([1.0, *[priors.smooth_distance] * 3])
     for over, waves, size in _conditions(at):
         twist = np.zeros((len(at), 6, 4 * waves.shape[1]))
         twist[:, :3] = np.concatenate([ways * wave[:, None, None] for wave in waves.T], axis=2)
