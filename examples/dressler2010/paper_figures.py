@@ -6,19 +6,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 from paper_steps import StepChange
 
-from gtpin.calibration.cart_tracks import TrackLinearity
-from gtpin.comparison.figures import COLORS
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import zyz
 from gtpin.output.figure import new_figure
 
+Floats = npt.NDArray[np.float64]
+
 RED, BLUE = "#c0392b", "#1f5fa8"
 """The paper's colours of an increase and a decrease."""
+COLORS = {1: "#7f7f7f", 2: "#d98b00", 3: BLUE, 4: "#2e8b57", 5: RED}
+"""Colours of models 1 to 5; for 3 to 5 the paper's."""
 LINES = ("-", "--", ":")
 """Line styles of carts 1 to 3, as in the paper."""
 
@@ -115,6 +118,20 @@ def _step(change: StepChange) -> str:
     return f"{change.step:.0e}" if change.parameter.startswith("v") else f"{1e6 * change.step:.0f} um"
 
 
+def residuals(carts: CartMeasurements, cart: int) -> tuple[Floats, Floats, Floats]:
+    """What a linear function of the command leaves of the positions of cart number ``cart``, from 1, in any frame (eq. 2).
+
+    Returns (K,) commands, ascending, m, (K,) residuals along the fitted track, m, and (K,) distances from it, m.
+    """
+    rows = np.flatnonzero(carts.cart == cart)
+    rows = rows[np.argsort(carts.q[rows], kind="stable")]
+    q, position = carts.q[rows], carts.position[rows]
+    slope, start = np.polyfit(q, position, 1)
+    left, direction = position - start - np.outer(q, slope), slope / np.linalg.norm(slope)
+    along = left @ direction
+    return q, along, np.linalg.norm(left - np.outer(along, direction), axis=1)
+
+
 def linearity(carts: CartMeasurements) -> Figure:
     """Plot the length of the residual of a linear fit over each track, as in the paper's Fig. 5.
 
@@ -123,8 +140,8 @@ def linearity(carts: CartMeasurements) -> Figure:
     figure = new_figure(8.0, 4.5)
     axis = figure.subplots()
     for i in range(carts.n_actuators):
-        found = TrackLinearity.of(carts, i + 1)
-        axis.plot(1e3 * found.q, 1e6 * found.absolute, LINES[i % 3], color=f"C{i}", label=f"cart {i + 1}")
+        q, along, across = residuals(carts, i + 1)
+        axis.plot(1e3 * q, 1e6 * np.hypot(along, across), LINES[i % 3], color=f"C{i}", label=f"cart {i + 1}")
     axis.set_xlabel("commanded cart position (mm)")
     axis.set_ylabel("absolute residual (um)")
     axis.set_ylim(bottom=0.0)
@@ -146,12 +163,12 @@ def along_and_across(carts: CartMeasurements, roaming: CartMeasurements | None =
     axes = figure.subplots(2, n, sharex=True, sharey="row", squeeze=False)
     for i in range(n):
         if roaming is not None:
-            stars = TrackLinearity.of(roaming, i + 1)
-            axes[0, i].plot(1e3 * stars.q, 1e6 * stars.along, "*", color="0.6", markersize=4, label="TCP anywhere")
-            axes[1, i].plot(1e3 * stars.q, 1e6 * stars.across, "*", color="0.6", markersize=4)
-        line = TrackLinearity.of(carts, i + 1)
-        axes[0, i].plot(1e3 * line.q, 1e6 * line.along, "k-", label="carts together")
-        axes[1, i].plot(1e3 * line.q, 1e6 * line.across, "k-")
+            q, *stars = residuals(roaming, i + 1)
+            for axis, values in zip(axes[:, i], stars, strict=True):
+                axis.plot(1e3 * q, 1e6 * values, "*", color="0.6", markersize=4, label="TCP anywhere")
+        q, *lines = residuals(carts, i + 1)
+        for axis, values in zip(axes[:, i], lines, strict=True):
+            axis.plot(1e3 * q, 1e6 * values, "k-", label="carts together")
         axes[0, i].set_title(f"cart {i + 1}", fontsize=10)
         axes[1, i].set_xlabel("commanded position (mm)")
         for axis in axes[:, i]:

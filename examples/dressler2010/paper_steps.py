@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from paper_closures import closure_residual
 
 from gtpin.accuracy.expected import closure_response
 from gtpin.accuracy.sensitivity import STEP, closure_change
@@ -86,7 +87,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
         raise ModelError(f"link {link} of {model.robot.name} has no track", hint=f"{parameter} is of a track")
     poses = reached_poses(kinematics, q)
     ends = kinematics.ends(q)
-    closures = 2.0 * kinematics.closures(q, measured)
+    closures = -closure_residual(kinematics, q, measured)
 
     def errors(size: float) -> Errors:
         now = change.poses_after(size, ends, poses, kinematics.geometry.robot.size) if size else poses

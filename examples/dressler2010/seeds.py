@@ -14,16 +14,14 @@ import numpy as np
 import numpy.typing as npt
 from machine import Twin
 from measure import POSES, measure
+from paper_closures import closure_costs, fit_closures, held_out, measured_poses
 from paper_grid import RECOVERED
 from paper_tables import tables
 
 import gtpin
 from gtpin.calibration.paper_models import model_geometry
-from gtpin.comparison.closure_fit import fit_closures
 from gtpin.comparison.compare import compare, within_tracks
 from gtpin.data import random
-from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import from_quaternions
 
 Floats = npt.NDArray[np.float64]
 
@@ -80,14 +78,12 @@ def draw(seeds: int) -> Draws:
         other, _ = measure(seed, RECOVERED.points(Twin(seed).rods)[:POSES])
         for n, sizes in fitted_rods(dataset).items():
             rods[n].append(sizes)
-        for kind, data, cost in (
-            ("pose", dataset, "pose"),
-            ("closure", dataset, "closure"),
-            ("recovered", other, "pose"),
-        ):
+        errors, _ = held_out(dataset)
+        found["closure"].append(1e6 * np.column_stack([errors.mean(axis=1), errors.max(axis=1)]))
+        for kind, data in (("pose", dataset), ("recovered", other)):
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", gtpin.GtpinWarning)
-                table = compare(data, cost=cost).table()
+                table = compare(data).table()
             set_aside += sum("set aside" in str(w.message) for w in caught)
             found[kind].append(table[["mean_um", "max_um"]].to_numpy())
             poses[kind] = int(table["poses"].iloc[0])
@@ -106,9 +102,12 @@ def fitted_rods(dataset: gtpin.Dataset) -> dict[int, Floats]:
     robot = gtpin.load_robot("gantry_tau")
     inside = dataset.take(within_tracks(robot, dataset))
     half = inside.take(random(inside, 2, seed=0)[0])
-    poses = Poses(half.position, from_quaternions(half.orientation))
-    costs = {n: fit_closures(model_geometry(n, robot, half), half.q, poses).cost / len(half) for n in (1, 2, 3, 4)}
-    return {n: rod_length(cost[[0, 1, 3]] if n < 3 else cost) for n, cost in costs.items()}
+    poses, found = measured_poses(half), {}
+    for n in (1, 2, 3, 4):
+        fitted = fit_closures(model_geometry(n, robot, half), half.q, poses)
+        cost = closure_costs(fitted, half.q, poses) / len(half)
+        found[n] = rod_length(cost[[0, 1, 3]] if n < 3 else cost)
+    return found
 
 
 def printed_rods(model: int) -> Floats:
@@ -123,10 +122,10 @@ def turning_alone() -> Floats:
     """
     robot = gtpin.load_robot("gantry_tau")
     dataset, _ = measure()
-    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(dataset.q)
-    inside = within_tracks(robot, dataset)
-    fit = fit_closures(model_geometry(1, robot, dataset), dataset.q[inside], poses[inside])
-    return rod_length(fit.cost[[0, 1, 3]] / np.count_nonzero(inside))
+    q = dataset.q[within_tracks(robot, dataset)]
+    poses = gtpin.Model(gtpin.Geometry.nominal(robot)).predict(q)
+    cost = closure_costs(fit_closures(model_geometry(1, robot, dataset), q, poses), q, poses)
+    return rod_length(cost[[0, 1, 3]] / len(q))
 
 
 def rod_length(square: Floats) -> Floats:

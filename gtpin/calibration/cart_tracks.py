@@ -93,39 +93,3 @@ def _towards_base(robot: Chain, paths: list[_Path], nominal: Floats) -> Floats:
 
 def _unit(vector: Floats) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-@dataclass(frozen=True)
-class TrackLinearity:
-    """Residuals of a linear function of the command fitted to one cart's positions (Dressler et al. 2010, eq. 2, figs. 5, 6).
-
-    ``q``: (K,) commands, ascending, m. ``along``: (K,) residual along the fitted track, m. ``across``: (K,) distance of the
-    measured point from the fitted track, m.
-    """
-
-    q: Floats
-    along: Floats
-    across: Floats
-
-    @staticmethod
-    def of(carts: CartMeasurements, cart: int) -> TrackLinearity:
-        """The residuals of cart number ``cart``, from 1; its positions may be in any frame.
-
-        Raises `DatasetError` if the cart was measured at fewer than three places.
-        """
-        rows = np.flatnonzero(carts.cart == cart)
-        rows = rows[np.argsort(carts.q[rows], kind="stable")]
-        q, position = carts.q[rows], carts.position[rows]
-        if len(np.unique(q)) < 3:
-            raise DatasetError(
-                f"cart {cart} was measured at fewer than three commands", file=carts.file, hint="measure more"
-            )
-        slope, start = np.polyfit(q, position, 1)
-        residual, direction = position - start - np.outer(q, slope), _unit(slope)
-        along = residual @ direction
-        return TrackLinearity(q, along, np.linalg.norm(residual - np.outer(along, direction), axis=1))
-
-    @property
-    def absolute(self) -> Floats:
-        """(K,) length of the residual, m."""
-        return np.hypot(self.along, self.across)

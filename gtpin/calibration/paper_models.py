@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -27,16 +27,14 @@ PAPERS_CHOICE = (False, True, True, False, False, False)
 """Rods whose track model 5 takes as measured: 2a and 2b."""
 
 
-def model_geometry(
-    number: int, robot: Chain, dataset: Dataset, *, measured: Sequence[bool] | None = None, orientations: bool = False
-) -> Geometry:
+def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations: bool = False) -> Geometry:
     """Nominal geometry and parameters of one of the paper's models.
 
     ``number``: 1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod,
-    with a direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4. ``robot``:
-    the nominal robot. ``dataset``: the dataset, with the tolerances, the carts' measured tracks, and the reduced arm's
-    constant orientation. ``measured``: for model 5: for each rod, True for model 4 and False for model 3; None: the paper's
-    choice. ``orientations``: whether measured tracks also have the measured rotations of the carts.
+    with a direction and a scale of its own. 4: full arm, measured tracks. 5: for each rod model 3 or model 4, as in the
+    paper. ``robot``: the nominal robot. ``dataset``: the dataset, with the tolerances, the carts' measured tracks, and the
+    reduced arm's constant orientation. ``orientations``: whether measured tracks also have the measured rotations of the
+    carts.
 
     Raises `ModelError` if there is no such model, or the robot does not have the structure that it needs. `DatasetError` if
     the carts were not measured.
@@ -45,7 +43,7 @@ def model_geometry(
         raise ModelError(f"there is no model {number}", hint="use 1 to 5")
     if not robot.rods or any(rod.carrier is None for rod in robot.rods) or robot.revolute.any():
         raise ModelError(f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="leave --model out")
-    tracks = _tracks(number, robot, dataset, measured, orientations)
+    tracks = _tracks(number, robot, dataset, orientations)
     if number in REDUCED:
         tolerances = _wide(all_tolerances(robot, dataset.tolerance))
         ideal = parallelogram(robot, _mean_orientation(robot, dataset))
@@ -98,9 +96,7 @@ def _mean_orientation(robot: Chain, dataset: Dataset) -> Floats:
     return np.eye(3) if home is None else np.asarray(Rotation.from_rotvec(home.tcp_rotvec).as_matrix())
 
 
-def _tracks(
-    number: int, robot: Chain, dataset: Dataset, measured: Sequence[bool] | None, orientations: bool
-) -> tuple[MeasuredTrack | None, ...]:
+def _tracks(number: int, robot: Chain, dataset: Dataset, orientations: bool) -> tuple[MeasuredTrack | None, ...]:
     """For each rod, its measured track or None; empty where the model has none."""
     if number not in MEASURED:
         return ()
@@ -111,9 +107,9 @@ def _tracks(
             hint="add carts.csv, or use model 1 or 3",
         )
     by_cart = measured_tracks(robot, dataset.carts, orientations=orientations)
-    chosen = [True] * len(robot.rods) if number != 5 else list(PAPERS_CHOICE if measured is None else measured)
+    chosen = (True,) * len(robot.rods) if number != 5 else PAPERS_CHOICE
     if len(chosen) != len(robot.rods):
-        raise ModelError(f"{len(chosen)} choices for {len(robot.rods)} rods", hint="give one for each rod")
+        raise ModelError(f"model 5 is for six rods, and {robot.name} has {len(robot.rods)}", hint="use model 3 or 4")
     found = []
     for rod, wanted in zip(robot.rods, chosen, strict=True):
         assert rod.carrier is not None

@@ -30,13 +30,6 @@ def compare(
     dataset: DatasetFolder,
     output: Output,
     newer: Annotated[Path | None, typer.Argument(hidden=True)] = None,
-    closure: Annotated[
-        bool, typer.Option("--closure", help="Fit by the paper's squared closure residuals instead of pose residuals.")
-    ] = False,
-    choose: Annotated[
-        bool,
-        typer.Option("--choose", help="Model 5: choose each link's track by cross-validation, not as the paper did."),
-    ] = False,
     seed: Seed = 0,
     orientations: CartOrientation = False,
     trust_data: TrustData = False,
@@ -52,14 +45,7 @@ def compare(
     with results_folder(output, ComparisonPresentation.files, force=force) as folder:
         read = read_dataset(dataset, trust=trust_data)
         with progress_of("comparing") as progress:
-            comparison = run_comparison(
-                read,
-                cost="closure" if closure else "pose",
-                choice="validation" if choose else "paper",
-                orientations=orientations,
-                seed=seed,
-                progress=progress,
-            )
+            comparison = run_comparison(read, orientations=orientations, seed=seed, progress=progress)
         shown = ComparisonPresentation(comparison)
         result = shown.write(folder)
     files = written(output, ("compare.csv", "compare.json"), "report.html")

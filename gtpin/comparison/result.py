@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
 from gtpin.output.shown import Shown, present
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
     from plotly.graph_objects import Figure
-
-Rows = npt.NDArray[np.intp]
-Cost = Literal["pose", "closure"]
 
 RESAMPLES = 2000
 """Number of bootstrap samples for each interval."""
@@ -31,26 +30,29 @@ class Held:
     """One model's errors on held-out poses.
 
     - ``model``: 1 to 5.
-    - ``row``: (N,) indices of the held-out poses among the dataset's poses within the measured tracks.
-    - ``pose``: (N,) ids of these poses.
+    - ``pose``: (N,) ids of the held-out poses.
     - ``position``: (N,) length of each position error, m.
     - ``orientation``: (N,) angle of each orientation error, rad; None where orientation was not measured.
     - ``angles``: (N, 3) measured less predicted ZYZ Euler angles, rad; None where orientation was not measured.
-    - ``closure_cost``: (k,) squared closure residual of each rod, summed over the held-out poses, m^4; None where it is not
-      known.
-    - ``measured``: (k,) True for rods on a measured track.
     """
 
     model: int
-    row: Rows
     pose: npt.NDArray[np.object_]
     position: Floats
     orientation: Floats | None
     angles: Floats | None
-    closure_cost: Floats | None
-    measured: tuple[bool, ...]
 
-    def figures(self, rows: Rows | slice = slice(None)) -> dict[str, float | None]:
+    @staticmethod
+    def of(model: int, measured: Dataset, poses: Poses) -> Held:
+        """The errors of a model that predicts ``poses`` (N) in place of those measured, both in the instrument's frame."""
+        position = np.linalg.norm(measured.position - poses.T, axis=1)
+        if measured.orientation is None:
+            return Held(model, measured.pose, position, None, None)
+        R = from_quaternions(measured.orientation)
+        turned = np.linalg.norm(log(R @ np.swapaxes(poses.R, 1, 2)), axis=1)
+        return Held(model, measured.pose, position, turned, zyz_change(R, poses.R))
+
+    def figures(self, rows: npt.NDArray[np.intp] | slice = slice(None)) -> dict[str, float | None]:
         """Mean, largest and root mean square error of the poses ``rows``; the keys' last part is the unit (um, mrad)."""
         p = self.position[rows] * 1e6
         o = None if self.orientation is None else float(np.sqrt((self.orientation[rows] ** 2).mean()) * 1e3)
@@ -67,36 +69,12 @@ class Held:
         The interval of the largest error ends at the largest observed error: resampling can't show poses that were not visited.
         """
         rng = np.random.default_rng(seed)
-        _, visit = np.unique(self.pose.astype(str), return_inverse=True)
-        order = np.argsort(visit, kind="stable")
-        groups = np.split(order, np.flatnonzero(np.diff(visit[order])) + 1)
+        names, visit = np.unique(self.pose.astype(str), return_inverse=True)
         samples = []
         for _ in range(RESAMPLES):
-            drawn = rng.integers(0, len(groups), len(groups))
-            samples.append(self.figures(np.concatenate([groups[g] for g in drawn])))
+            times = np.bincount(rng.integers(0, len(names), len(names)), minlength=len(names))
+            samples.append(self.figures(np.repeat(np.arange(len(visit)), times[visit])))
         return {name: _interval([sample[name] for sample in samples]) for name in samples[0]}
-
-    @staticmethod
-    def joined(parts: Sequence[Held]) -> Held:
-        """Join the errors of one model on several parts of a dataset, in the dataset's order."""
-        row = np.concatenate([part.row for part in parts])
-        order = np.argsort(row, kind="stable")
-        costs = [part.closure_cost for part in parts if part.closure_cost is not None]
-
-        def in_order(arrays: Sequence[npt.NDArray[Any] | None]) -> Any:
-            known = [array for array in arrays if array is not None]
-            return np.concatenate(known)[order] if known else None
-
-        return replace(
-            parts[0],
-            row=row[order],
-            pose=in_order([part.pose for part in parts]),
-            position=in_order([part.position for part in parts]),
-            orientation=in_order([part.orientation for part in parts]),
-            angles=in_order([part.angles for part in parts]),
-            closure_cost=np.sum(costs, axis=0) if costs else None,
-            measured=tuple(any(rod) for rod in zip(*(part.measured for part in parts), strict=True)),
-        )
 
 
 def _interval(values: Sequence[float | None]) -> tuple[float, float] | None:
@@ -116,16 +94,13 @@ class Comparison(Shown):
         The errors of each model, in the order of the models.
     seed
         Seed of the division into halves and of the bootstrap.
-    cost
-        What the fits minimised: see :func:`~gtpin.comparison.compare.compare`.
     dataset
-        The data, for :meth:`save`; None where the comparison was not made by ``compare``.
+        The data.
     """
 
     held: tuple[Held, ...]
     seed: int
-    cost: Cost
-    dataset: Dataset | None = None
+    dataset: Dataset
 
     def table(self) -> pd.DataFrame:
         """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row per model."""
@@ -149,15 +124,13 @@ class Comparison(Shown):
                 **held.figures(),
                 "poses": len(held.position),
                 "interval": {name: None if ends is None else list(ends) for name, ends in interval.items()},
-                "closure_cost_m4": None if held.closure_cost is None else held.closure_cost.tolist(),
-                "measured_tracks": list(held.measured),
             }
             for held, interval in zip(self.held, self.intervals(), strict=True)
         ]
-        return {"schema": "gtpin-compare/1", "cost": self.cost, "seed": self.seed, "models": rows}
+        return {"schema": "gtpin-compare/1", "seed": self.seed, "models": rows}
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and plots.
+        """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and a plot.
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """

@@ -267,22 +267,6 @@ class RodKinematics(RodGeometry):
             found[:, row] = motion(one, poses, self.P, ends.C, moved, dC, dP)
         return found
 
-    def closures(self, q: Floats, poses: Poses) -> Floats:
-        """(N, k) the closures (|d|^2 - L^2) / 2 at any poses, base frame, m^2: zero at the poses of :meth:`forward`."""
-        ends = self.ends(q)
-        d, _ = rod_vectors(poses, ends)
-        return np.asarray((np.einsum("nki,nki->nk", d, d) - ends.L**2) / 2.0)
-
-    def closure_gradient(self, q: Floats, poses: Poses) -> Floats:
-        """(N, k, p) derivative of the closures by the geometry's parameters at any poses, base frame."""
-        ends = self.ends(q)
-        d, _ = rod_vectors(poses, ends)
-        gradient = np.zeros((len(q), self._k, len(self.geometry.parameters)))
-        values = self._gradient(q, poses, ends, d, self._slots)
-        for slot, (column, i) in enumerate(self._slots):
-            gradient[:, i, column] = values[:, slot]
-        return gradient
-
     @cached_property
     def _slots(self) -> list[tuple[int, int]]:
         """Pairs of indices: a parameter, and a rod whose closure it changes."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.calibration.cart_tracks import TrackLinearity
-from gtpin.comparison.figures import FILES, write_comparison
 from gtpin.comparison.result import Comparison
-from gtpin.data import CartMeasurements, Dataset
-from gtpin.errors import DatasetError, GtpinError
+from gtpin.data import CartMeasurements
+from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
+from gtpin.output.figure import new_figure, write_figures
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, alone, scatter, titled
@@ -22,10 +22,10 @@ from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
-from gtpin.robot.chain import Chain
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure as Picture
     from plotly.graph_objects import Figure
 
 MODELS = {
@@ -37,7 +37,6 @@ MODELS = {
 }
 COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
 FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
-COST = {"pose": "pose residuals, tolerances as priors", "closure": "squared closure residuals, as in the paper"}
 ANGLES = PlotChoice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
 """ZYZ Euler angles."""
 UNKNOWN = (float("nan"), float("nan"))
@@ -48,7 +47,7 @@ class ComparisonPresentation(Presentation):
     """A comparison; its table has a row for each model."""
 
     comparison: Comparison
-    files = (*FILES, "report.html")
+    files = ("compare.csv", "compare.json", "position_errors.png", "report.html")
 
     def short(self) -> str:
         """The models with their mean errors, and the number of poses."""
@@ -70,14 +69,13 @@ class ComparisonPresentation(Presentation):
         return self.comparison.table()
 
     def write(self, folder: Path) -> dict[str, object]:
-        """Write the files of ``gtpin compare``; return the content of the JSON."""
-        data = self.comparison.dataset
-        if data is None:
-            raise GtpinError("the comparison has no data to write", hint="give Comparison its dataset")
-        write_comparison(self.comparison, folder)
-        page = comparison_page(self.comparison, data, robot_of(data))
-        (folder / "report.html").write_text(page, encoding="utf-8")
-        return self.comparison.to_json()
+        """Write the files of ``gtpin compare`` (without matplotlib: no picture); return the content of the JSON."""
+        told = self.comparison.to_json()
+        self.table().to_csv(folder / "compare.csv", index=False, lineterminator="\n")
+        (folder / "compare.json").write_text(json_text(told), encoding="utf-8")
+        (folder / "report.html").write_text(comparison_page(self.comparison), encoding="utf-8")
+        write_figures(lambda: {"position_errors": position_errors(self.comparison)}, folder)
+        return told
 
     def errors(self) -> Figure:
         """Position errors of each model."""
@@ -88,20 +86,21 @@ class ComparisonPresentation(Presentation):
         return alone(angles_drawing(self.comparison, angle), f"Errors of the Euler angle {angle} on held-out poses")
 
 
-def comparison_page(c: Comparison, dataset: Dataset, robot: Chain) -> str:
+def comparison_page(c: Comparison) -> str:
     """The whole report of a comparison as one self-contained HTML file."""
+    robot, carts = robot_of(c.dataset), c.dataset.carts
     eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {len(c.held[0].position)} held-out poses"
     lead, sections = Lead(eyebrow, *_verdict(c)), [_errors(c)]
     if any(held.angles is not None for held in c.held):
         plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
         words = "Measured less predicted ZYZ Euler angles."
         sections.append(Section("angles", "Orientation errors", [Plots([plot], words, [ANGLES])]))
-    if dataset.carts is not None:
+    if carts is not None:
         title = "What a straight line leaves of each cart's measured track"
-        plot = Plot("carts", title, partial(carts_drawing, dataset.carts), height=320)
+        plot = Plot("carts", title, partial(carts_drawing, carts), height=320)
         words = "Residuals of a linear fit to each cart's measured positions."
         sections.append(Section("carts", "The carts' tracks", [words, Plots([plot])]))
-    return report(f"Models of {robot.name} compared", lead, sections, provenance(dataset, robot, c.seed))
+    return report(f"Models of {robot.name} compared", lead, sections, provenance(c.dataset, robot, c.seed))
 
 
 def _errors(c: Comparison) -> Section:
@@ -115,7 +114,7 @@ def _errors(c: Comparison) -> Section:
         rows.append([*about, rms, most, turned, str(len(held.position))])
     how = (
         "Each model was fitted to one half of the poses and tested on the other, in both directions "
-        f"({COST[c.cost]}). Intervals: 95 %, by resampling poses."
+        "(pose residuals, tolerances as priors). Intervals: 95 %, by resampling poses."
     )
     title = "Position errors of each model with 95 % intervals"
     plot = Plot("errors", title, partial(errors_drawing, c), height=360)
@@ -154,6 +153,24 @@ def errors_drawing(comparison: Comparison) -> Drawing:
     return Drawing(traces, {"barmode": "group", "yaxis": yaxis})
 
 
+def position_errors(comparison: Comparison) -> Picture:
+    """The drawing of the position errors as a picture.
+
+    Raises `GtpinError` if matplotlib is not there.
+    """
+    picture, traces = new_figure(9.0, 3.8), errors_drawing(comparison).traces
+    axes, places, width = picture.subplots(), np.arange(len(FIGURES)), 0.8 / len(traces)
+    for i, trace in enumerate(traces):
+        look = {"color": trace["marker"]["color"], "label": trace["name"], "capsize": 4}
+        bars = [trace["error_y"][side] for side in ("arrayminus", "array")]
+        axes.bar(places + width * i, trace["y"], width, yerr=bars, **look)
+    axes.set_xticks(places + width * (len(traces) - 1) / 2.0, list(FIGURES.values()))
+    axes.set_ylabel("position error (µm)")
+    axes.legend()
+    picture.suptitle(f"Errors on {len(comparison.held[0].position)} held-out poses, 95 % intervals")
+    return picture
+
+
 def angles_drawing(comparison: Comparison, angle: str = "alpha") -> Drawing:
     """An Euler angle (ZYZ), measured less predicted, of each held-out pose.
 
@@ -177,9 +194,12 @@ def carts_drawing(carts: CartMeasurements) -> Drawing:
     """Residuals of a straight line fitted to each cart's measured positions."""
     traces = []
     for j in range(carts.n_actuators):
-        line = TrackLinearity.of(carts, j + 1)
-        rows = shown(len(line.q))
-        traces.append(scatter("lines", line.q[rows], 1e6 * line.absolute[rows], name=f"cart {j + 1}"))
+        rows = np.flatnonzero(carts.cart == j + 1)
+        rows = rows[np.argsort(carts.q[rows], kind="stable")]
+        q, position = carts.q[rows], carts.position[rows]
+        slope, start = np.polyfit(q, position, 1)
+        off, some = np.linalg.norm(position - start - np.outer(q, slope), axis=1), shown(len(q))
+        traces.append(scatter("lines", q[some], 1e6 * off[some], name=f"cart {j + 1}"))
     layout = titled("commanded position (m)", "off a straight line (µm)")
     layout["yaxis"]["rangemode"] = "tozero"
     return Drawing(traces, layout)

@@ -13,6 +13,7 @@ from paper_figures import (
     orientation_along_grid,
     orientation_change,
     orientation_errors,
+    residuals,
 )
 from paper_steps import drawn_measurements, step_change
 
@@ -23,6 +24,7 @@ from gtpin.data import CartMeasurements
 from gtpin.errors import ModelError
 
 MODEL = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+POSE = {"pose": ["0"], "q": np.zeros((1, 3)), "position": np.zeros((1, 3))}
 
 
 def commands(count: int, seed: int = 0) -> np.ndarray:
@@ -44,6 +46,20 @@ def test_an_unknown_link_is_refused() -> None:
         step_change(MODEL, q, MODEL.predict(q), "L", "7")
 
 
+def test_what_a_linear_fit_leaves_is_what_was_put_in() -> None:
+    rng = np.random.default_rng(0)
+    q, frame, some = rng.uniform(-0.6, 0.7, 28), np.linalg.qr(rng.standard_normal((3, 3)))[0], np.ones(28, dtype=int)
+    linear = np.stack([some, q], axis=1)
+    bends = 1e-4 * rng.standard_normal((28, 3))
+    bends -= linear @ np.linalg.lstsq(linear, bends, rcond=None)[0]
+    carts = CartMeasurements(2 * some, q, (q[:, None] * [1.0, 0.0, 0.0] + bends) @ frame + 3.0)
+    at, along, across = residuals(carts, 2)
+    bends = bends[np.argsort(q)]
+    np.testing.assert_array_equal(at, np.sort(q))
+    np.testing.assert_allclose(along, bends[:, 0], atol=1e-12)
+    np.testing.assert_allclose(across, np.linalg.norm(bends[:, 1:], axis=1), atol=1e-12)
+
+
 def test_every_axis_of_every_figure_is_labelled() -> None:
     q = commands(12)
     measured = drawn_measurements(MODEL, q, np.full(6, 1e-4))
@@ -52,9 +68,9 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
     along = np.tile(np.linspace(-0.6, 0.6, 10), 3)
     carts = CartMeasurements(np.repeat([1, 2, 3], 10), along, bends + along[:, None] * [1.0, 0.0, 0.0])
     rows, bare = np.arange(12), (None, None)
-    errors = [Held(m, rows, rows.astype(str).astype(object), rows * 1e-6, *bare, None, (False,) * 6) for m in (1, 3)]
+    errors = [Held(m, rows.astype(str).astype(object), rows * 1e-6, *bare) for m in (1, 3)]
     errors[1] = replace(errors[1], angles=1e-4 * np.random.default_rng(2).standard_normal((12, 3)))
-    angles = orientation_errors(Comparison(tuple(errors), 0, "pose"))
+    angles = orientation_errors(Comparison(tuple(errors), 0, gtpin.Dataset(robot="gantry_tau", **POSE)))
     for column, axis in enumerate(angles.axes):
         np.testing.assert_allclose(axis.lines[0].get_ydata(), 1e3 * errors[1].angles[:, column])
     assert all(

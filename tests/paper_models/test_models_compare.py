@@ -37,7 +37,7 @@ def compared(dataset: Dataset) -> Comparison:
 
 def held(position: np.ndarray, pose: np.ndarray | None = None) -> Held:
     pose = np.arange(len(position)) if pose is None else pose
-    return Held(1, np.arange(len(position)), pose.astype(str).astype(object), position, None, None, None, (False,) * 6)
+    return Held(1, pose.astype(str).astype(object), position, None, None)
 
 
 @pytest.mark.slow
@@ -94,29 +94,8 @@ def test_without_cart_measurements_there_are_models_1_and_3_on_all_poses(dataset
 def test_without_orientations_positions_are_compared(dataset: Dataset):
     found = compare(replace(dataset, orientation=None, carts=None))
     assert found.table()["orientation_rms_mrad"].isna().all()
-    assert all(one.closure_cost is None and one.angles is None for one in found.held)
+    assert all(one.angles is None for one in found.held)
     assert found.intervals()[0]["orientation_rms_mrad"] is None
-
-
-@pytest.mark.parametrize("options", [{"cost": "closure"}, {"choice": "validation"}])
-def test_closure_residuals_need_orientations(dataset: Dataset, options: dict[str, str]):
-    with pytest.raises(DatasetError, match="orientations"):
-        compare(replace(dataset, orientation=None), **options)
-
-
-@pytest.mark.slow
-def test_the_papers_own_cost_finds_the_same_model_best(dataset: Dataset):
-    table = compare(dataset, cost="closure").table().set_index("model")
-    assert table["mean_um"].idxmin() == 4
-    assert table["mean_um"].idxmax() in (1, 3)
-
-
-@pytest.mark.slow
-def test_by_validation_model_5_takes_the_measured_tracks_of_all_carts_here(dataset: Dataset, compared: Comparison):
-    assert compared.held[4].measured == (False, True, True, False, False, False)
-    found = compare(dataset, choice="validation")
-    assert found.held[4].measured == (True,) * 6
-    assert found.held[4].figures() == compared.held[3].figures()
 
 
 @pytest.mark.slow

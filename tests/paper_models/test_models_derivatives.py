@@ -6,7 +6,6 @@ import pytest
 
 from gtpin import Dataset, Geometry
 from gtpin.calibration.paper_models import model_geometry
-from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rod_kinematics import RodKinematics
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 30 + c)) for c in range(3))
@@ -47,18 +46,6 @@ def test_pose_derivatives_by_every_parameter_are_those_of_differences(geometry: 
         difference = plus.minus(minus) / (2.0 * h)
         size = max(np.abs(difference).max(), 1e-3)
         assert np.allclose(J[:, :, column], difference, rtol=0, atol=1e-6 * size), name
-
-
-def test_closure_derivatives_by_every_parameter_are_those_of_differences_at_poses_that_do_not_close(geometry: Geometry):
-    rods = RodKinematics(geometry)
-    poses = rods.forward(Q)
-    poses = Poses(poses.T + 1e-3, poses.R)
-    gradient = rods.closure_gradient(Q, poses)
-    for column, name in enumerate(geometry.names):
-        h = 1e-2 * geometry.tolerance[column]
-        plus, minus = (moved(geometry, column, s * h).closures(Q, poses) for s in (1.0, -1.0))
-        size = max(np.abs(gradient[:, :, column]).max(), 1e-3)
-        assert np.allclose(gradient[:, :, column], (plus - minus) / (2.0 * h), rtol=0, atol=1e-6 * size), name
 
 
 def test_command_derivatives_are_those_of_differences_between_measured_points(geometry: Geometry):

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.calibration.paper_models import model_geometry
-from gtpin.comparison.compare import better_measured
 
 pytestmark = pytest.mark.slow
 
@@ -84,12 +83,3 @@ def test_a_cart_that_turns_needs_its_measured_turning():
         left[used] = np.sqrt(((predicted.T - truth.poses(HELD)[0]) ** 2).sum(axis=1).mean())
     assert left[True] < np.sqrt(3.0) * NOISE
     assert left[False] > 2.0 * left[True]
-
-
-@pytest.mark.parametrize("bends", [(False, True, False), (True, False, True)])
-def test_model_5_by_validation_takes_the_rods_whose_measured_tracks_are_true(bends: tuple[bool, ...]) -> None:
-    """Bends were measured of all carts; the others are straight."""
-    paths = tuple(BENT[c] if bends[c] else mm.straight(mm.AXES[c]) for c in mm.CART)
-    truth = replace(mm.Machine.nominal(), paths=paths).off(84)
-    dataset = truth.dataset(FIT, NOISE, TURN_NOISE, 2, mm.carts_of(BENT))
-    assert better_measured(mm.ROBOT, dataset) == [bends[c] for c in mm.CART]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.cart_tracks import TrackLinearity, measured_tracks
+from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, ModelError
 from gtpin.robot.geometry import MeasuredTrack
@@ -91,16 +91,3 @@ def test_turning_that_was_not_measured_is_refused():
 def test_commands_of_a_track_must_ascend():
     with pytest.raises(ModelError):
         MeasuredTrack(np.array([0.0, 0.0]), np.zeros((2, 3)), None, np.zeros(3))
-
-
-@pytest.mark.parametrize("turn", FRAMES[:3])
-def test_what_a_linear_fit_leaves_is_what_was_put_in(turn: Rotation):
-    residual = mm.wavy(1e-4, 3)
-    residual -= np.outer(residual @ mm.AXES[1], mm.AXES[1])  # across the track
-    along = mm.wavy(5e-5, 4)[:, 0]
-    bends = np.outer(along, mm.AXES[1]) + residual
-    carts = mm.carts_of((PATHS[0], mm.bent(mm.AXES[1], bends), PATHS[2]), turn=turn)
-    found = TrackLinearity.of(carts, 2)
-    assert np.allclose(found.along, along, rtol=0, atol=1e-10)
-    assert np.allclose(found.across, np.linalg.norm(residual, axis=1), rtol=0, atol=1e-10)
-    assert np.allclose(found.absolute, np.linalg.norm(bends, axis=1), rtol=0, atol=1e-10)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import sys
+
 import numpy as np
+import pandas as pd
 import pytest
 from browsers import DRAWN, Opened, launched
 from report_findings import text
@@ -12,13 +16,14 @@ from gtpin.accuracy import workspace
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
+from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.report.accuracy import sensitivity_page
-from gtpin.report.comparison import comparison_page
+from gtpin.report.comparison import ComparisonPresentation, comparison_page, position_errors
 
 ROBOT = load_robot("gantry_tau")
 
 
-def comparison(means: dict[int, float], spread: float = 0.1) -> Comparison:
+def comparison(means: dict[int, float], spread: float = 0.1, carts: CartMeasurements | None = None) -> Comparison:
     """Models with such mean errors, m, on 60 poses."""
     rng = np.random.default_rng(3)
     pose = np.array([str(i) for i in range(60)], dtype=object)
@@ -26,14 +31,9 @@ def comparison(means: dict[int, float], spread: float = 0.1) -> Comparison:
     for model, mean in means.items():
         position = mean * (1.0 + spread * rng.uniform(-1.0, 1.0, 60))
         angles = 1e-4 * rng.standard_normal((60, 3))
-        held.append(
-            Held(model, np.arange(60), pose, position, np.linalg.norm(angles, axis=1), angles, None, (False,) * 6)
-        )
-    return Comparison(tuple(held), 0, "pose")
-
-
-def dataset(carts: CartMeasurements | None = None) -> Dataset:
-    return Dataset(robot="gantry_tau", pose=["0"], q=np.zeros((1, 3)), position=np.zeros((1, 3)), carts=carts)
+        held.append(Held(model, pose, position, np.linalg.norm(angles, axis=1), angles))
+    one = {"pose": ["0"], "q": np.zeros((1, 3)), "position": np.zeros((1, 3))}
+    return Comparison(tuple(held), 0, Dataset(robot="gantry_tau", **one, carts=carts))
 
 
 def measured_carts() -> CartMeasurements:
@@ -44,19 +44,47 @@ def measured_carts() -> CartMeasurements:
 
 @pytest.mark.slow
 def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best_and_carts_tracks_are_shown():
-    models = comparison({1: 3e-4, 3: 1e-4, 4: 2e-5})
-    told = text(comparison_page(models, dataset(), ROBOT))
+    means = {1: 3e-4, 3: 1e-4, 4: 2e-5}
+    told = text(comparison_page(comparison(means)))
     assert "Model 4 (full arm, measured tracks) predicts best" in told
     assert "of model 3" in told
     assert "don't settle" not in told
     assert "The carts' tracks" not in told
-    assert "The carts' tracks" in text(comparison_page(models, dataset(measured_carts()), ROBOT))
+    assert "The carts' tracks" in text(comparison_page(comparison(means, carts=measured_carts())))
 
 
 @pytest.mark.slow
 def test_models_whose_intervals_overlap_are_not_told_apart():
-    told = text(comparison_page(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9), dataset(), ROBOT))
+    told = text(comparison_page(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9)))
     assert "their intervals overlap" in told.lower()
+
+
+def test_a_picture_of_a_comparison_has_a_bar_for_each_figure_and_model():
+    pytest.importorskip("matplotlib")
+    made = comparison({1: 3e-4, 3: 1e-4})
+    heights = [bar.get_height() for bar in position_errors(made).axes[0].patches]
+    np.testing.assert_allclose(heights, made.table()[["mean_um", "rms_um", "max_um"]].to_numpy().ravel())
+
+
+@pytest.mark.slow
+def test_a_comparison_on_disk_is_tables_a_page_and_a_picture_which_needs_matplotlib(tmp_path, monkeypatch):
+    made = comparison({1: 3e-4, 3: 1e-4})
+    made.save(tmp_path / "all")
+    assert {file.name for file in (tmp_path / "all").iterdir()} >= {*ComparisonPresentation.files}
+    table = pd.read_csv(tmp_path / "all" / "compare.csv")
+    told = json.loads((tmp_path / "all" / "compare.json").read_text(encoding="utf-8"))
+    assert told["schema"] == "gtpin-compare/1"
+    for row, model in zip(table.itertuples(), told["models"], strict=True):
+        low, high = model["interval"]["mean_um"]
+        assert low < row.mean_um == model["mean_um"] < high
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(GtpinError, match="matplotlib"):
+        position_errors(made)
+    with pytest.warns(GtpinWarning, match="matplotlib"):
+        made.save(tmp_path / "bare")
+    names = {file.name for file in (tmp_path / "bare").iterdir()}
+    assert {"compare.csv", "compare.json", "report.html"} <= names
+    assert "position_errors.png" not in names
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +119,7 @@ def test_every_parameter_and_link_has_a_cell(accuracy):
 def test_pages_of_compare_and_sensitivity_load_and_draw(accuracy, tmp_path):
     with launched() as browser:
         pages = {
-            "comparison": comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}), dataset(measured_carts()), ROBOT),
+            "comparison": comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}, carts=measured_carts())),
             "sensitivity": sensitivity_page(accuracy),
         }
         for name, page in pages.items():
