@@ -152,7 +152,7 @@ def texts(
     machine, by_drives = with_drives(machine, model, session)
     shown |= by_joints | by_drives
     missing = left_out(model, {*shown, "drive scales"})
-    return Export({file.name: to_mjcf(machine)}, missing, inexact=with_remainders(model, shown, session))
+    return Export({file.name: to_mjcf(machine, plain)}, missing, inexact=with_remainders(model, shown, session))
 
 
 def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:

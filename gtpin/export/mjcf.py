@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.export.mechanism import WORLD, Body, Guide, Joint, Mechanism, Shape, Spring, numbers, xml_text
 from gtpin.export.mjcf_couplings import STIFF, add_couplings, add_plays, with_cranks
 from gtpin.kinematics.rotations import to_quaternions
-from gtpin.robot.mjcf import PLANE_MARK, TCP_MARK
+from gtpin.robot.mjcf import ADDED_MARK, PLANE_MARK, TCP_MARK
 
 TIMESTEP = 5e-4
 """Time step, s."""
@@ -32,13 +32,13 @@ GRIP = 2.0
 revolute), and the largest load of the model's fit."""
 
 
-def to_mjcf(mechanism: Mechanism) -> str:
+def to_mjcf(mechanism: Mechanism, plain: Mechanism) -> str:
     """MJCF of a mechanism: at rest with ``ctrl`` = q, its platform has the pose of the mechanism at q.
 
     Initial configuration and keyframe ``home`` are the robot's home. Coordinates, ranges and commands are those of the URDF;
     shapes don't collide. Drives deflect by less than 1 um under the machine's weight. Drives and springs have damping and
     reflected inertia that keep the simulation stable at its time step. So its static poses are those of the machine, but its
-    vibrations are not.
+    vibrations are not. Joints that are not in ``plain``, the mechanism without effects, are marked.
     """
     root = Element("mujoco", model=mechanism.name)
     cranked = with_cranks(mechanism)
@@ -68,6 +68,11 @@ def to_mjcf(mechanism: Mechanism) -> str:
         SubElement(equality, "connect", attributes)
     marks = SubElement(root, "custom")
     SubElement(marks, "text", name=TCP_MARK, data=_free(mechanism.tcp))
+    robot, driven = _joint_names(plain), {drive.site: drive.joint for drive in plain.drives}
+    stands = {drive.joint: driven[drive.site] for drive in mechanism.drives}
+    for name in _joint_names(cranked):
+        if name not in robot:
+            SubElement(marks, "text", name=f"{ADDED_MARK}{name}", data=stands.get(name, name))
     for name, normal in mechanism.planes.items():
         SubElement(marks, "numeric", name=f"{PLANE_MARK}{name}", data=numbers(*normal))
     tendons = SubElement(root, "tendon")
@@ -78,6 +83,10 @@ def to_mjcf(mechanism: Mechanism) -> str:
     ctrl = numbers(*(drive.home / drive.scale for drive in cranked.drives))
     SubElement(SubElement(root, "keyframe"), "key", name="home", qpos=numbers(*_qpos(cranked)), ctrl=ctrl)
     return xml_text(root)
+
+
+def _joint_names(mechanism: Mechanism) -> list[str]:
+    return [joint.name for body in mechanism.bodies for joint in body.joints]
 
 
 def _body(parent: Element, body: Body) -> Element:

@@ -27,6 +27,9 @@ REFUSED = ("replicate", "attach", "composite", "flexcomp")
 TCP_MARK = "gtpin_tcp"
 """Name of the ``<custom><text>`` that names the body or site that is the TCP. `gtpin.export` writes it."""
 
+ADDED_MARK = "gtpin_added_"
+"""Start of the name of a ``<custom><text>`` for a joint of an effect (a play, a spring), which is no part of the robot, before
+the joint's name. Its data is the robot's joint for which a motor stands, else the name once more; see `TCP_MARK`."""
 PLANE_MARK = "gtpin_plane_"
 """Start of the name of a ``<custom><numeric>`` with the normal of a loop's plane, before the loop's name; see `TCP_MARK`."""
 
@@ -64,7 +67,8 @@ class _UrdfWriter:
 
     ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``bodies``: links of bodies, by
     name. ``sites``: by name, the link that carries the site, and its placement on the link. ``named``: names of all sites.
-    ``initial``: coordinates of joints at this posture, rad or m.
+    ``initial``: coordinates of joints at this posture, rad or m. ``added``: joints of effects, which are not written, each with
+    the joint for which it stands: see `ADDED_MARK`.
     """
 
     values: Values
@@ -75,9 +79,13 @@ class _UrdfWriter:
     sites: dict[str, tuple[str, Any]] = field(default_factory=dict)
     named: frozenset[str] = frozenset()
     initial: dict[str, float] = field(default_factory=dict)
+    added: dict[str, str] = field(default_factory=dict)
 
     def write(self, root: Element) -> str:
         self.named = frozenset(site.get("name", "") for site in root.iterfind("worldbody//site")) - {""}
+        for mark in root.iterfind("custom/text"):
+            if (called := mark.get("name", "")).startswith(ADDED_MARK):
+                self.added[called.removeprefix(ADDED_MARK)] = mark.get("data", "")
         self._link(WORLD, pin.SE3.Identity())
         self.bodies[WORLD] = WORLD
         for world in root.findall("worldbody"):
@@ -88,7 +96,7 @@ class _UrdfWriter:
         marked = self._marked(root)
         # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
         if root.find("equality/connect") is not None or marked is not None:
-            self._drives(root, own)
+            self._drives(root, own, marked is not None)
         tree = Tree.of(self.robot, self.values.source)
         for name, (link, placement) in self.sites.items():
             self._link(name, self.at[link] * placement)
@@ -156,7 +164,8 @@ class _UrdfWriter:
                     raise self.values.error(f"two sites are called {name}", "name each once")
                 if name:
                     self.sites[name] = (link, part.frame * self.values.placement(given))
-            elif part.element.tag == "body":
+            # A body with the name of its joint is a motor or a crank.
+            elif part.element.tag == "body" and part.element.get("name") not in self.added:
                 self._body(part, link)
 
     def _body(self, part: Part, parent: str) -> None:
@@ -170,6 +179,7 @@ class _UrdfWriter:
         pose = self.at[parent] * placement
         parts = list(self.values.parts(body, body.get("childclass", part.inherited)))
         joints = [one for one in parts if one.element.tag in ("joint", "freejoint")]
+        joints = [one for one in joints if one.element.get("name") not in self.added]
         before, above = pin.SE3(placement), parent
         for number, joint in enumerate(joints):
             given = self.values.attributes(joint.element, joint.inherited)
@@ -211,17 +221,35 @@ class _UrdfWriter:
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
 
-    def _drives(self, root: Element, own: Element) -> None:
-        """Write the joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded."""
+    def _drives(self, root: Element, own: Element, by_gtpin: bool) -> None:
+        """Write the joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded.
+
+        ``by_gtpin``: gtpin wrote the file: ranges of joints are of commands, from which drive scales and effects make others.
+        """
         tied = {
             joint.get("name")
             for joint in self.robot.findall("joint")
             if joint.find("mimic") is not None or joint.get("type") == "fixed"
         }
-        named = [drive.get("joint") for actuator in root.findall("actuator") for drive in actuator]
-        for name in dict.fromkeys(named):
-            if name in self.initial and name not in tied:
+        joints, scaled = {str(joint.get("name")): joint for joint in self.robot.findall("joint")}, []
+        for drive in root.iterfind("actuator/*"):
+            name = drive.get("joint", "")
+            name = self.added.get(name, name)
+            if name not in self.initial or name in tied:
+                continue
+            if all(name != before.get("joint") for before in own.findall("actuator")):
                 SubElement(own, "actuator", joint=name)
+            limit = joints[name].find("limit")
+            if by_gtpin and drive.get("ctrlrange") and limit is not None:
+                lower, upper = self.values.numbers(drive.attrib, "ctrlrange", "", 2)
+                limit.attrib.update(lower=repr(float(lower)), upper=repr(float(upper)))
+            if by_gtpin and drive.get("gear", "1.0") != "1.0":
+                scaled.append(f"scale of {name}")
+        if without := [*scaled, *(name for name in self.added if "_crank_" not in name)]:
+            names = ", ".join(without[:SHOWN]) + (f" and {len(without) - SHOWN} more" if len(without) > SHOWN else "")
+            warn(
+                f"{self.values.source}: the geometry is read without drive scales and effects: {names}; give the model's folder"
+            )
 
     # ------------------------------------------------------------------------------------------------ equalities
 
@@ -229,6 +257,9 @@ class _UrdfWriter:
         """Write an equality constraint, if it is active: a loop, a joint that follows another, or one that does not move."""
         given = self.values.attributes(element, MAIN, "equality")
         if given.get("active", "true") != "true":
+            return
+        # Where there are joints of effects, a tendon is a curve by which a joint follows another.
+        if self.added.keys() & {given.get("joint1"), given.get("joint2")} or (self.added and element.tag == "tendon"):
             return
         if element.tag == "connect":
             self._connect(given)

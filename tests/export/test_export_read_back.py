@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from drawn_machines import without_scales
+from with_effects import active
 
 import gtpin
+from gtpin.errors import GtpinWarning
 from gtpin.export import export
 from gtpin.kinematics.closures import halton
 from gtpin.robot.description import RobotDescription
@@ -95,3 +98,38 @@ def written(model: gtpin.Model, folder: Path) -> Path:
     """The robot with the model's geometry, as a calibration writes it."""
     gtpin.write_model(model, folder / "model")
     return folder / "model" / "robot.urdf"
+
+
+EFFECTS = [
+    ("ur5", "backlash", "elbow_joint", 1e-4),
+    ("ur5", "linearity", "elbow_joint", 1e-4),
+    ("ur5", "encoder_scale", "elbow_joint", 1e-4),
+    ("ur5", "joint_compliance", "elbow_joint", 3e-6),
+    ("ur5", "bearing_compliance", "shoulder_pan_joint", 1e-5),
+    ("ur5", "link_compliance", "arm", 2e-6),
+    ("gantry_tau", "backlash", "cart2", 5e-5),
+    ("gantry_tau", "linearity", "cart2", 5e-5),
+    ("gantry_tau", "encoder_scale", "cart3", 2e-4),
+    ("gantry_tau", "straightness", "cart1", 5e-5),
+    ("gantry_tau", "cart_rotation", "cart3", 2e-4),
+    ("gantry_tau", "cart_compliance", "cart3", 2e-7),
+    ("gantry_tau", "link_compliance", "arm", 1e-7),
+]
+"""Each effect that MJCF holds: robot, effect, site, its first coefficient."""
+
+
+@pytest.mark.filterwarnings("ignore:.*left out", "ignore:.*to within", "ignore:.*does not hold")
+@pytest.mark.parametrize(("name", "effect", "site", "first"), EFFECTS)
+def test_a_file_with_effects_is_read_as_its_geometry_and_says_what_it_leaves_out(
+    name: str, effect: str, site: str, first: float, tmp_path: Path
+) -> None:
+    plain = gtpin.read_model(name)
+    q = commands(plain.robot, 20)
+    came = {f"approach{i + 1}": np.resize([1.0, -1.0, -1.0], len(q)) for i in range(plain.robot.n_actuators)}
+    own = active(plain, q, effect, site, covariates=came, drawn=lambda sigma: first * sigma / sigma[0])
+    export(replace(plain, effects=(own,)), tmp_path / "robot.xml")
+    with pytest.warns(GtpinWarning, match="is read without drive scales and effects: "):
+        again = gtpin.read_model(tmp_path / "robot.xml")
+    assert np.abs(again.predict(q).minus(plain.predict(q))).max() < 1e-9
+    np.testing.assert_allclose(again.robot.lower, plain.robot.lower, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(again.robot.upper, plain.robot.upper, rtol=0, atol=1e-12)
