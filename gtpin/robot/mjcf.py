@@ -83,9 +83,9 @@ class _UrdfWriter:
 
     def write(self, root: Element) -> str:
         self.named = frozenset(site.get("name", "") for site in root.iterfind("worldbody//site")) - {""}
-        for mark in root.iterfind("custom/text"):
-            if (called := mark.get("name", "")).startswith(ADDED_MARK):
-                self.added[called.removeprefix(ADDED_MARK)] = mark.get("data", "")
+        for text in root.iterfind("custom/text"):
+            if (called := text.get("name", "")).startswith(ADDED_MARK):
+                self.added[called.removeprefix(ADDED_MARK)] = text.get("data", "")
         self._link(WORLD, pin.SE3.Identity())
         self.bodies[WORLD] = WORLD
         for world in root.findall("worldbody"):
