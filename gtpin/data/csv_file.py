@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from array import array
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -116,6 +117,7 @@ def _rows(file: Path, data: bytes, width: int) -> Iterator[Row]:
         if row == 1 or not cells or (len(cells) == 1 and not cells[0].strip()):
             continue
         if len(cells) != width:
+            _refuse_remark(cells[0], file, row)
             hint = "give every row one cell for each column of the header"
             hint += ", and write a decimal point, not a comma" if len(cells) > width else ""
             raise DatasetError(f"the row has {len(cells)} cells, the header {width}", file=file, row=row, hint=hint)
@@ -142,9 +144,20 @@ def _chunks(rows: Iterator[Row]) -> Iterator[list[Row]]:
         yield chunk
 
 
+def _refuse_remark(line: str, file: Path, row: int) -> None:
+    """Raise `DatasetError` for a line that is no part of a table: a comment, or the separator, as Excel writes it."""
+    if line.startswith("#"):
+        hint = "a table begins with its column names and has no comments: delete the line, or the # before names"
+        raise DatasetError("the line begins with #", file=file, row=row, hint=hint)
+    if re.fullmatch(r'"?sep=.?"?,*', line, re.IGNORECASE):
+        hint = "delete it: a table begins with its column names, with ',' between them"
+        raise DatasetError("the line names the separator for Excel", file=file, row=row, hint=hint)
+
+
 def _check_separator(header: str, file: Path) -> None:
     """Raise `DatasetError` for a header line that is separated by anything but commas."""
     line = header.strip()
+    _refuse_remark(line, file, 1)
     words = [word for other, word in ((";", "';'"), ("\t", "tabs")) if line.count(other) > line.count(",")]
     if "," not in line and " " in line:  # with commas present, spaces are parts of names
         words.append("spaces")

@@ -29,7 +29,7 @@ from gtpin.data.folder import SUFFIXES, tables_there, write_folder
 from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
-from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, command_names
+from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, TOLD_BY_ZERO, command_names
 from gtpin.data.read_instruments import read_instruments
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
@@ -280,7 +280,8 @@ class Dataset(Shown):
         if table is not None:
             table.warn_of_covariates(taken)
         dataset._check_drivers()
-        still = [name for name, column in dataset.covariates.items() if (column == column[0]).all()]
+        constant = {name: column[0] for name, column in dataset.covariates.items() if (column == column[0]).all()}
+        still = [name for name, value in constant.items() if not (TOLD_BY_ZERO.fullmatch(name) and value == 0.0)]
         if still:
             where = dataset.file if table is not None else path
             warn(f"{where}: these covariates do not vary, so they give no information: {', '.join(still)}")

@@ -18,6 +18,12 @@ from gtpin.typing import Floats
 
 _MISSING = {"", "na", "n/a", "nan", "<na>", "null", "none", "-"}
 _INFINITE = {"inf", "infinity"}
+_HABITS = (
+    (re.compile(r"(?<=[0-9.])[dD](?=[+-]?[0-9])"), "e", "write the exponent with E, not with D"),
+    (re.compile("[\u2212\u2013]"), "-", "write minus as -, the sign on the keyboard"),
+    (re.compile(","), ".", "write a decimal point, not a comma"),
+)
+"""Numbers as other programs write them: what to replace, by what, and the hint."""
 _HUGE = re.compile(r"[+-]?[0-9.]+[eE][+]?[0-9]+")
 
 
@@ -54,6 +60,14 @@ def has_decimal_comma(text: str) -> bool:
     return "," in text and not math.isnan(number(text.replace(",", ".", 1)))
 
 
+def _habit(text: str) -> str | None:
+    """The hint for a number that is written as by another program; None for what is none."""
+    hints = (
+        h for wrong, right, h in _HABITS if wrong.search(text) and not math.isnan(number(wrong.sub(right, text, 1)))
+    )
+    return next(hints, None)
+
+
 def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int, row: int) -> DatasetError:
     """Explain a cell that should have held a number, by what the rest of its row looks like."""
     text = cells[column].strip()
@@ -64,17 +78,16 @@ def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int
     if all(not c.strip() for c in cells):
         return DatasetError("every cell of the row is blank", file=file, row=row, hint="delete this line")
     units = [c for c in (cells[i] for i in words) if not is_missing(c)]
-    if row == 2 and len(words) == numbers and units and not any(has_decimal_comma(c) for c in units):
+    if row == 2 and len(words) == numbers and units and not any(map(_habit, units)):
         what = "the line under the header has no numbers and looks like a line of units"
         return DatasetError(what, file=file, row=row, hint="delete it; the units are m, rad, s, kg, N and degC")
     if not text:
         what, hint = "the cell is blank", "fill it in, or leave the row out"
     elif is_missing(text) or _HUGE.fullmatch(text):
         what, hint = f"{cells[column][:40]!r} is not a finite number", "fill it in, or leave the row out"
-    elif has_decimal_comma(text):
-        what, hint = f"{cells[column][:40]!r} is not a number", "write a decimal point, not a comma"
     else:
-        what, hint = f"{cells[column][:40]!r} is not a number", "write a plain number in SI units, without its unit"
+        what = f"{cells[column][:40]!r} is not a number"
+        hint = _habit(text) or "write a plain number in SI units, without its unit"
     return DatasetError(what, file=file, row=row, column=names[column], hint=hint)
 
 

@@ -154,11 +154,19 @@ def test_a_column_of_words_is_named_in_a_warning_and_ignored(make, cells):
 
 def test_covariates_that_do_not_vary_are_named_in_one_warning(make):
     rows = [line.split(",") for line in (HEADER, *LINES)]
-    text = "\n".join(",".join((*row, "fx" if i == 0 else "0", "note" if i == 0 else "4")) for i, row in enumerate(rows))
+    text = "\n".join(
+        ",".join((*row, "temp_link" if i == 0 else "20", "note" if i == 0 else "4")) for i, row in enumerate(rows)
+    )
     folder = make(text)
-    with pytest.warns(GtpinWarning, match=r"do not vary.*: fx, note$") as caught:
+    with pytest.warns(GtpinWarning, match=r"do not vary.*: temp_link, note$") as caught:
         Dataset.read(folder)
     assert len(caught) == 1
+
+
+@pytest.mark.parametrize("name", ["speed2", "fx"])
+def test_a_covariate_of_zeros_tells_that_the_machine_stood_still_or_carried_nothing(make, name):
+    dataset = Dataset.read(make(with_column(name, *"0000")))  # a warning would be an error here
+    assert not dataset.covariates[name].any()
 
 
 @pytest.mark.parametrize(

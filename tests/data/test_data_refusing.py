@@ -73,6 +73,13 @@ WRONG_TABLES = [  # text, row, column, what the error says
     ),
     (with_cell(3, "x", '"1,25"'), 3, "x", "decimal point"),
     (QUOTED_COMMAS, 2, "q1", "decimal point"),  # no line of units
+    (HEADER + "\na" + 14 * ",0.5D-01" + "\n", 2, "q1", "exponent with E"),
+    (HEADER + "\na" + 14 * ",\u22120.5" + "\n", 2, "q1", "write minus as -"),
+    (with_cell(3, "x", "1.2d+01"), 3, "x", "exponent with E"),
+    ("# measured by Bob\n" + ALL, 1, None, "begins with #"),
+    ("# " + ALL, 1, None, "begins with #"),
+    (with_line(3, "# here the tool was changed"), 3, None, "begins with #"),
+    *((f"{line}\n{ALL}", 1, None, "separator for Excel") for line in ("sep=,", "sep=;", '"sep=,"', "SEP=,,,,")),
     (HEADER + "\na" + 14 * ',"0,5"' + "\n", 2, "q1", "decimal point"),
     (table(*(line.replace(".", ",") for line in LINES)), 2, None, "decimal point"),
     (with_cell(4, "x", "oops").replace(LINES[0], "\n\n" + LINES[0], 1), 6, "x", "oops"),  # blank lines count
