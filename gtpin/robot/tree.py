@@ -63,8 +63,8 @@ class Tree:
     def of(root: Element, source: str) -> Tree:
         """Read the joints and links of a URDF's outer element.
 
-        Raises `RobotError` if a ``<mimic>`` names no joint that moves, or names its own, or holds what is no number or a
-        huge one.
+        Raises `RobotError` if a link is the child of two joints; or if a ``<mimic>`` names no joint that moves, or names its
+        own, or holds what is no number or a huge one.
         """
         joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]
@@ -75,11 +75,14 @@ class Tree:
         }
         mimics = tuple(_to_master(mimic, follows, moving, source) for mimic in follows.values())
         links = [link.get("name", "") for link in root.findall("link")]
-        above = {}
+        above: dict[str, tuple[str, str]] = {}
         for joint in root.findall("joint"):
             child, parent = joint.find("child"), joint.find("parent")
             if child is not None and parent is not None:
-                above[child.get("link", "")] = (parent.get("link", ""), joint.get("name", ""))
+                if before := above.get(link := child.get("link", "")):
+                    what = f"link {link} has two parents, {before[1]} and {joint.get('name', '')}"
+                    raise RobotError(what, file=source, hint="keep one; a <loop_joint> closes a loop")
+                above[link] = (parent.get("link", ""), joint.get("name", ""))
         tree = Tree(tuple(name for name in moving if name not in follows), mimics, "", (), above)
         fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
         depths = {link: len(tree.path(link) - fixed) for link in links}

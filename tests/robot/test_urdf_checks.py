@@ -73,6 +73,12 @@ def test_a_mass_that_can_not_be_is_refused_with_the_link(tmp_path: Path, mass: s
         loaded(tmp_path, ARM.replace('value="2"', f'value="{mass}"'))
 
 
+def test_a_link_with_two_parents_is_refused_with_both_joints(tmp_path: Path) -> None:
+    second = '<joint name="j3" type="fixed"><parent link="base"/><child link="l2"/></joint></robot>'
+    with pytest.raises(RobotError, match="link l2 has two parents, j2 and j3; "):
+        loaded(tmp_path, ARM.replace("</robot>", second))
+
+
 @pytest.mark.parametrize("numbers", ['multiplier="1e308"', 'multiplier="-1e7"', 'offset="1e9"'])
 def test_a_follower_that_moves_absurdly_far_is_refused_with_the_joint(tmp_path: Path, numbers: str) -> None:
     follower = ARM.replace(
