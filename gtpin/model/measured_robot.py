@@ -25,16 +25,11 @@ def robot_of(dataset: Dataset) -> Chain:
     """
     file = dataset.toml
     try:
-        robot = load_robot(dataset.robot_reference, None, dataset.actuators)
+        robot = load_robot(dataset.robot_reference, dataset.tcp, dataset.actuators)
     except RobotError as error:
-        if error.file is not None:
+        if error.file is not None and error.column != "tcp":
             raise
         raise DatasetError(error.what, file=file, column=error.column or "robot", hint=error.hint) from None
-    if dataset.tcp is not None:
-        if dataset.tcp not in robot.links:
-            what, hint = f"{robot.name} has no link {dataset.tcp!r}", f"links are {_some(robot.links)}"
-            raise DatasetError(what, file=file, column="tcp", hint=hint)
-        robot = Chain(robot.description, dataset.tcp)
     joints = robot.description.tree.moving
     known = (*robot.sites, *robot.rod_sites, *joints, *robot.links, *PLACES)
     for number, driver in enumerate(dataset.drivers):

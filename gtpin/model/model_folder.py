@@ -41,6 +41,9 @@ from gtpin.typing import Floats
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
 """Files that ``write_model`` writes."""
+RESULTS = (".json", ".html", ".txt")
+"""Suffixes of files that stand beside a model in a result's folder."""
+FOLDER = "give a folder that calibrate, diagnose or certify wrote"
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
 FARTHEST = 10.0
@@ -177,17 +180,22 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
     if tcp is not None and (os.path.isdir(path) or path.suffix == ".json"):
         raise ModelError("a model has a TCP of its own", file=path, hint="leave --tcp out, or name the robot")
     if os.path.isdir(path):
-        for folder in (path, path / "model"):
-            if (folder / "model.json").exists():
-                return _read_folder(folder, own)
-        raise ModelError(
-            "no model.json here", file=path, hint="give a folder that calibrate, diagnose or certify wrote"
-        )
+        if folder := _model_in(path):
+            return _read_folder(folder, own)
+        raise ModelError("no model.json here", file=path, hint=FOLDER)
+    if os.path.isfile(path) and path.suffix in RESULTS and path.name != "model.json":
+        hint = f"give the folder: {path.parent}" if _model_in(path.parent) else FOLDER
+        raise ModelError("this file of a result is no model", file=path, hint=hint)
     if os.path.isfile(path) and path.suffix == ".json":
         return _read_folder(path.parent, own)
     if len(path.parts) > 1 and not path.suffix and not os.path.exists(path):  # a name without folders is a robot's
-        raise ModelError("no such folder", file=path, hint="give a folder that calibrate, diagnose or certify wrote")
+        raise ModelError("no such folder", file=path, hint=FOLDER)
     return Model(Geometry.nominal(load_robot(reference, tcp)))
+
+
+def _model_in(path: Path) -> Path | None:
+    """The folder with ``model.json``: this one, or ``model`` in it; None where there is none."""
+    return next((folder for folder in (path, path / "model") if (folder / "model.json").exists()), None)
 
 
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, warn
+from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.planar_loops import in_planes, normal_of, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
@@ -127,6 +127,10 @@ class ConstrainedModel:
         ]
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
         self.passive, self.n_passive = _as_slice(passive), len(passive)
+        if tcp is not None and tcp not in self.links:
+            shown = f"{', '.join(self.links[:20])}{' ...' if len(self.links) > 20 else ''}"
+            what, hint = f"{self.name} has no link {tcp!r}", f"links are {shown}"
+            raise RobotError(what, file=description.source, column="tcp", hint=hint)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         if tcp is None and description.tcp_guessed:
             others = [link for link in description.tree.ends if link != self.tcp_frame]

@@ -1,5 +1,7 @@
 """The robot that a dataset names has its actuators and its TCP; parts that it lacks are named by their key."""
 
+import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Driver
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, ModelError
 from gtpin.model.measured_robot import robot_of
 from gtpin.robot.library import load_robot
 
@@ -53,3 +55,21 @@ def test_drivers_may_act_at_links_joints_the_platform_and_the_frame(dataset: gtp
     places = ("panda_link3", "panda_joint2", "platform", "frame")
     drivers = (*(Driver("tilt", site, "rx", 1e-3) for site in places), Driver("tilt", "panda_joint2", "q", 1e-3))
     assert robot_of(replace(dataset, drivers=drivers)).n_actuators == 7
+
+
+def test_a_robot_whose_tcp_is_named_does_not_ask_for_it(dataset: gtpin.Dataset) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert robot_of(dataset).tcp_frame == "panda_hand"
+        assert robot_of(replace(dataset, tcp=None)).tcp_frame != "panda_hand"
+    (told,) = (str(one.message) for one in caught if "names no TCP" in str(one.message))
+    assert told.endswith("name it (tcp, --tcp)")
+
+
+@pytest.mark.parametrize("name", ["calibration.json", "report.html"])
+def test_a_file_of_a_result_is_no_model_and_its_folder_is_named(tmp_path: Path, name: str) -> None:
+    gtpin.write_model(gtpin.read_model("gantry_tau"), tmp_path / "model")
+    (tmp_path / name).write_text("{}")
+    with pytest.raises(ModelError, match=f"give the folder: {re.escape(str(tmp_path))}$"):
+        gtpin.read_model(tmp_path / name)
+    assert gtpin.read_model(tmp_path / "model" / "model.json").robot.name == "gantry_tau"
