@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from gtpin.calibration.problem import Problem
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
+from gtpin.data.files import warn_of
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
 from gtpin.instruments.instrument import up_of
@@ -136,8 +138,9 @@ def calibrate(
             hint = f"kinds are {', '.join(TOLERANCE)}"
             raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=f"tolerance.{kind}", hint=hint)
         if model is None:
-            tolerance = dataset.tolerance
-            geometry = Geometry.nominal(robot, directions=directions, scale=scale, tolerance=tolerance, without=without)
+            nominal = partial(Geometry.nominal, robot, directions=directions, scale=scale, without=without)
+            geometry = nominal(tolerance=dataset.tolerance)
+            _warn_of_unused(dataset, nominal)
         else:
             check_actuators(robot, dataset)
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
@@ -160,6 +163,20 @@ def calibrate_geometry(
     ``lacking``: as for :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
     return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
+
+
+def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
+    """Warn of tolerances of kinds of which the robot has no parameter; ``nominal``: gives its geometry with a tolerance."""
+
+    def used(kind: str) -> bool:
+        one, two = (nominal(tolerance={kind: size}).tolerance for size in (1.0, 2.0))
+        return bool((one != two).any())
+
+    if unused := [kind for kind in dataset.tolerance if not used(kind)]:
+        kinds = ", ".join(kind for kind in TOLERANCE if used(kind))
+        warn_of(
+            dataset.toml, f"no parameter of this robot is of the kind {', '.join(unused)} ([tolerance]); it has {kinds}"
+        )
 
 
 def _calibrated(

@@ -49,7 +49,8 @@ class NoiseEstimator:
         known = np.array([sigma is not None for sigma in measured.declared])
         for one in np.setdiff1d(group[by_row], group[~by_row]):  # all of its rows declare their own
             known[one] = True
-            initial_sigma[one] = np.sqrt((measured.row_sigma[by_row & (group == one)] ** 2).mean())
+            own = by_row & (group == one)  # a number that is divided among rows was declared as one
+            initial_sigma[one] = np.sqrt((measured.row_sigma[own] ** 2 * measured.counted[own]).mean())
         noise = ReadingNoise(initial_sigma, group, measured.row_sigma, ~known).at_least(SMALLEST)
         station = measured.station
         if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < NEAREST:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
+from gtpin.data.read_instruments import SIGMAS
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -54,13 +55,14 @@ def calibration_summary(calibration: Calibration) -> str:
 
 def _fit(c: Calibration) -> str:
     lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements"]
+    how = "" if any(overruled(c)) else "declare it, or "
     for one in c.by_instrument:
         unit = f"u{one.unit}"
         before, after, out, noise = (f"{1e6 * v:.1f} {unit}" for v in (one.before, one.after, one.left_out, one.floor))
         lines += [
             f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated",
             f"    {'at poses left out of the fit':<31} {out}",
-            f"    {'noise alone':<31} {noise if c.noise_known else 'not known: declare it, or repeat visits'}",
+            f"    {'noise alone':<31} {noise if c.noise_known else f'not known: {how}repeat visits'}",
         ]
     meaning = cannot_judge(c) or f"1 +- {np.sqrt(2.0 / c.dof):.2f} if it fits"
     lines += [
@@ -167,17 +169,34 @@ def nominal_words(c: Calibration) -> str:
 def _measured_by(c: Calibration) -> list[str]:
     several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
     of_pose = {"m": "position", "rad": "orientation"}
-    return [
+    names = [
         f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
     ]
+    # Only sockets have two sigmas of one unit.
+    return [f"known distances of {name}" if name in names[:k] else name for k, name in enumerate(names)]
+
+
+def overruled(c: Calibration) -> list[float | None]:
+    """By sigma: the declared one, m or rad, where these data show another and it was not used; else None."""
+    rows, turns = c.dataset.readings, [unit == "rad" for _, unit in c.sigmas]
+    found: list[float | None] = []
+    for (name, _), turn, estimated in zip(c.sigmas, turns, c.noise.estimated, strict=True):
+        i = next(i for i, table in enumerate(rows.tables) if table.name == name)
+        keys = ("orientation_sigma" if turn else "position_sigma", "sigma")
+        columns = [rows.columns[s][rows.rows_of(i)] for s in SIGMAS[3 * turn :][:3] if s in rows.columns]
+        values = [getattr(rows.tables[i], key, None) for key in keys]
+        values += [float(np.median(column)) for column in columns if np.isfinite(column).all()]
+        found.append(next((v for v in values if v is not None), None) if estimated else None)
+    return found
 
 
 def noise_words(c: Calibration) -> list[str]:
     """The sigma of each kind of numbers, in words, and where it comes from."""
-    sigmas = zip(_measured_by(c), c.noise.sigma, c.sigmas, c.noise.estimated, strict=True)
+    sigmas = zip(_measured_by(c), c.noise.sigma, c.sigmas, c.noise.estimated, overruled(c), strict=True)
     return [
         f"{what} {quantity(float(sigma), unit)}, {SOURCES[c.noise.source if estimated else 'declared']}"
-        for what, sigma, (_, unit), estimated in sigmas
+        f"{f' ({quantity(declared, unit)} was declared)' if declared else ''}"
+        for what, sigma, (_, unit), estimated, declared in sigmas
     ]
 
 

@@ -13,7 +13,7 @@ from gtpin.diagnosis.linear.cross_validation import Gap, InstrumentGap
 from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import scatters
+from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (
     badge,
@@ -39,7 +39,7 @@ from gtpin.report.words import (
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
-LISTED = 3
+LISTED = 5
 """Number of listed effects that could be the unknown cause."""
 
 
@@ -108,10 +108,12 @@ def assumed(d: Diagnosis) -> list[str]:
         return []
     words = gap_words(d.gap)
     size = words.floor if d.verdict == "unknown" else words.after  # what is unknown is more than noise
+    why, declare = "no sigma was declared", "declare the instrument's sigma, or "
+    if any(overruled(d.baseline)):
+        why, declare = "these data show less than the declared sigma, which was not used", ""
     return [
-        f"That {size} are noise is an assumption: no sigma was declared, and too few poses were visited repeatedly. "
-        "An error of up to this size that differs from pose to pose could hide in it: declare the instrument's sigma, or "
-        "visit ten poses again."
+        f"That {size} are noise is an assumption: {why}, and too few poses were visited repeatedly. An error of up to this "
+        f"size that differs from pose to pose could hide in it: {declare}visit ten poses again."
     ]
 
 

@@ -9,6 +9,7 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.report.calibration_text import noise_words
 
 SIGMAS = (1.5e-5, 5e-5)
 ALONG_Y = np.array([0.0, 1.0, 0.0])
@@ -64,6 +65,8 @@ def test_noise_three_times_overstated_is_warned_of_and_the_data_s_own_is_used():
     assert found.instrument.position_sigma is None
     assert found.noise.position_sigma == pytest.approx(SIGMAS[0], rel=0.2)
     assert found.noise.orientation_sigma == pytest.approx(SIGMAS[1], rel=0.2)
+    assert "from the residuals (45.0 µm was declared)" in noise_words(found)[0].replace("\u00a0", " ")
+    assert "from the residuals (150 µrad was declared)" in noise_words(found)[1].replace("\u00a0", " ")
 
 
 @pytest.mark.slow

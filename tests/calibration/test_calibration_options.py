@@ -8,7 +8,7 @@ from monte_carlo import study
 from virtual_gantry import ROBOT, case, names
 
 import gtpin
-from gtpin.errors import ConvergenceError, DatasetError, GtpinError
+from gtpin.errors import ConvergenceError, DatasetError, GtpinError, GtpinWarning
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +79,12 @@ def test_the_dataset_s_tolerances_override_the_robot_s(dataset, usual):
 def test_a_tolerance_of_unknown_kind_is_refused(dataset):
     with pytest.raises(GtpinError, match="belt_length"):
         gtpin.calibrate(replace(dataset, tolerance={"belt_length": 1e-3}))
+
+
+@pytest.mark.slow
+def test_a_tolerance_of_a_kind_that_the_robot_has_not_is_warned_of_with_those_it_has(dataset):
+    with pytest.warns(GtpinWarning, match="is of the kind placement_position .*; it has link_length, platform_joint, "):
+        gtpin.calibrate(replace(dataset, tolerance={"placement_position": 1e-3, "link_length": 1e-3}))
 
 
 @pytest.mark.slow

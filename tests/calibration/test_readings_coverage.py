@@ -18,6 +18,7 @@ from virtual_instruments import LASER, LEVEL, SEAT, TOUCH, WIRE, Seen, bed, came
 import gtpin
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.noise.weights import Tails
+from gtpin.report.calibration_text import noise_words
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +54,15 @@ def studied(reads: Reads, n: int, seed: int) -> Study:
 @functools.cache
 def of_kind(kind: str) -> Study:
     return studied(KINDS[kind], MACHINES, list(KINDS).index(kind))
+
+
+def test_known_distances_are_told_with_the_sigma_that_was_declared_and_not_with_that_of_their_rows(tmp_path):
+    rng = np.random.default_rng(3)
+    dataset = read(tmp_path / "set", cup(draw(rng).gantry, rng, 72))
+    found = gtpin.calibrate(dataset)
+    assert found.noise.sigma == pytest.approx([SEAT, 5e-5], rel=1e-12)
+    said = [words.replace("\u00a0", " ") for words in noise_words(found)]
+    assert said == ["cup 20.0 µm, as declared", "known distances of cup 50.0 µm, as declared"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
