@@ -116,6 +116,15 @@ def test_what_goes_with_what_was_recorded_is_not_laid_on_a_missing_session(kind)
     assert found.unexplained.could_be == ()
 
 
+def test_an_effect_that_nothing_speaks_for_or_against_could_be_what_is_unknown_at_its_site():
+    """Without any clock, and without speeds and directions, no column stands for what was not recorded."""
+    found = said(machine(1, "zero_shift", "cart2", ("session", "time", "temp", "speed", "approach")))
+    assert found.verdict == "unknown"
+    assert found.unexplained.correlates[0][0] == "cart2"
+    assert ("zero_shift", "cart2") in found.unexplained.could_be
+    assert {site for _, site in found.unexplained.could_be} == {"cart2"}
+
+
 @pytest.mark.parametrize("seed", [402, 404])
 def test_a_clock_that_shows_whole_minutes_tells_of_no_pauses(seed):
     case = machine(seed, "frame_shift", "frame", ("session", "temp"))

@@ -143,7 +143,7 @@ class Unexplained:
     ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
     probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
     that correlate with the residuals; five at most. ``could_be``: effect and site of untestable effects whose proxies explain
-    the residuals about as well as the best smooth term.
+    the residuals about as well as the best smooth term, then those at its site that have no proxy.
     ``descriptions``: flexible families that explain a part of them and are no causes.
     """
 

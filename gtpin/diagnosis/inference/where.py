@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,7 +131,8 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
         correlates.append((row[2], (dof_ - statistic) / np.sqrt(2.0 * max(dof_, 1)), row))  # p-values may both be 0
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     kept_rows = tuple(row for p, _, row in sorted(correlates)[:CORRELATES] if p < hypotheses.priors.seen)
-    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, _could_be(hypotheses, model) if unknown else ())
+    could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, kept_rows[:1])) if unknown else ()
+    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, could_be)
 
 
 def marginal_power(hypotheses: HypothesisSet, model: Explanation) -> float:
@@ -152,3 +153,13 @@ def _could_be(hypotheses: HypothesisSet, model: Explanation) -> tuple[tuple[str,
     ]
     taken = {term.place for term in model.terms if isinstance(term, Hypothesis)}
     return tuple(p.hypothesis.place for p in enough if p.hypothesis.place not in taken)
+
+
+def _untried(hypotheses: HypothesisSet, best: Sequence[tuple[str, str, float]]) -> list[tuple[str, str]]:
+    """Effect and site of effects at the site of the ``best`` smooth term that lack a covariate and have no proxy.
+
+    Nothing in these data speaks for or against them.
+    """
+    tried, sites = {proxy.hypothesis.place for proxy in hypotheses.proxies}, {site for site, *_ in best}
+    untested = (u.hypothesis.place for u in hypotheses.untested if u.reason.kind in ("missing", "unusable"))
+    return [place for place in untested if place[1] in sites and place not in tried]
