@@ -36,6 +36,11 @@ from gtpin.report.verdict import TONES, gap_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread
 
+NEVER = (
+    "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are those that "
+    "such a fit leaves, not those of the nominal geometry. Give a model that gtpin calibrate or diagnose wrote to see changes."
+)
+"""What a check against a nominal robot can say."""
 SHOWN = 12
 """Largest number of candidates in the table of evidence."""
 
@@ -113,8 +118,12 @@ class HealthCheckPresentation(Presentation):
 
 def health_page(check: HealthCheck) -> str:
     """The whole report of a check as one self-contained HTML file."""
-    robot, size, counts = check.model.robot, gap_words(check.gap), badge(check) or "no change"
-    numbers = [(str(check.poses), "poses"), (size.before, f"{_error(check).lower()} of the earlier model, RMS")]
+    robot, size, counts = (
+        check.model.robot,
+        gap_words(check.gap),
+        badge(check) or ("no change" if _identified(check) else "as nominal"),
+    )
+    numbers = [(str(check.poses), "poses"), (size.before, f"{_error(check).lower()}, {_predicted(check)}, RMS")]
     numbers += [(size.after, "with the changes")] if check.causes else []
     eyebrow = f"What has changed since the last model · {robot.name} · {check.poses} poses"
     sketch = drawing(check.baseline, np.median(check.dataset.q, axis=0), causes=[c.site for c in check.causes])
@@ -166,12 +175,29 @@ def _evidence(check: HealthCheck) -> tuple[Section, Section, Section]:
 
 def headline(check: HealthCheck) -> str:
     """The changes, a line for each."""
+    known = _identified(check)
     if check.verdict == "none":
-        return "Nothing has changed since the model was identified, as far as these poses show."
+        what = (
+            "Nothing has changed since the model was identified" if known else "Only the geometry differs from nominal"
+        )
+        return f"{what}, as far as these poses show."
     lines = cause_lines(check, "error beyond noise")
     if check.verdict == "unknown":
-        lines.append(f"{'Also s' if lines else 'S'}omething has changed that no known effect explains.")
-    return "\n".join(["Changed since the model was identified:", *lines] if check.causes else lines)
+        what = "has changed" if known else "differs from nominal"
+        lines.append(f"{'Also s' if lines else 'S'}omething {what} that no known effect explains.")
+    begin = "Changed since the model was identified:" if known else "Differs from nominal, beside the geometry:"
+    return "\n".join([begin, *lines] if check.causes else lines)
+
+
+def _identified(check: HealthCheck) -> bool:
+    """Whether the earlier model was fitted to data; a nominal robot was not."""
+    return check.baseline.fit is not None
+
+
+def _predicted(check: HealthCheck) -> str:
+    """How the poses of a check are predicted whose error it states."""
+    model = "the earlier model" if _identified(check) else "the nominal model"
+    return f"each pose predicted by {model} and all others"
 
 
 def _named(check: HealthCheck, one: Cause | Member | Considered | Smallest) -> tuple[str, str]:
@@ -188,10 +214,11 @@ def advice(check: HealthCheck) -> list[str]:
     """What to do, and what limits the check."""
     size = gap_words(check.gap)
     after = f"with the changes: {size.after}; " if check.causes else ""
-    found = [
-        f"{_error(check)} of the earlier model at {counted(check.poses, 'pose')}, RMS: {size.before}; "
+    found = [] if _identified(check) else [NEVER]
+    found.append(
+        f"{_error(check)} at {counted(check.poses, 'pose')}, {_predicted(check)}, RMS: {size.before}; "
         f"{after}{_floor(check)}: {size.floor}."
-    ]
+    )
     robot, left = check.model.robot, check.unexplained_before
     if not left.none:
         parts = [quantity(size, unit) for size, unit in ((left.position, "m"), (left.orientation, "rad")) if size]

@@ -62,7 +62,7 @@ def history_page(entries: Sequence[Entry]) -> str:
     plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
     told = f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}."
     sections = [
-        Section("errors", "Position error of the earlier model", [Plots([plot])]),
+        Section("errors", "Position error, each pose predicted by the earlier model and all others", [Plots([plot])]),
         Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
     ]
     lead = Lead(f"Checks over time · {last.robot}", told)
@@ -70,7 +70,10 @@ def history_page(entries: Sequence[Entry]) -> str:
 
 
 def history_drawing(entries: Sequence[Entry]) -> Drawing:
-    """Position error of the earlier model at each check, µm, in the colour of the verdict, and the noise."""
+    """Position error at each check, µm, in the colour of the verdict, and the noise.
+
+    Each pose is predicted by the earlier model and all others.
+    """
 
     def trace(some: Sequence[Entry], mode: str, key: str = "position_rms", **look: Any) -> dict[str, Any]:
         return scatter(mode, [entry.date for entry in some], [1e6 * getattr(entry, key) for entry in some], **look)

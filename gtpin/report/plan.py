@@ -88,6 +88,8 @@ class PosePlanPresentation(Presentation):
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
+            if len(plan.told) == 1:
+                return [f"{count} poses that tell one effect at its site from all else, as far as poses can."]
             return [f"{count} poses that tell {len(plan.told)} effects at their sites apart, as far as poses can."]
         place = "where the instrument may stand anywhere" if plan.frame == "free" else "measured in the base frame"
         return [

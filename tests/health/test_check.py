@@ -19,6 +19,7 @@ from gtpin.diagnosis.against.expectation import usable
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 from gtpin.health.history import Entry
+from gtpin.output.shown import present
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant
 KEYS = {
@@ -46,6 +47,19 @@ def test_a_zero_shifted_by_30_um_is_found_with_ten_poses(actuator):
     found = gtpin.diagnose(later(case, actuator, shift={actuator: 3e-5}), against=model)
     assert found.verdict in ("explained", "ambiguous")
     assert any(("zero_shift", f"cart{actuator + 1}") in members for members in classes(found))
+
+
+@pytest.mark.slow
+def test_the_error_that_is_told_is_said_to_be_of_predictions_and_a_nominal_robot_not_to_be_identified():
+    case, model = machine(21)
+    known, never = (
+        present(gtpin.diagnose(later(case, 0), against=m)).text() for m in (model, gtpin.read_model("gantry_tau"))
+    )
+    assert "Position error at 10 poses, each pose predicted by the earlier model and all others, RMS: " in known
+    assert "never identified" not in known
+    assert "each pose predicted by the nominal model and all others, RMS: " in never
+    assert "This model was never identified: its geometry was fitted to these poses within its tolerances" in never
+    assert "since the model was identified" not in never
 
 
 @pytest.mark.slow

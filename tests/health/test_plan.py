@@ -7,6 +7,7 @@ from checked_machines import machine
 import gtpin
 from gtpin.health.choice import PoseChoice
 from gtpin.noise.noise import Noise
+from gtpin.output.shown import present
 
 
 def test_no_exchange_of_one_pose_improves_a_choice_much_and_random_ones_are_worse():
@@ -65,6 +66,12 @@ def test_a_plan_to_tell_two_effects_apart_is_better_than_random_poses():
     assert {f"{one.effect}@{one.site}" for one in found.told} == set(pair)
     assert all(one.sigma < one.sigma_random for one in found.told)
     assert {"approach1", "speed1", "payload"} <= set(found.commands.covariates)
+
+
+def test_a_plan_for_one_effect_does_not_tell_it_apart_from_itself():
+    case, model = machine(21)
+    found = gtpin.plan(model, "discrimination", 4, between=["backlash@cart1"], q=case.dataset.q)
+    assert present(found).words()[0].startswith("4 poses that tell one effect at its site from all else")
 
 
 def test_a_plan_for_a_calibration_tells_more_than_random_poses():

@@ -149,7 +149,7 @@ def _noise(dataset: Dataset, model: Model) -> Noise:
     if model.fit is not None:
         return noise_of_fit(model, model.fit, own.position_sigma, own.orientation_sigma)
     noise = known_noise(dataset, own.position_sigma, own.orientation_sigma, drives_of(model))
-    warn("the model states no noise of its fit: scatter of the drives is taken as the smallest; calibrate it again")
+    warn("the model states no noise of a fit: scatter of the drives is taken as the smallest; calibrate the robot")
     return noise
 
 
