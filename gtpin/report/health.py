@@ -190,8 +190,8 @@ def headline(check: HealthCheck) -> str:
 
 
 def _identified(check: HealthCheck) -> bool:
-    """Whether the earlier model was fitted to data; a nominal robot was not."""
-    return check.baseline.fit is not None
+    """Whether the earlier model was fitted to data; a nominal robot was not, and has no covariance."""
+    return check.baseline.covariance is not None
 
 
 def _predicted(check: HealthCheck) -> str:
