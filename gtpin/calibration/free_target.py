@@ -44,7 +44,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))
     free = dataset.instrument.frame == "free"
-    poses = kinematics(_bare(geometry)).forward(measured.q)
+    poses = kinematics(without_target(geometry)).forward(measured.q)
     good = poses.reached
     _check_order(dataset, poses[good], measured.take(good), free)
     found, place = with_target(geometry, measured, free_frame=free)
@@ -55,8 +55,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
 
 def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> tuple[Geometry, Placement | None]:
     """The geometry with the TCP at a first guess of the target, and the guess; unchanged where no pose can be reached."""
-    bare = _bare(geometry)
-    poses = kinematics(bare).forward(measured.q)
+    poses = kinematics(without_target(geometry)).forward(measured.q)
     good = poses.reached
     if not good.any():
         return geometry, None
@@ -89,11 +88,10 @@ def unseen_words(unseen: Floats) -> str:
     return f"these poses do not tell where the target sits along {named} of the TCP's frame: along this, {fixed}"
 
 
-def _bare(geometry: Geometry) -> Geometry:
-    """The geometry with the TCP where the robot's description has it."""
-    values = geometry.values.copy()
-    values[[p.kind == "platform" for p in geometry.parameters]] = 0.0
-    return geometry.with_values(values)
+def without_target(geometry: Geometry) -> Geometry:
+    """The geometry with the TCP where the robot's description has it, and its place no parameter."""
+    kept = [i for i, p in enumerate(geometry.parameters) if p.kind != "platform"]
+    return replace(geometry, parameters=tuple(geometry.parameters[i] for i in kept), values=geometry.values[kept])
 
 
 def _check_order(dataset: Dataset, predicted: Poses, measured: Measured, free_frame: bool) -> None:

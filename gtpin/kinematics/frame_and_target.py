@@ -27,8 +27,8 @@ ROWS, FEW = 2000, 60
 """Number of poses that are enough for the fit, and for the choice of its starts. Assumed."""
 ROUNDS = 40
 """Number of Gauss-Newton steps, each with new weights and scales."""
-TRIED = 5
-"""Number of starts that are fitted: those with the largest likelihood. Assumed."""
+TRIED, TRIED_ROUGHLY = 5, 2
+"""Number of starts that are fitted, and of a rough result: those with the largest likelihood. Assumed."""
 ROUGH = 12
 """Number of steps that choose among these starts."""
 SETTLED = 1e-7
@@ -61,24 +61,33 @@ class Placement:
     mount_sigma: float
     unseen: Floats
 
+    @staticmethod
+    def at_tcp(shift: Floats, turn: Floats) -> Placement:
+        """A known frame, and the target at the TCP."""
+        return Placement(shift, turn, np.zeros(3), np.eye(3), (0.0, 0.0), 0.0, 0.0, np.zeros((0, 3)))
+
     def moved(self, poses: Poses) -> Poses:
         """Poses of the target, instrument's frame, of TCP poses in the base frame."""
         return Poses(poses.T + poses.R @ self.at, poses.R @ self.mount).moved(self.shift, self.turn)
 
 
-def frame_and_target(poses: Poses, T: Floats, R: Floats | None, *, free_frame: bool = True) -> Placement:
+def frame_and_target(
+    poses: Poses, T: Floats, R: Floats | None, *, free_frame: bool = True, rough: bool = False
+) -> Placement:
     """The frame and the target with which nominal poses fit measured ones best; gross errors have little weight.
 
     ``poses``: (N) nominal poses of the TCP, base frame. ``T``, ``R``: (N, 3) measured positions, m, and (N, 3, 3) measured
     rotations; None: the target's rotation is set to the identity. ``free_frame``: whether the frame is unknown; otherwise
-    it is the base frame.
+    it is the base frame. ``rough``: from few poses and starts, good enough to compare ways to read the data.
     """
     every = np.linspace(0, len(T) - 1, min(len(T), ROWS)).astype(int)
     fit = _Fit(poses[every], T[every], None if R is None else R[every], free_frame)
     some = np.linspace(0, len(every) - 1, min(len(every), FEW)).astype(int)
-    rough = _Fit(fit.poses[some], fit.T[some], None if fit.R is None else fit.R[some], free_frame)
-    starts = sorted((rough.started(F) for F in rough.frames()), key=rough.cost)[:TRIED]
-    best = min((rough.settled(start, ROUGH) for start in starts), key=rough.cost)
+    few = _Fit(fit.poses[some], fit.T[some], None if fit.R is None else fit.R[some], free_frame)
+    starts = sorted((few.started(F) for F in few.frames()), key=few.cost)
+    best = min((few.settled(start, ROUGH) for start in starts[: TRIED_ROUGHLY if rough else TRIED]), key=few.cost)
+    if rough:
+        return few.placement(best)
     return fit.placement(fit.settled(best, ROUNDS))
 
 
@@ -121,9 +130,9 @@ class _Fit:
         X = np.eye(3)
         if self.R is not None:
             turns = np.swapaxes(F @ self.poses.R, 1, 2) @ self.R
-            X = _nearest(turns.sum(axis=0))
+            X = nearest(turns.sum(axis=0))
             weight = 1.0 / np.maximum(np.linalg.norm(turns - X, axis=(1, 2)), 1e-2)
-            X = _nearest((weight[:, None, None] * turns).sum(axis=0))
+            X = nearest((weight[:, None, None] * turns).sum(axis=0))
         A, residual = F @ self.poses.R, self.T - (self.poses.T - self.middle) @ F.T
         weight, t, f = np.ones(len(residual)), np.zeros(3), -F @ self.middle
         for _ in range(5):
@@ -229,7 +238,7 @@ def _scale(r: Floats) -> float:
     return max(float(np.median(np.linalg.norm(r, axis=1))) / MEDIAN, LEAST)
 
 
-def _nearest(matrix: Floats) -> Floats:
+def nearest(matrix: Floats) -> Floats:
     """The rotation that is nearest to a matrix (3, 3)."""
     U, _, Vt = np.linalg.svd(matrix)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
@@ -240,7 +249,7 @@ def _kabsch(at: Floats, T: Floats) -> Floats:
     far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
     near = far <= 10.0 * np.median(far)
     a, b = at[near] - np.median(at[near], axis=0), T[near] - np.median(T[near], axis=0)
-    return _nearest(b.T @ a)
+    return nearest(b.T @ a)
 
 
 def _from_rotations(R: Floats, seen: Floats) -> Floats:
@@ -249,11 +258,11 @@ def _from_rotations(R: Floats, seen: Floats) -> Floats:
     matrix = np.linalg.lstsq(R.reshape(-1, 9), seen.reshape(-1, 9), rcond=None)[0].T
     parts = matrix.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
     first = np.linalg.svd(parts)[0][:, 0].reshape(3, 3)
-    F = _nearest(first * np.sign(np.linalg.det(first)))
+    F = nearest(first * np.sign(np.linalg.det(first)))
     weight = np.ones(len(R))
     for _ in range(20):
-        X = _nearest(np.einsum("n,nji,njk->ik", weight, F @ R, seen))
-        F = _nearest(np.einsum("n,nij,nkj->ik", weight, seen, R @ X))
+        X = nearest(np.einsum("n,nji,njk->ik", weight, F @ R, seen))
+        F = nearest(np.einsum("n,nij,nkj->ik", weight, seen, R @ X))
         angle = np.linalg.norm(seen - F @ R @ X, axis=(1, 2))
         weight = 1.0 / np.maximum(angle / max(float(np.median(angle)), 1e-9), 1.0)
     return F
@@ -263,7 +272,7 @@ def _bilinear(poses: Poses, T: Floats) -> Floats:
     """F from positions alone: T = F p + F R t + f is linear in F, in the products of the numbers of F and t, and in f."""
     rows = np.hstack([poses.T, poses.R.reshape(-1, 9), np.ones((len(T), 1))])
     found = np.asarray(np.linalg.lstsq(rows, T, rcond=None)[0], dtype=np.float64)
-    return _nearest(found[:3].T)
+    return nearest(found[:3].T)
 
 
 ALIGNMENTS = 20
@@ -291,5 +300,5 @@ def _aligned(poses: Poses, T: Floats, R: Floats | None, weight: Floats) -> tuple
     a, b = poses.T - centre_a, T - centre_b
     # Orientations determine the rotation even if positions don't; 1 m of position counts as much as 1 rad.
     turns = np.zeros((3, 3)) if R is None else np.einsum("n,nij,nkj->ik", w, R, poses.R)
-    turn = _nearest((w[:, None] * b).T @ a + turns)
+    turn = nearest((w[:, None] * b).T @ a + turns)
     return centre_b - turn @ centre_a, turn

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
+from gtpin.calibration.checks.usable_rows import check_moved
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.effects import OperatingPoints
 from gtpin.effects.catalogue import effects_by_id
@@ -182,6 +184,51 @@ def test_the_order_of_quaternions_is_recognised_with_a_free_target(
     with pytest.warns(GtpinWarning, match="do not tell where the target") if about_one_axis else nullcontext():
         as_named = gtpin.calibrate(data, robot)
     assert as_named.chi2_per_dof < 2.0
+
+
+def mirrored(data: Dataset) -> Dataset:
+    """Poses in a left-handed frame."""
+    return replace(data, position=data.position * [1, -1, 1], orientation=data.orientation * [1, -1, 1, -1])
+
+
+def in_feet(data: Dataset) -> Dataset:
+    return replace(data, position=data.position / 0.3048, orientation=None)
+
+
+def reversed_commands(data: Dataset) -> Dataset:
+    return replace(data, q=-data.q)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (mirrored, "z looks reversed, and qx qy qz look to be so too"),
+        (in_feet, "x y z look like feet; multiply x, y and z by 0.3048"),
+        (reversed_commands, "q1 q2 q3 q4 q5 q6 look reversed"),
+    ],
+)
+def test_with_frame_and_target_free_a_mistake_is_refused_by_its_name(
+    spoil: Callable[[Dataset], Dataset], words: str
+) -> None:
+    data = measured(ROBOT, 6, reach=1.5)
+    assert gtpin.calibrate(data, ROBOT).chi2_per_dof < 2.0
+    with pytest.raises(DatasetError) as refused:
+        gtpin.calibrate(spoil(data), ROBOT)
+    assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(("far", "refused"), [(0.3, True), (0.02, False)])
+def test_a_geometry_is_refused_whose_link_stands_elsewhere_by_a_tenth_of_the_workspace(
+    far: float, refused: bool
+) -> None:
+    data, nominal = measured(ROBOT, 6), gtpin.Geometry.nominal(ROBOT)
+    name = "placement[elbow_joint].x"
+    moved = nominal.with_values(nominal.values + far * np.array([one == name for one in nominal.names]))
+    near = gtpin.Model(nominal).predict(data.q)
+    with pytest.raises(DatasetError, match=r"moves placement\[elbow_joint\].x by \+300 mm") if refused else nullcontext():
+        check_moved(data, moved, nominal.tolerance, near)
+    check_moved(data, moved, np.full(len(nominal.names), np.inf), near)  # of what is free
 
 
 @pytest.mark.parametrize("target", ["tcp", "free"])

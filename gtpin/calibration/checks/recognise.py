@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.readings import (
     Orientations,
@@ -18,7 +19,7 @@ from gtpin.data.readings import (
     orientation_readings,
     position_readings,
 )
-from gtpin.kinematics.frame_and_target import frame_and_target
+from gtpin.kinematics.frame_and_target import Placement, frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
@@ -65,6 +66,7 @@ class Interpretation:
     - ``measured``, ``poses``: the measured poses, read in this way, and those that the nominal model predicts of the
       target, base frame.
     - ``elsewhere``: whether the instrument is assumed to stand elsewhere, though it is not declared free.
+    - ``free_target``: whether the target's place is unknown, so that ``poses`` are those of the TCP.
     """
 
     columns: str
@@ -74,9 +76,13 @@ class Interpretation:
     measured: Measured
     poses: Poses
     elsewhere: bool = False
+    free_target: bool = False
 
     def corrected(self, nominal: Model, free_frame: bool) -> Measured:
-        """The measured poses of the TCP, without the mistakes: ``poses`` may be those of a target at another place."""
+        """The measured poses of the TCP, or of a free target, without the mistakes: ``poses`` may be those of a target at
+        another place."""
+        if self.free_target:
+            return self.measured
         q, T, R = self.measured.q, self.measured.T, self.measured.R
         tcp = nominal.kinematics.forward(q)
         if not tcp.reached.all():
@@ -136,11 +142,17 @@ def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, flo
 
 
 class Search:
-    """Compares data with a nominal model. A misfit is a distance, m; angles are multiplied by the workspace's size."""
+    """Compares data with a nominal model. A misfit is a distance, m; angles are multiplied by the workspace's size.
+
+    A free target is placed anew for each reading: its first guess is that of the data as they are, mistakes included.
+    """
 
     def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool = False) -> None:
-        self.nominal, self.all, self.free, self.free_target = nominal, measured, free, free_target
         self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
+        if free_target:
+            nominal = replace(nominal, geometry=without_target(nominal.geometry))
+            poses = nominal.kinematics.forward(measured.q)
+        self.nominal, self.all, self.free, self.free_target = nominal, measured, free, free_target
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), poses[there]
@@ -216,6 +228,7 @@ class Search:
 
     def _tried(self, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
         misfit = self._misfit(reading.measured, reading.poses, turned)
+        reading = replace(reading, free_target=self.free_target)
         if turned and not self.free:
             looks, hint = (
                 f"{b}, and {a}" if a else b for a, b in zip((reading.looks, reading.hint), _ELSEWHERE, strict=True)
@@ -243,15 +256,16 @@ class Search:
                     continue  # positions alone do not show which axis is reversed
                 yield Interpretation(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
                 continue
-            seen = _seen(poses, Measured(q, T, None), turned)
+            seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
             rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
             if self.free_tool:  # other axes of the target are a free target
                 rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
             for o in rotations:
                 R = o.read(rotation)
+                mount = nearest((np.swapaxes(seen.R, 1, 2) @ R).sum(axis=0)) if self.free_target else np.eye(3)
                 # Where positions determine the frame, orientations are compared in it.
-                if not self._line and self.size * _apart(R, seen.R) > near + CLOSE * self.size:
+                if not self._line and self.size * _apart(R, seen.R @ mount) > near + CLOSE * self.size:
                     continue
                 pairs = (positions.looks, o.looks), (positions.hint, o.hint)
                 looks, hint = (", and ".join(words for words in pair if words) for pair in pairs)
@@ -278,10 +292,10 @@ class Search:
         for j in range(q.shape[1]):
             poses, shift, way = self.poses, 0.0, np.eye(q.shape[1])[j]
             for _ in range(STEPS):
-                seen = _seen(poses, self.measured, turned)
-                J = kinematics.command_jacobian(q + shift * way, poses)[:, :3, j]
-                turn = _frame(poses, self.measured, turned).R
-                along = ((self.measured.T - seen.T) * (J @ turn.T)).sum(axis=1)
+                place = self._place(poses, self.measured, turned)
+                turning = kinematics.command_jacobian(q + shift * way, poses)[:, :, j]
+                J = turning[:, :3] + np.cross(turning[:, 3:], poses.R @ place.at)
+                along = ((self.measured.T - place.moved(poses).T) * (J @ place.turn.T)).sum(axis=1)
                 shift += float(np.median(along / np.maximum((J**2).sum(axis=1), 1e-12)))
                 poses = kinematics.forward(q + shift * way)
                 if not poses.reached.all():
@@ -303,8 +317,7 @@ class Search:
                 looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
             yield Interpretation("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
             return
-        frame = _frame(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
-        seen = self.poses.moved(frame.T, frame.R)
+        seen = self._seen(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)
         there = Poses(self.poses.T + self.poses.R @ aside, self.poses.R)
         at = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
@@ -322,21 +335,27 @@ class Search:
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""
-        seen = _seen(poses, measured, turned)
+        seen = self._seen(poses, measured, turned)
         off = float(np.median(np.linalg.norm(measured.T - seen.T, axis=1)))
         if measured.R is None:
             return off
         return float(np.hypot(off, self.size * _apart(measured.R, seen.R)))
 
+    def _seen(self, poses: Poses, measured: Measured, turned: bool) -> Poses:
+        """What is predicted of the TCP or a free target, instrument's frame, in the frame that fits best if ``turned``."""
+        return self._place(poses, measured, turned).moved(poses)
+
+    def _place(self, poses: Poses, measured: Measured, turned: bool) -> Placement:
+        """The frame that fits best if ``turned``, and the place of a free target that fits best."""
+        if self.free_target:
+            return frame_and_target(poses, measured.T, measured.R, free_frame=turned, rough=True)
+        frame = _frame(poses, measured, turned)
+        return Placement.at_tcp(frame.T, frame.R)
+
 
 def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
     """The frame in which the poses fit best what was measured, or the base frame."""
     return rough_frame(poses, measured) if turned else Frame()
-
-
-def _seen(poses: Poses, measured: Measured, turned: bool) -> Poses:
-    frame = _frame(poses, measured, turned)
-    return poses.moved(frame.T, frame.R)
 
 
 def _metres(at: Floats) -> str:

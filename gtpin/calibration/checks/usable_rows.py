@@ -9,8 +9,8 @@ import numpy as np
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
 from gtpin.calibration.checks.readable_readings import check_distances
-from gtpin.calibration.checks.recognise import REACHED, Interpretation, recognised
-from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, suspect
+from gtpin.calibration.checks.recognise import ALLOWED, FITS, REACHED, Interpretation, recognised
+from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame, with_unknowns
@@ -23,7 +23,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Mask
+from gtpin.typing import Floats, Mask
 
 ROWS = 150
 """Number of rows that are enough. Assumed."""
@@ -110,6 +110,27 @@ def reach_of(geometry: Geometry) -> float:
     """
     lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
     return max(0.05, 50.0 * max(lengths, default=0.0))
+
+
+def check_moved(dataset: Dataset, geometry: Geometry, tolerance: Floats, near: Poses) -> None:
+    """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
+
+    That is by more than `FAR_TOLERANCES`, and more than the largest misfit that is accepted of nominal poses: a fit that needs
+    so much makes up for a mistake. ``tolerance``: (p,) as given; infinite for a free target. ``near``: (N) nominal poses.
+    """
+    size = float(np.sqrt(((near.T - near.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    off = np.abs(geometry.deviation)
+    # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
+    off[[p.kind == "direction" and p.component == 2 for p in geometry.parameters]] = 0.0
+    moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
+    moved[off <= FAR_TOLERANCES * tolerance] = 0.0
+    if moved.max(initial=0.0) <= FITS * size + ALLOWED:
+        return
+    worst = geometry.parameters[int(np.argmax(moved))]
+    far = f"{1e3 * geometry[worst.name] - 1e3 * worst.nominal:+.3g} {'mm' if worst.unit == 'm' else 'mrad'}"
+    what = f"the fit moves {worst.name} by {far}, farther than any machine of this kind is off: the data are not this robot's"
+    hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, and where instruments stood"
+    refuse(DatasetError(what, file=dataset.file, column=worst.name, hint=hint), dataset)
 
 
 def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
