@@ -203,6 +203,11 @@ class Calibration(Shown):
         """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals."""
         return self.noise.source != "residuals"
 
+    @property
+    def explained(self) -> bool:
+        """Whether the residuals show no lack of fit; otherwise the geometry alone does not explain the data."""
+        return self.sigma_scale <= 1.0
+
     @cached_property
     def zeros(self) -> tuple[Zero, ...]:
         """For each actuator that carries rods: the shift of its zero that is equivalent to the shifts of its joints."""

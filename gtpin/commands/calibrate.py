@@ -61,5 +61,6 @@ def calibrate(
             )
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
-    table = "".join(f"\n{words}\n" for words in controller_words(calibration.model, str(output), UNTESTED))
+    words = controller_words(calibration.model, str(output), UNTESTED) if calibration.explained else []
+    table = "".join(f"\n{text}\n" for text in words)
     tell(result, f"{shown.terminal()}{table}\n{written(output, CALIBRATION, 'report.html')}", as_json)

@@ -126,7 +126,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
         f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
     )
-    if c.sigma_scale > 1.0:
+    if not c.explained:
         advice = [
             f"The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: "
             "geometry alone does not explain these data.",

@@ -226,7 +226,9 @@ def test_a_geometry_is_refused_whose_link_stands_elsewhere_by_a_tenth_of_the_wor
     name = "placement[elbow_joint].x"
     moved = nominal.with_values(nominal.values + far * np.array([one == name for one in nominal.names]))
     near = gtpin.Model(nominal).predict(data.q)
-    with pytest.raises(DatasetError, match=r"moves placement\[elbow_joint\].x by \+300 mm") if refused else nullcontext():
+    with (
+        pytest.raises(DatasetError, match=r"moves placement\[elbow_joint\].x by \+300 mm") if refused else nullcontext()
+    ):
         check_moved(data, moved, nominal.tolerance, near)
     check_moved(data, moved, np.full(len(nominal.names), np.inf), near)  # of what is free
 

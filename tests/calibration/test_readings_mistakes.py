@@ -13,9 +13,11 @@ from virtual_gantry import draw
 from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 
 import gtpin
+from gtpin.calibration.checks.readable_readings import Misfit, check_fitted
+from gtpin.calibration.problem import with_unknowns
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinError
-from gtpin.instruments.readings import instruments_of, single
+from gtpin.instruments.readings import Readings, instruments_of, single
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 MACHINE = draw(np.random.default_rng(21))
@@ -195,3 +197,34 @@ def test_a_command_far_outside_is_named_by_its_table_and_line(tmp_path):
 def test_a_sigma_that_no_instrument_has_is_refused(tmp_path, key, value):
     with pytest.raises(DatasetError, match=rf"instrument\.0\.{key}: .* can't be"):
         gtpin.calibrate(read(tmp_path / "set", WIRE.saying(**{key: value})))
+
+
+GAUGE = bed(MACHINE.gantry, np.random.default_rng(23), 80, heights=True, near=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (-1.0, "heights are of the other side of the plane"),
+        (1e3, "height looks like millimetres"),
+        (1e-3, "heights look a thousand times too small"),
+    ],
+)
+def test_sign_and_unit_of_heights_that_are_smaller_than_the_robot_s_errors_are_named(tmp_path, factor, words, declared):
+    gauge = GAUGE if declared else GAUGE.saying(sigma=None)
+    assert warned(tmp_path, gauge)[0].by_instrument[0].after < 2e-5
+    with pytest.raises(DatasetError, match=rf"bed\.csv, column height: bed: {words}"):
+        gtpin.calibrate(read(tmp_path / "set", gauge.reading(height=factor * GAUGE.columns["height"])))
+
+
+def test_readings_that_a_fit_makes_far_worse_are_refused(tmp_path):
+    dataset = read(tmp_path / "set", GAUGE)
+    nominal = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    near = nominal.kinematics.forward(dataset.q)
+    readings = with_unknowns(Readings.of(dataset, nominal.robot), near)
+    before = [Misfit.of(readings, near, 0)]
+    check_fitted(dataset, readings, near, 1.0, before)
+    with pytest.raises(DatasetError, match=r"off what the calibrated robot gives, and .* off what the nominal"):
+        check_fitted(dataset, readings, replace(near, T=near.T + np.array([0.0, 0.0, 0.1])), 1.0, before)

@@ -94,8 +94,13 @@ def wire(
     return Seen(said, q, {"station": ["ABCD"[i] for i in of], "range": ranges}, truth)
 
 
-def bed(machine: Gantry, rng: np.random.Generator, count: int, *, heights: bool = False) -> Seen:
-    """Touches of three planes by a tip; with ``heights``, a gauge reads how far the tip is over them instead."""
+def bed(
+    machine: Gantry, rng: np.random.Generator, count: int, *, heights: bool = False, near: float | None = None
+) -> Seen:
+    """Touches of three planes by a tip; with ``heights``, a gauge reads how far the tip is over them instead.
+
+    ``near``: m, about as far the tip is from the planes where a gauge reads; None: anywhere.
+    """
     points = CENTRE + np.array([[0.0, 0.0, -0.1], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [np.sin(0.35), 0.0, np.cos(0.35)]])
     tip, turn, height, sigma = np.array([0.02, -0.03, 0.05]), 1e-3, 3e-3, TOUCH
@@ -109,10 +114,11 @@ def bed(machine: Gantry, rng: np.random.Generator, count: int, *, heights: bool 
 
     q, noise = commands(rng, count), rng.normal(0.0, sigma, count)
     columns: dict[str, Any] = {"plane": ["PQR"[i] for i in of]}
-    if heights:
-        columns["height"] = over(q) + noise
-    else:
+    if not heights or near is not None:
         q = _moved(lambda q: (over(q) + noise)[:, None], 0.7 * q)
+    if heights:
+        q = q if near is None else q + rng.normal(0.0, near, q.shape)
+        columns["height"] = over(q) + noise
     said = {
         "name": "bed",
         "kind": "plane",

@@ -9,8 +9,10 @@ import numpy as np
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.readable_readings import (
+    VARIATION,
     Misfit,
     check_fitted,
+    check_heights,
     check_readable,
     check_sockets,
     explained,
@@ -86,14 +88,29 @@ def settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
     check_readable(given, readings, near, reach, misfit)
     with explained(readings, near):
         settled = with_credible_noise(fit, settled_or_explained(fit))[1]
+    if settled.scale > MISFIT or _as_large_as_heights(settled):
+        check_heights(given, readings, near, reach, misfit)
     _check_used(kept, readings, settled.used)
     fitted = settled.fit.problem.readings(settled.fit.point.x)
-    check_fitted(given, fitted, settled.fit.point.poses, reach)
+    before = [Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
+    check_fitted(given, fitted, settled.fit.point.poses, reach, before)
     if settled.scale > MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     _warn_of_strayed(settled, fitted)
     return settled
+
+
+def _as_large_as_heights(settled: FitState) -> bool:
+    """Whether errors of touches that are left are of the size by which their heights vary, and the noise was not declared."""
+    if not settled.noise.estimated.any():
+        return False
+    readings = settled.fit.problem.readings(settled.fit.point.x)
+    heights = readings.rows.columns.get("height")
+    if heights is None:
+        return False
+    own, left = np.isfinite(np.asarray(heights, dtype=float)), readings.residual_at(settled.fit.point.poses)[:, 0]
+    return bool(own.any() and np.std(left[own]) > VARIATION * np.std(heights[own]))
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:

@@ -88,6 +88,8 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
     if "height" in present:
         hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
         yield Otherwise("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
+        hint = "multiply by 1000, if millimetres were converted twice"
+        yield Otherwise("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
     if isinstance(table, TiltTable):
         for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
             hint = f"multiply by {factor:.6g}"

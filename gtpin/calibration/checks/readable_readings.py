@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from gtpin.calibration.checks.read_otherwise import UNITS, Otherwise, ways
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset
+from gtpin.data.instrument_tables import PlaneTable
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
@@ -113,12 +114,10 @@ def check_readable(
         if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / BETTER:
             best, read, other = found
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
-            what = f"{one.name}: {other.looks} (as it stands, readings are {by})"
-            column = " ".join(other.columns) or f"instrument.{i}.{next(iter(other.said))}"
-            where = file if other.columns else dataset.toml
-            error = DatasetError(what, file=where, column=column, hint=other.hint)
+            error = _error(dataset, readings, i, other, f"as it stands, readings are {by}")
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
+            check_heights(dataset, readings, poses, reach, fitted)
             error = DatasetError(
                 f"readings of {one.name} are {now} off what the nominal robot gives",
                 file=file,
@@ -129,6 +128,46 @@ def check_readable(
                 refuse(error, dataset)
             else:
                 warn(str(error))
+
+
+def check_heights(
+    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
+) -> None:
+    """Suspect heights over planes that a fit explains only in another unit, or with the other sign.
+
+    Heights of touches are often smaller than the nominal robot's own errors: only fits tell how they must be read.
+    ``dataset`` to ``fitted``: as for :func:`check_readable`.
+    """
+    for i, one in enumerate(readings.instruments):
+        if not (isinstance(one.table, PlaneTable) and "height" in one.read.numbers):
+            continue
+        before, tried = _size(fitted(readings, i, True)), list[tuple[float, Size, Otherwise]]()
+        # A unit that makes heights vanish leaves less than noise, and is no better than one that leaves the noise.
+        noise = float(readings.initial_sigma[readings.group[readings.rows.rows_of(i)[0], 0]])
+        for other in ways(readings.rows, i, "m"):
+            read = _read(readings, poses, i, other, varied=False)
+            if read is not None and not Misfit.of(read, poses, i).exceeds(reach):
+                after = _size(fitted(read, i, True))
+                tried.append((max(after[0], noise), after, other))
+        least = min((size for size, *_ in tried), default=np.inf)
+        for size, after, other in tried:
+            if size <= ALIKE * least and size < before[0] / BETTER:
+                now = (
+                    f"and {1e3 * before[0]:.3g} mm as it stands"
+                    if np.isfinite(before[0])
+                    else "and no fit as it stands"
+                )
+                by = f"a fit leaves {1e3 * after[0]:.3g} mm, {now}"
+                suspect(_error(dataset, readings, i, other, by), dataset, before, after)
+                break
+
+
+def _error(dataset: Dataset, readings: Readings, index: int, other: Otherwise, by: str) -> DatasetError:
+    """The error of an instrument that must be read in another way. ``by``: what shows it."""
+    what = f"{readings.instruments[index].name}: {other.looks} ({by})"
+    column = " ".join(other.columns) or f"instrument.{index}.{next(iter(other.said))}"
+    where = readings.rows.files[index] if other.columns else dataset.toml
+    return DatasetError(what, file=where, column=column, hint=other.hint)
 
 
 @contextlib.contextmanager
@@ -155,12 +194,17 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         ) from None
 
 
-def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
-    """Refuse readings with large errors at the fitted poses (N), base frame: the fit has not found their minimum."""
+def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float, before: Sequence[Misfit]) -> None:
+    """Refuse readings with large errors at the fitted poses (N), base frame: the fit has not found their minimum.
+
+    ``before``: the misfit of each instrument before the fit; an instrument that the fit makes far worse has such errors.
+    """
     for i, one in enumerate(readings.instruments):
-        now = Misfit.of(readings, poses, i)
-        if now.exceeds(LEFT * reach):
+        now, was = Misfit.of(readings, poses, i), before[i]
+        worse = any(off > BETTER * was.off[unit] for unit, off in now.off.items())
+        if now.exceeds(LEFT * reach) or (worse and now.exceeds(reach, SUSPECT)):
             what = f"readings of {one.name} are {now} off what the calibrated robot gives"
+            what += f", and {was} off what the nominal robot gives" if worse else ""
             refuse(DatasetError(what, file=readings.rows.files[i], hint=LOOK), dataset)
 
 
@@ -171,8 +215,11 @@ def _size(misfit: Misfit | None) -> Size:
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
 
 
-def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Readings | None:
-    """The readings with an instrument that is read in another way; None where it can't be read so, or is not accepted."""
+def _read(readings: Readings, poses: Poses, index: int, other: Otherwise, *, varied: bool = True) -> Readings | None:
+    """The readings with an instrument that is read in another way; None where it can't be read so, or is not accepted.
+
+    ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
+    """
     rows = readings.rows
     mine = rows.rows_of(index)
     numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}
@@ -192,10 +239,10 @@ def _read(readings: Readings, poses: Poses, index: int, other: Otherwise) -> Rea
     except (DatasetError, np.linalg.LinAlgError):
         return None
     scaled = [name for name, (_, factor) in other.columns.items() if abs(factor) != 1.0]
-    varied = {name: (float(np.std(numbers[name])), float(np.std(new[name]))) for name in scaled}
-    smaller = any(now < 0.5 * before for before, now in varied.values())
+    spread = {name: (float(np.std(numbers[name])), float(np.std(new[name]))) for name in scaled}
+    smaller = varied and any(now < 0.5 * before for before, now in spread.values())
     left = misfit.off[readings.instruments[index].components[0].unit]
-    return None if smaller and left > VARIATION * max(now for _, now in varied.values()) else found
+    return None if smaller and left > VARIATION * max(now for _, now in spread.values()) else found
 
 
 def check_sockets(dataset: Dataset, robot: Chain) -> None:

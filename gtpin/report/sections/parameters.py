@@ -28,7 +28,10 @@ def parameters(r: Reported) -> Section:
     parameters without and with the causes."""
     c, d = r.calibration, r.diagnosis
     moved, every = geometry_tables(c, d.model if d is not None and d.causes else None)
-    arm = controller_blocks(c.model, UNTESTED) if d is None else controller_blocks(d.model, doubt_of(d.verdict))
+    if d is None:
+        arm = controller_blocks(c.model, UNTESTED) if c.explained else []
+    else:
+        arm = controller_blocks(d.model, doubt_of(d.verdict))
     content: list[Block] = [*arm, Heading("Placements")] if arm else []
     if d is None:
         kinds: dict[str, list[float]] = {}
