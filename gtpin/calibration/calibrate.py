@@ -12,7 +12,7 @@ from gtpin.calibration.checks.of_poses import settled_poses, usable_poses
 from gtpin.calibration.checks.of_readings import settled_readings, usable_readings
 from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
-from gtpin.calibration.checks.usable_rows import check_moved, problem_of
+from gtpin.calibration.checks.usable_rows import problem_of
 from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.gauss_newton import Fit
@@ -197,9 +197,6 @@ def _calibrated(
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
     settled = settled_poses(kept, fit, doubt=doubt) if lone else settled_readings(data, kept, fit)
-    if doubt:
-        own = settled.geometry.tolerance if found is None else np.where(found, np.inf, settled.geometry.tolerance)
-        check_moved(kept, settled.fit.point.model.geometry, own, near)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(

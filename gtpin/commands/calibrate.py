@@ -25,7 +25,7 @@ from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
-from gtpin.report.sections.parameters import UNTESTED, controller_words
+from gtpin.report.sections.parameters import controller_advice
 
 
 def calibrate(
@@ -61,6 +61,5 @@ def calibrate(
             )
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
-    words = controller_words(calibration.model, str(output), UNTESTED) if calibration.explained else []
-    table = "".join(f"\n{text}\n" for text in words)
+    table = "".join(f"\n{words}\n" for words in controller_advice(calibration, str(output)))
     tell(result, f"{shown.terminal()}{table}\n{written(output, CALIBRATION, 'report.html')}", as_json)

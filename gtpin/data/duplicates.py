@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -12,10 +12,14 @@ from scipy.special import betainc, ndtr
 
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""
+COMMAND_STEPS = (0.1, 0.05, *POSITION_STEPS)
+"""Steps that commands are rounded to, m or rad, the coarsest first."""
+DEGREE_STEPS = (1.0, 0.5, 0.1, 0.05, 0.01, 0.005, 0.001)
+"""Steps that commands of joints that turn are rounded to, degrees, the coarsest first. Assumed: as controllers show them."""
 FEWEST = 10
 """Fewest rows from which it is not due to chance that all are multiples of a step. Assumed."""
 EXACT = 1e-6
@@ -57,6 +61,33 @@ def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
         counts = near / step
         if np.abs(counts - np.round(counts)).max() < EXACT:
             return step
+    return None
+
+
+@dataclass(frozen=True)
+class CommandSteps:
+    """Steps that commands are multiples of: ``size`` (n,), m or rad, infinite for a command that is constant; ``words``."""
+
+    size: Floats
+    words: str
+
+
+def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
+    """The coarsest steps that each of the commands q (N, n), m or rad, is a multiple of; None where one has no step.
+
+    ``revolute``: (n,) whether an actuator turns; all that do have steps in rad, or all in degrees.
+    """
+    for unit, steps, factor in (("rad", COMMAND_STEPS, 1.0), ("degrees", DEGREE_STEPS, np.pi / 180.0)):
+        sizes, words = np.full(q.shape[1], np.inf), list[str]()
+        for j in np.flatnonzero(np.ptp(q, axis=0) > 0.0):
+            own = (unit, steps, factor) if revolute[j] else ("m", COMMAND_STEPS, 1.0)
+            step = coarsest_step(q[:, [j]] / own[2], own[1])
+            if step is None:
+                break
+            sizes[j] = step * own[2]
+            words.append(f"{step:g} {own[0]}")
+        else:
+            return CommandSteps(sizes, " or ".join(dict.fromkeys(words))) if words else None
     return None
 
 

@@ -72,7 +72,7 @@ def _fit(c: Calibration) -> str:
     ]
     if c.rejected:
         lines.append(f"  set aside                         {', '.join(c.rejected)}")
-    if c.sigma_scale > 1.0:
+    if not c.explained:
         lines.append(
             f"  The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: the geometry does not "
             "explain these\n"

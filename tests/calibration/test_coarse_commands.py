@@ -7,6 +7,7 @@ import pytest
 from test_recognise import machine
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.errors import GtpinError, GtpinWarning
 
 pytestmark = pytest.mark.slow
@@ -25,6 +26,16 @@ def test_a_calibration_by_rounded_commands_warns_of_their_step(robot, step):
     data = machine(robot, 661)
     with pytest.warns(GtpinWarning, match=f"all commands are multiples of {step:g} m, and poses are off by"):
         gtpin.calibrate(replace(data, q=np.round(data.q / step) * step))
+
+
+@pytest.mark.filterwarnings("ignore:set aside as gross errors")
+@pytest.mark.parametrize(("unit", "step", "words"), [(1.0, 1e-3, "0.001 rad"), (np.pi / 180.0, 0.01, "0.01 degrees")])
+def test_steps_of_a_few_times_the_noise_are_named_in_rad_and_in_degrees(unit, step, words):
+    data = simulate(gtpin.load_robot("ur5"), "ur5", poses=60, seed=3, held_out=1).dataset
+    assert gtpin.calibrate(data).chi2_per_dof < 2.0
+    rounded = np.round(data.q / (unit * step)) * step * unit
+    with pytest.warns(GtpinWarning, match=f"times the noise: all commands are multiples of {words}, and poses are off"):
+        gtpin.calibrate(replace(data, q=rounded))
 
 
 @pytest.mark.filterwarnings("default::gtpin.errors.GtpinWarning")

@@ -11,7 +11,7 @@ from gtpin.data import InstrumentSection
 from gtpin.export import export
 from gtpin.model.dh import controller_table
 from gtpin.model.fit_conditions import ModelDiscrepancy
-from gtpin.report.sections.parameters import controller_words
+from gtpin.report.sections.parameters import UNTESTED, controller_advice, controller_words
 
 A = np.array([0.0, -0.425, -0.39225, 0.0, 0.0, 0.0])
 D = np.array([0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823])
@@ -106,6 +106,8 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
     assert "theta of elbow_joint +" in words
     assert "a of shoulder_lift_joint −" in words
     assert not [site for site in (sites[0], sites[5]) if site in words]
+    assert controller_advice(calibration, "calibrated") == controller_words(calibration.model, "calibrated", UNTESTED)
+    assert controller_advice(replace(calibration, sigma_scale=2.0), "calibrated") == []  # nothing to act on
     (file,) = export(calibration.model, tmp_path / "dh.csv", "dh")
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
     assert rows[0] == ["joint", "parameter", "unit", "nominal", "correction", "sigma", "determined"]

@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data.duplicates import copies
+from gtpin.data.duplicates import command_steps, copies
 
 POSES, VISITS, SETS = 96, 3, 200
 UM = 1e-6
@@ -146,3 +146,17 @@ def test_a_copy_is_never_set_aside_as_a_gross_error() -> None:
         assert copies(twice).sum() == len(data)
         assert gtpin.certify(twice, model).set_aside == gtpin.certify(data, model).set_aside
         assert gtpin.diagnose(twice, against=model).set_aside == gtpin.diagnose(data, against=model).set_aside
+
+
+def test_steps_of_commands_are_in_rad_or_degrees_or_metres_and_constant_commands_have_none():
+    q = np.random.default_rng(5).uniform(-1.5, 1.5, (40, 3))
+    turning = np.array([True, False, True])
+    q[:, 1] = np.round(q[:, 1], 3)
+    q[:, 2] = 0.7123456
+    assert command_steps(q, turning) is None
+    for unit, step, words in ((1.0, 0.01, "0.01 rad"), (np.pi / 180.0, 0.1, "0.1 degrees")):
+        q[:, 0] = np.round(q[:, 0] / unit / step) * step * unit
+        found = command_steps(q, turning)
+        assert found is not None
+        np.testing.assert_allclose(found.size, [step * unit, 1e-3, np.inf])
+        assert found.words == f"{words} or 0.001 m"

@@ -14,12 +14,12 @@ from gtpin.calibration.checks.moved_rows import check_instrument_steps, check_st
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, far_from_declared, refuse
-from gtpin.calibration.checks.usable_rows import plausible_rows, reach_of
+from gtpin.calibration.checks.usable_rows import check_moved, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
-from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, with_rounding
+from gtpin.data.duplicates import command_steps, with_rounding
 from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
@@ -37,8 +37,6 @@ FAR = 0.01
 """Median position error after a fit, m, that no calibrated robot shows. Assumed."""
 POOR = 1e-3
 """Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""
-COARSE = (0.1, 0.05, *POSITION_STEPS)
-"""Steps that commands are rounded to, m or rad, the coarsest first."""
 ROUNDED = 0.1, 1.5
 """Error of the commands over the step: at least in the median, at most in nine tenths of the rows. Assumed:
 rounding makes up to a half, truncation up to one, and the geometry's own errors come on top."""
@@ -65,6 +63,7 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
     measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
     far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
     check_stretch(kept, measured, seen, far, bumps=False)
+    coarse = None
     with _explained(kept, fit, measured, far):
         try:
             settled = settled_or_explained(fit) if doubt else fit.run()
@@ -86,7 +85,10 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             _check_set_aside(kept, measured, settled)
             warn(f"set aside as gross errors: poses {', '.join(kept.names_of(~settled.used))}")
         _check_fit(kept, settled, seen)
-        return _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
+        found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
+    if doubt and coarse is None:
+        check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
+    return found
 
 
 @contextlib.contextmanager
@@ -196,10 +198,12 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
             "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
         )
     size = weights.robust_scale(settled.fit.residual)
-    if size > MISFIT:
+    if size > MISFIT or settled.sigma_scale > 1.0:
         coarse = _coarse_commands(model, measured, point.poses)
         why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
-        warn(f"residuals are {size:.0f} times the noise: {why}")
+        if coarse or size > MISFIT:
+            times = max(size, settled.sigma_scale)
+            warn(f"residuals are {times:{'.0f' if times > MISFIT else '.1f'}} times the noise: {why}")
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
     rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
     if strayed := far_from_declared(np.where(rolled, 0.0, settled.deviation), model.geometry.names):
@@ -208,19 +212,15 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
 
 def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
     """A message, if commands that were rounded or truncated explain the residuals from ``poses`` (N), base frame; else None."""
-    step = coarsest_step(measured.q, COARSE)
-    if step is None:
+    steps = command_steps(measured.q, model.robot.revolute)
+    if steps is None:
         return None
     some = np.linspace(0, len(poses) - 1, min(len(poses), 300)).astype(int)
     q, near, frame = measured.q[some], poses[some], model.frame
     off = measured.T[some] - near.moved(frame.T, frame.R).T
     J = model.kinematics.command_jacobian(q, near)[:, :3]
-    wrong = np.abs(np.einsum("nij,nj->ni", np.linalg.pinv(J), off @ frame.R)).max(axis=1)
-    if not ROUNDED[0] * step <= np.median(wrong) or np.quantile(wrong, 0.9) > ROUNDED[1] * step:
+    wrong = np.abs(np.einsum("nij,nj->ni", np.linalg.pinv(J), off @ frame.R) / steps.size).max(axis=1)
+    if not ROUNDED[0] <= np.median(wrong) or np.quantile(wrong, 0.9) > ROUNDED[1]:
         return None
-    turning = [actuator.revolute for actuator in model.robot.actuators]
-    unit = "rad" if all(turning) else "m or rad" if any(turning) else "m"
     size = 1e3 * np.median(np.linalg.norm(off, axis=1))
-    return (
-        f"all commands are multiples of {step:g} {unit}, and poses are off by {size:.2g} mm, as such a step makes them"
-    )
+    return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"

@@ -18,7 +18,7 @@ from gtpin.calibration.checks.readable_readings import (
     explained,
 )
 from gtpin.calibration.checks.suspected import MISFIT, STRAYED, far_from_declared, refuse
-from gtpin.calibration.checks.usable_rows import reach_of
+from gtpin.calibration.checks.usable_rows import check_moved, reach_of
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.robust_fit import RobustFit
@@ -97,6 +97,7 @@ def settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
     if settled.scale > MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
+    check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_strayed(settled, fitted)
     return settled
 

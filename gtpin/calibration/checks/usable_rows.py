@@ -23,7 +23,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Mask
 
 ROWS = 150
 """Number of rows that are enough. Assumed."""
@@ -112,18 +112,19 @@ def reach_of(geometry: Geometry) -> float:
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
-def check_moved(dataset: Dataset, geometry: Geometry, tolerance: Floats, near: Poses) -> None:
+def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
     That is by more than `FAR_TOLERANCES`, and more than the largest misfit that is accepted of nominal poses: a fit that needs
-    so much makes up for a mistake. ``tolerance``: (p,) as given; infinite for a free target. ``near``: (N) nominal poses.
+    so much makes up for a mistake. ``nominal``: with the tolerances as given. ``near``: (N) its poses. ``free``: (p,) True for
+    the parameters of a free target; None: there are none.
     """
     size = float(np.sqrt(((near.T - near.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
     off = np.abs(geometry.deviation)
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
     off[[p.kind == "direction" and p.component == 2 for p in geometry.parameters]] = 0.0
     moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
-    moved[off <= FAR_TOLERANCES * tolerance] = 0.0
+    moved[(off <= FAR_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
     if moved.max(initial=0.0) <= FITS * size + ALLOWED:
         return
     worst = geometry.parameters[int(np.argmax(moved))]

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
 from gtpin.data import Dataset
-from gtpin.data.duplicates import EXACT
+from gtpin.data.duplicates import command_steps
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt
@@ -25,8 +25,8 @@ from gtpin.kinematics.rotations import frame_motions
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Mask
 
-DIGITS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5)
-"""Steps that commands may have been rounded to, m or rad, the coarsest first."""
+COARSEST = 2e-2
+"""Step of commands, m or rad, above which they are a grid that was chosen on purpose. Assumed: 1 degree is below it."""
 VARIOUS = 0.5
 """Share of distinct commands of a drive above which they are not a grid that was chosen on purpose."""
 
@@ -40,20 +40,21 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
     """
     if found.verdict != "unknown":
         return found
-    for step in DIGITS:  # multiples of a step, with too many distinct ones for a grid chosen on purpose
-        counts = dataset.q / step
-        various = min(len(np.unique(column)) for column in np.round(counts).T) > VARIOUS * len(counts)
-        if various and np.abs(counts - np.round(counts)).max() < EXACT:
-            break
-    else:
+    steps = command_steps(dataset.q, hypotheses.design.operating_points.robot.revolute)
+    if steps is None:
+        return found
+    step = float(steps.size[np.isfinite(steps.size)].max())
+    # Multiples of a step, with too many distinct ones for a grid chosen on purpose.
+    various = min(len(np.unique(column)) for column in np.round(dataset.q, 12).T) > VARIOUS * len(dataset)
+    if step > COARSEST or not various:
         return found
     residual = left_over(hypotheses, NOTHING)[0]
     errors = hypotheses.design.coloured(residual)[:, :3]
     if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
         return found
+    size = steps.words if "degrees" in steps.words else f"{1e3 * step:g} mm or mrad"
     warn(
-        f"commands have steps of {1e3 * step:g} mm or mrad, and what is left is of that size: they look rounded or cut off; "
-        "export more digits"
+        f"commands have steps of {size}, and what is left is of that size: they look rounded or cut off; export more digits"
     )
     return found.only(hypotheses, [])
 

@@ -96,6 +96,11 @@ def controller_words(model: Model, folder: str, doubt: str = "") -> list[str]:
     return [" ".join(filter(None, [said, doubt, every]))] if moved else []
 
 
+def controller_advice(c: Calibration, folder: str) -> list[str]:
+    """`controller_words` of a calibration; none from a fit that does not explain the data."""
+    return controller_words(c.model, folder, UNTESTED) if c.explained else []
+
+
 def controller_blocks(model: Model, doubt: str = "") -> list[Block]:
     """The table of a serial arm with what to add to it; empty for other robots. ``doubt``: as in `controller_words`."""
     rows = [[p.site, p.name, _to_add(p), whole(f"{p.nominal:z.6f} {p.unit}")] for p in controller_table(model)]
