@@ -15,8 +15,9 @@ from gtpin.effects.sites import joints, tracks, turning_joint
 from gtpin.effects.smooth import drive_sizes
 from gtpin.typing import Floats
 
-SHORTEST, LONGEST = 0.008, 0.25
-"""Shortest and longest period that is tried, m or rad: a fine tooth, and one turn of a large pinion."""
+SHORTEST, LONGEST = 0.0045, 0.25
+"""Shortest and longest period that is tried, m or rad: below the tooth of a rack of module 1.5 mm (pi times that, 4.7 mm), and
+one turn of a large pinion."""
 MOST_A_TURN = 202.0
 """Largest number of periods per turn that is tried at a turning joint of a robot without rods. A strain wave gear of ratio 101
 has two periods for each turn of its input."""

@@ -197,6 +197,13 @@ def test_no_period_between_two_that_are_tried_is_missed() -> None:
     assert off.max() <= 1.0 / 12.0 + 1e-9
 
 
+@pytest.mark.parametrize("pitch", [np.pi * 1.5e-3, 5e-3, 20e-3 / 3, 10e-3, 40e-3 / 3])
+def test_the_teeth_of_common_racks_are_among_the_periods(pitch: float) -> None:
+    """Straight teeth of module 1.5 mm, and helical ones, whose pitches are parts of 20 and 40 mm."""
+    periods = EFFECTS["rack_periodic"].nonlinear_values(FIT, "cart2")
+    assert min(periods) < pitch < max(periods)
+
+
 def test_a_step_is_beyond_its_place_and_its_slope_starts_there() -> None:
     place = SETTINGS["rack_step"]
     c = given("rack_step", "cart2", {0: 4e-5, 1: 1e-4})
