@@ -26,7 +26,6 @@ from gtpin.diagnosis.inference.suspicious_data import (
 from gtpin.diagnosis.inference.where import unexplained
 from gtpin.diagnosis.linear.cross_validation import Gap, HoldOut, blocks_of, n_sessions
 from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import without
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.active import ActiveEffect
@@ -73,16 +72,10 @@ def fit(
         found = with_one_measurement(found, hypotheses, searched)
         found = with_two_valued(hypotheses, found, settled.observed.noise)
     inferred = floor_of(settled.observed.noise, hypotheses.design)
-    found = with_smaller_errors(hypotheses, found, neighbours, inferred)
+    found = with_smaller_errors(hypotheses, found, neighbours)
     model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     impossible = [question for question in asked if not question.believed]
-    if impossible and (other := with_possible(hypotheses, found, impossible)):
-        other = described(hypotheses, other)  # the next member of a class may be a flexible family
-        model, causes = _fitted(prepared, settled, other)
-        again = questions(other, causes, hypotheses.priors)
-        if all(question.believed for question in again):
-            found, asked, impossible = other, again, []
     if impossible:
         other = infer(settled, {(q.effect, q.site) for q in impossible})
         found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
@@ -200,8 +193,7 @@ def cause(
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, told = contender.hypothesis, parameters
         if other.place != hypothesis.place:
-            alone = contender.recorded and contender.beside is None
-            taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
+            taken = contender.recorded and _in_its_place(hypotheses, found, named, other, active.references)
             told = estimates(model.robot, taken, other) if taken else {}
         members.append(replace(member, parameters=told))
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
@@ -265,26 +257,6 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> lis
             if len(asked) > before:
                 break
     return sorted(asked, key=lambda question: question.believed)
-
-
-def with_possible(hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question]) -> Conclusion | None:
-    """The conclusion with each impossible cause replaced by the next member of its class; None where a class has no other.
-
-    An impossible cause has prior probability 0: the other members share its probability.
-    """
-    places = {(q.effect, q.site) for q in asked}
-    model, classes = found.model, dict(found.classes)
-    for cause in found.classes:
-        if cause.place not in places:
-            continue
-        left = [m for m in classes.pop(cause) if m.recorded and m.hypothesis.place not in places]
-        if not left:
-            return None
-        model = hypotheses.extended(without(hypotheses.groups, model, cause, sweeps=1), left[0].hypothesis)
-        whole = sum(member.probability for member in left)
-        likelier = [replace(member, probability=member.probability / whole) for member in left]
-        classes[left[0].hypothesis] = tuple(likelier)
-    return replace(found, model=model, classes=classes)
 
 
 def without_impossible(

@@ -109,27 +109,20 @@ def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask
     return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
 
 
-def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask], floor: Floats) -> Conclusion:
+def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
     """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
-    The errors are those of positions. It is enough that the errors of measured orientations become smaller where the position
-    errors without the causes are at the noise floor, for robots without rods, whose wrist can rotate the tool and hardly shift
-    it, and where something unknown is in the positions anyway.
+    Errors are smaller where the product of two ratios is below 1, those of the mean squares of positions and of measured
+    orientations: a wrist rotates the tool and hardly shifts it. The model that users get has no smooth terms, so none is here.
 
-    ``blocks``: (N,) masks of the poses left out together, a partition. ``floor``: (N, k) as for
-    :func:`~gtpin.diagnosis.linear.cross_validation.gap`.
+    ``blocks``: (N,) masks of the poses left out together, a partition.
     """
     if not found.classes:
         return found
-    # Without the smooth terms beside the causes, a cause would predict what they explain.
-    beside = hypotheses.columns(found.beside)
-    columns = np.hstack([beside, hypotheses.columns(found.model)])
-    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (beside, columns))
-    compared = [(alone.errors, whole.errors)]
-    at_noise = float((alone.errors**2).sum()) <= hypotheses.priors.silent**2 * float(floor.sum())
-    if alone.turned.size and (at_noise or found.doubts or hypotheses.design.operating_points.robot.joint_sites):
-        compared.append((alone.turned, whole.turned))
-    if any(float((b**2).sum()) < float((a**2).sum()) for a, b in compared):
+    nothing = np.zeros((len(hypotheses.design.y), 0))
+    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (nothing, hypotheses.columns(found.model)))
+    compared = [(alone.errors, whole.errors)] + [(alone.turned, whole.turned)] * bool(alone.turned.size)
+    if np.prod([(after**2).sum() / (before**2).sum() for before, after in compared]) < 1.0:
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
 
