@@ -24,6 +24,7 @@ from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.errors import ConvergenceError
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
 
@@ -144,6 +145,21 @@ def test_causes_must_make_left_out_positions_and_orientations_together_better(
     after = predictive.with_smaller_errors(hypotheses, found, [])
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
+
+
+@pytest.mark.slow
+def test_causes_with_which_the_fit_does_not_converge_are_not_named_and_end_no_diagnosis(monkeypatch):
+    solve = fit.fit_together
+
+    def to_first_order_only(observed, start, causes, *others):
+        if causes:
+            raise ConvergenceError("the fit has not converged")
+        return solve(observed, start, causes, *others)
+
+    monkeypatch.setattr(fit, "fit_together", to_first_order_only)
+    found = quietly(gtpin.diagnose, machine(2, "backlash").dataset)
+    assert (found.verdict, found.causes) == ("unknown", ())
+    assert [doubt.reason for doubt in found.doubts] == ["held_out"]
 
 
 @pytest.mark.parametrize(("named", "doubts"), [(True, ["held_out"]), (False, [])])

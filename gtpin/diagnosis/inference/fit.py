@@ -30,6 +30,7 @@ from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import References
+from gtpin.errors import ConvergenceError
 from gtpin.estimate import Estimate
 from gtpin.model.model import Model
 from gtpin.noise.estimate import LEAST_CONTRASTS
@@ -73,7 +74,13 @@ def fit(
         found = with_two_valued(hypotheses, found, settled.observed.noise)
     inferred = floor_of(settled.observed.noise, hypotheses.design)
     found = with_smaller_errors(hypotheses, found, neighbours)
-    model, causes = _fitted(prepared, settled, found)
+    try:
+        model, causes = _fitted(prepared, settled, found)
+    except ConvergenceError:  # the causes explain the data to first order only: no closed chain has them at such sizes
+        if not found.classes:
+            raise
+        found = found.only(hypotheses, []).doubted(Doubt("held_out"))
+        model, causes = _fitted(prepared, settled, found)
     asked = questions(found, causes, hypotheses.priors)
     impossible = [question for question in asked if not question.believed]
     if impossible:
