@@ -72,12 +72,11 @@ class LeftOutBlock:
 
     ``errors``: (r,) (I - H)^-1 residual with H = half half', the block's leverage, and ``residual``, its residual from the
     fit of all; without the directions that the other numbers do not determine. ``kept``: (r,) share of each number that the
-    others determine. ``log_density``: log probability density of the block given the others, without the constant.
+    others determine.
     """
 
     errors: Floats
     kept: Floats
-    log_density: float
 
     @staticmethod
     def of(half: Floats, residual: Floats) -> LeftOutBlock:
@@ -98,5 +97,4 @@ class LeftOutBlock:
             lost = half @ U[:, ~good] / np.sqrt(1.0 - w[~good])
             seen = half @ U[:, good]
             errors = residual - lost @ (lost.T @ residual) + seen @ ((seen.T @ residual) / w[good])
-        density = 0.5 * (float(np.log(w[good]).sum()) - float(residual @ errors))
-        return LeftOutBlock(errors, 1.0 - (lost**2).sum(axis=1), density)
+        return LeftOutBlock(errors, 1.0 - (lost**2).sum(axis=1))

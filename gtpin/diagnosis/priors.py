@@ -142,10 +142,6 @@ class Priors:
     """The same ratio, where there are too few repeated visits to measure the noise. Assumed."""
 
     # What must hold on left-out poses.
-    predicted: float = 0.2
-    """Ratio of the gain in log density of left-out poses to the gain in log evidence, below which a cause is not named.
-    Measured: 1.1 to 1.3 for weak causes of eight machines; for a target offset that was named in place of a moved base,
-    gains of 0.4 for 9.5, 0.7 for 62 and -0.5 for 325 nats of evidence."""
     silent: float = 1.25
     """Ratio of the error on left-out poses to the noise floor, above which the verdict ``none`` becomes ``unknown``. Measured:
     examples/diagnosis/noise_floor.py."""

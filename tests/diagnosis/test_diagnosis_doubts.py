@@ -11,14 +11,12 @@ from linear_problems import every_effect
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.calibrate import calibrate_geometry
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference import fit, predictive
 from gtpin.diagnosis.inference.findings import Conclusion, Contender
 from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.predictive import without_idle
 from gtpin.diagnosis.linear.cross_validation import leave_out
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -99,20 +97,6 @@ def test_an_instrument_beside_the_base_makes_no_cause():
     found, said = warned(replace(dataset, position=dataset.position + np.array([0.0, 0.005, -0.003])))
     assert "frame" in said
     assert (found.verdict, found.causes) == ("none", ())
-
-
-def test_a_cause_that_predicts_nothing_is_dropped():
-    dataset = machine(3).dataset
-    beside = replace(dataset, position=dataset.position + np.array([0.0, 0.012, 0.0]))
-    baseline = quietly(calibrate_geometry, beside, gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
-    hypotheses = propose(Observed.of(beside, baseline).design(baseline.model), every_effect())
-    found = decide(hypotheses)
-    # The geometry's price of a moved base, and nothing else.
-    assert [str(cause) for cause in found.classes] == ["target_offset@platform"]
-    each = list(np.array_split(np.arange(len(beside)), len(beside) // 4))
-    blocks = [np.isin(np.arange(len(beside)), rows) for rows in each]
-    left = without_idle(hypotheses, found, blocks)
-    assert (left.verdict, left.model.terms) == ("none", ())
 
 
 @pytest.fixture(scope="module")

@@ -78,13 +78,7 @@ def test_what_others_can_not_predict_is_left_out_of_the_errors() -> None:
     across = np.eye(4) - np.outer(unit, unit)
     # Along what can't be predicted there is no error; across it, that of the fit of the others.
     assert abs(float(unit @ found.errors)) < 1e-5
-    covariance = np.eye(4) + J[:4] @ np.linalg.solve(J[4:].T @ J[4:] + np.eye(3), J[:4].T)
-    expected = y[:4] - J[:4] @ z
-    solved = across @ covariance @ across + np.outer(unit, unit)
-    log_density = -0.5 * (
-        np.linalg.slogdet(solved)[1] + float(across @ expected @ np.linalg.solve(solved, across @ expected))
-    )
-    assert found.log_density == pytest.approx(log_density, rel=1e-5)
+    assert_allclose(across @ found.errors, across @ (y[:4] - J[:4] @ z), rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("rows", [4, 30])
@@ -95,8 +89,6 @@ def test_a_block_is_the_same_by_rows_and_by_coefficients(rows: int) -> None:
     found = LeftOutBlock.of(half[:rows], left)
     leverage = np.eye(rows) - half[:rows] @ half[:rows].T
     assert_allclose(found.errors, np.linalg.solve(leverage, left), rtol=1e-9)
-    expected = 0.5 * (np.linalg.slogdet(leverage)[1] - left @ np.linalg.solve(leverage, left))
-    assert found.log_density == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from gtpin.diagnosis.inference.classes import contenders, described, undecided, 
 from gtpin.diagnosis.inference.findings import Cause, Conclusion, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors, without_idle
+from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors
 from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.suspicious_data import (
@@ -67,7 +67,7 @@ def fit(
     """
     hypotheses, searched = settled.hypotheses, settled.searched
     neighbours = blocks_of(searched, "region", rng)
-    found = described(hypotheses, without_idle(hypotheses, found, neighbours))
+    found = described(hypotheses, found)
     if hypotheses.design.measured.tracked:  # these checks are for poses, not for readings
         found = with_full_digits(found, hypotheses, searched)
         found = with_one_measurement(found, hypotheses, searched)

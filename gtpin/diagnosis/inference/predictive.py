@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.posterior import without
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask
@@ -88,27 +86,6 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
     return found
 
 
-def without_idle(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion without causes that hardly increase the probability density of left-out poses.
-
-    A real cause acts at other poses as well. A false cause may only replace a change of the geometry that the tolerances make
-    improbable: it gains evidence, but does not improve predictions.
-
-    ``blocks``: (N,) masks of the poses left out together, a partition.
-    """
-    design, groups, beside = hypotheses.design, hypotheses.groups, hypotheses.columns(found.beside)
-    columns = {cause: groups.columns(cause) * found.scale[cause] for cause in found.classes}
-    kept = list(found.classes)
-    for cause in found.classes:
-        others = [beside, *(columns[c] for c in kept if c != cause)]
-        gain = _log_density(design, [*others, columns[cause]], blocks) - _log_density(design, others, blocks)
-        model = found.only(hypotheses, kept).whole(hypotheses)
-        evidence = model.log_evidence - without(groups, model, cause).log_evidence
-        if gain <= hypotheses.priors.predicted * max(evidence, 0.0):
-            kept = [c for c in kept if c != cause]
-    return found if len(kept) == len(found.classes) else found.only(hypotheses, kept)
-
-
 def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
     """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
 
@@ -125,16 +102,3 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     if np.prod([(after**2).sum() / (before**2).sum() for before, after in compared]) < 1.0:
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
-
-
-def _log_density(design: Design, causes: list[Floats], blocks: list[Mask]) -> float:
-    """Sum over the blocks of the log probability density of each given the others, with the priors of geometry and causes."""
-    J, prior = design.beside(np.hstack(causes))
-    root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
-    half = J @ root
-    residual = design.y - half @ (half.T @ design.y)
-    total = 0.0
-    for block in blocks:
-        rows = np.flatnonzero(np.repeat(block, design.components))
-        total += LeftOutBlock.of(half[rows], residual[rows]).log_density
-    return total
