@@ -102,6 +102,10 @@ MISTAKES = {
     "left-handed": (left_handed, "z looks reversed"),
     "poses inverted": (inverted, "the poses look inverted"),
     "q1 reversed": (commands(lambda q: q * np.where(np.arange(q.shape[1]) == 0, -1.0, 1.0)), "q1 looks reversed"),
+    "q1 in millimetres": (
+        commands(lambda q: q * np.where(np.arange(q.shape[1]) == 0, 1e3, 1.0)),
+        "q1 looks like millimetres; multiply q1 by 0.001",
+    ),
     "q in inches": (commands(lambda q: q / 0.0254), "look like inches"),
 }
 

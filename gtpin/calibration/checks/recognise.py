@@ -121,8 +121,11 @@ def recognised(
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
     # Of readings that fit equally well none is preferred: all are named, the usual ones first.
-    best = min(misfit for misfit, _ in chosen)
-    alike = [reading for misfit, reading in chosen if misfit <= max(AS_GOOD * best, search.fits)]
+    best, first = min(chosen, key=lambda t: t[0])
+    # The workspace is that of the best reading: commands in another unit predict poses kilometres away.
+    size = float(np.sqrt(((first.poses.T - first.poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    close = max(AS_GOOD * best, min(search.fits, FITS * size + ALLOWED))
+    alike = [reading for misfit, reading in chosen if misfit <= close]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
     return replace(alike[0], looks=looks, hint=hints, mistakes=fewest)
 
