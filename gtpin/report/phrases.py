@@ -228,11 +228,16 @@ def cause_lines(found: Findings, noun: str = "gap") -> list[str]:
 
 def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
     """The class of a cause that is open, with sizes and probabilities; what all names or sites have in common is said once."""
-    titles = [found.effect(m.effect).title.split(" ") for m in cause.members]
+    told: list[tuple[list[Member], float]] = []
+    for m in cause.members:
+        pair = [o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
+        if not any(m in both for both, _ in told):
+            told.append(([m, *pair], sum(one.probability for one in (m, *pair))))
+    titles = [found.effect(m.effect).title.split(" ") for both, _ in told for m in both]
     same = 0
-    while len(titles) > 1 and same < min(map(len, titles)) - 1 and len({title[-1 - same] for title in titles}) == 1:
+    while len(told) > 1 and same < min(map(len, titles)) - 1 and len({title[-1 - same] for title in titles}) == 1:
         same += 1
-    sites = {m.site for m in cause.members}
+    sites = {m.site for both, _ in told for m in both}
     common = " ".join(titles[0][len(titles[0]) - same :]) or "one of these"
     place = f" at {site_words(cause.site)}" if len(sites) == 1 else ""
 
@@ -240,7 +245,7 @@ def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
         title = " ".join(found.effect(m.effect).title.split(" ")[: -same or None])
         return sized(found, m, title + ("" if place else f" at {site_words(m.site)}"))
 
-    parts = [f"{words(m)} ({chance(m.probability)})" for m in cause.members]
+    parts = [f"{' with '.join(map(words, both))} ({chance(p)})" for both, p in told]
     if len(parts) > NAMED:
         parts = [*parts[:NAMED], "another" if len(parts) == NAMED + 1 else f"one of {len(parts) - NAMED} others"]
     parts[-1] = f"or {parts[-1]}"

@@ -21,7 +21,7 @@ from gtpin.model.model import Model
 from gtpin.report.embedded import escaped
 from gtpin.typing import Floats, Indices
 
-FINE, FINEST = 401, 1500
+FINE, FINEST = 401, 2500
 """Number of points of a line along a column, and where a cause has a nonlinear parameter, which may be a short period."""
 MOST = 20_000
 """Largest number of poses from which plots are made; of more, an even selection is used. A mean of neighbouring poses is then

@@ -112,6 +112,18 @@ def test_what_was_not_recorded_is_asked_for_where_it_could_be_the_cause(findings
     assert "makes no difference" not in advice
 
 
+def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
+    found = findings["explained"]
+    cause = found.causes[0]
+    drift, links = ("tracker_drift", "frame"), ("thermal_links", "arm")
+    pair = (Member(*drift, 0.2, beside=links), Member(*links, 0.2, beside=drift))
+    members = (Member(cause.effect, cause.site, 0.6), *pair)
+    doubtful = replace(found, verdict="ambiguous", causes=(replace(cause, probability=0.6, members=members),))
+    said = verdict(doubtful).headline.replace("\u00a0", " ")
+    assert "or drift over time at the instrument with thermal growth of links at all links (40 %)." in said
+    assert "20 %" not in said
+
+
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"]
     unexplained = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from itertools import combinations
+from math import exp, sqrt
 
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes
 from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.findings import Conclusion, Contender, Doubt, FlexibleFamily, Undecided
 from gtpin.diagnosis.inference.where import marginal_power
@@ -136,9 +137,90 @@ def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
     return [s for s in hypotheses.smooth if not hypotheses.modulates(s, known)]
 
 
+Classes = Mapping[Hypothesis, tuple[Contender, ...]]
+FIRSTS = 4
+"""Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
+LEAST_SHARE = 0.5
+"""Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
+cause, the larger explains at least half of it."""
+
+
+def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Classes) -> Classes:
+    """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
+
+    Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
+    of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
+    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
+    """
+    if hypotheses.long:
+        return classes
+    found = dict(classes)
+    for cause, members in classes.items():
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
+        if best is None:
+            continue
+        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        whole = 1.0 + odds * leader
+        each = odds * leader / whole / 2.0
+        if 2.0 * each < CLASS_SHARE * max(m.probability for m in members) / whole:
+            continue
+        known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
+        for hypothesis, other in (best[1], best[1][::-1]):
+            alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
+            known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+        found[cause] = _ordered(known.values(), cause)
+    for pair in combinations(causes(model), 2):
+        rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
+        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
+        for cause, other in zip(pair, best[1] if best else (), strict=False):
+            members = found[cause]
+            if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
+                continue
+            leader = _own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            kept = [replace(m, probability=m.probability / whole) for m in members]
+            found[cause] = _ordered([*kept, Contender(other, odds * leader / whole)], cause)
+    return found
+
+
+def _own_probability(members: Iterable[Contender], cause: Hypothesis) -> float:
+    return next(m.probability for m in members if m.hypothesis.place == cause.place)
+
+
 def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender, ...]:
     """Members by probability, the largest first; of equal ones the cause."""
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
+    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
+    ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
+    return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
+
+
+def _best_two(
+    hypotheses: HypothesisSet, rest: Explanation, out: Sequence[Hypothesis], least: float
+) -> tuple[Explanation, tuple[Hypothesis, Hypothesis]] | None:
+    """The model of largest worth with two hypotheses beside ``rest``, and these two.
+
+    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    """
+    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
+    gains = hypotheses.gains(rest, plain)
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
+    found: list[tuple[Explanation, tuple[Hypothesis, Hypothesis]]] = []
+    for first in firsts:
+        one = hypotheses.extended(rest, first)
+        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])
+        if more:
+            second = max(more, key=lambda h: more[h].value)
+            found.append((hypotheses.extended(one, second), (first, second)))
+    return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)
 
 
 MOST_FORMS = 3

@@ -23,14 +23,16 @@ Verdict = Literal["none", "explained", "ambiguous", "unknown"]
 class Member:
     """An effect at a site that could be the cause, with its probability.
 
-    ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect. ``parameters``: its
-    parameters in the place of the cause; empty where a proxy is meant.
+    ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect. ``beside`` is the effect
+    and site of another member, where only both together could be in the place of the cause; each then has half of the
+    probability of both. ``parameters``: its parameters in the place of the cause; empty where a proxy or a pair is meant.
     """
 
     effect: str
     site: str
     probability: float
     recorded: bool = True
+    beside: tuple[str, str] | None = None
     parameters: Mapping[str, Estimate] = field(default_factory=dict, hash=False)
 
 
@@ -230,11 +232,13 @@ class Contender:
     """A hypothesis that could be the cause, with its probability.
 
     ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
+    ``beside``: another hypothesis, where only both together could be in the place of the cause.
     """
 
     hypothesis: Hypothesis
     probability: float
     recorded: bool = True
+    beside: Hypothesis | None = None
 
 
 @dataclass(frozen=True)
@@ -293,7 +297,10 @@ class Conclusion:
 
     def members(self, cause: Hypothesis) -> tuple[Member, ...]:
         """The class of a cause, as it is reported."""
-        return tuple(Member(*m.hypothesis.place, m.probability, m.recorded) for m in self.classes[cause])
+        return tuple(
+            Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None)
+            for m in self.classes[cause]
+        )
 
     def sure(self) -> list[Hypothesis]:
         """Causes that lead their class with a probability of 0.95 or more."""

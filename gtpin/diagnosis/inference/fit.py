@@ -200,7 +200,8 @@ def cause(
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, told = contender.hypothesis, parameters
         if other.place != hypothesis.place:
-            taken = contender.recorded and _in_its_place(hypotheses, found, named, other, active.references)
+            alone = contender.recorded and contender.beside is None
+            taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
             told = estimates(model.robot, taken, other) if taken else {}
         members.append(replace(member, parameters=told))
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))

@@ -10,7 +10,7 @@ from scipy.special import betaincc, expit
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
-from gtpin.diagnosis.inference.classes import contenders, ranked, temperature
+from gtpin.diagnosis.inference.classes import contenders, ranked, temperature, with_two_instead
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search
@@ -66,6 +66,8 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
+        classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, hypotheses.only(named, needed))
     return found.only(hypotheses, found.beside_unknown()) if doubts else found
