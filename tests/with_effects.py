@@ -12,6 +12,17 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 
+OF_GANTRY = (
+    ("gantry_tau", "backlash", "cart2", 5e-5),  # a drive that overshoots
+    ("gantry_tau", "linearity", "cart2", 5e-5),
+    ("gantry_tau", "encoder_scale", "cart3", 2e-4),
+    ("gantry_tau", "straightness", "cart1", 5e-5),
+    ("gantry_tau", "cart_rotation", "cart3", 2e-4),
+    ("gantry_tau", "cart_compliance", "cart3", 2e-7),
+    ("gantry_tau", "link_compliance", "arm", 1e-7),
+)
+"""Effects that MJCF holds: robot, effect, site, the first coefficient."""
+
 
 def active(
     model: gtpin.Model,

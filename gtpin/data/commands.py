@@ -198,8 +198,4 @@ class CartMeasurements:
 
     def write(self, file: Path) -> None:
         """Write a CSV, or Parquet by the suffix, which `read` reads back bit-identically."""
-        table: dict[str, Column] = {"cart": self.cart, "q": self.q}
-        table |= dict(zip(POSITION, self.position.T, strict=True))
-        if self.orientation is not None:
-            table |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
-        write_table(file, table | dict(self.covariates))
+        write_table(file, self.columns)

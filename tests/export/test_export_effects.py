@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn_machines import told
-from with_effects import active
+from with_effects import OF_GANTRY, active
 
 import gtpin
 
@@ -21,13 +21,7 @@ from mujoco_machine import MujocoMachine
 
 HELD = [
     ("gantry_tau", "backlash", "cart1", -5e-5),
-    ("gantry_tau", "backlash", "cart2", 5e-5),  # a drive that overshoots
-    ("gantry_tau", "linearity", "cart2", 5e-5),
-    ("gantry_tau", "encoder_scale", "cart3", 2e-4),
-    ("gantry_tau", "straightness", "cart1", 5e-5),
-    ("gantry_tau", "cart_rotation", "cart3", 2e-4),
-    ("gantry_tau", "cart_compliance", "cart3", 2e-7),
-    ("gantry_tau", "link_compliance", "arm", 1e-7),
+    *OF_GANTRY,
     ("linear_delta", "backlash", "cart1", -5e-5),
     ("linear_delta", "link_compliance", "link2a", 4e-6),
     ("stewart", "backlash", "leg2", -5e-5),

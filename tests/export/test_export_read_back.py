@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn_machines import without_scales
-from with_effects import active
+from with_effects import OF_GANTRY, active
 
 import gtpin
 from gtpin.errors import GtpinWarning
@@ -107,13 +107,7 @@ EFFECTS = [
     ("ur5", "joint_compliance", "elbow_joint", 3e-6),
     ("ur5", "bearing_compliance", "shoulder_pan_joint", 1e-5),
     ("ur5", "link_compliance", "arm", 2e-6),
-    ("gantry_tau", "backlash", "cart2", 5e-5),
-    ("gantry_tau", "linearity", "cart2", 5e-5),
-    ("gantry_tau", "encoder_scale", "cart3", 2e-4),
-    ("gantry_tau", "straightness", "cart1", 5e-5),
-    ("gantry_tau", "cart_rotation", "cart3", 2e-4),
-    ("gantry_tau", "cart_compliance", "cart3", 2e-7),
-    ("gantry_tau", "link_compliance", "arm", 1e-7),
+    *OF_GANTRY,
 ]
 """Each effect that MJCF holds: robot, effect, site, its first coefficient."""
 

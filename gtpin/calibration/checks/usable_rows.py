@@ -131,7 +131,7 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     far = f"{1e3 * geometry[worst.name] - 1e3 * worst.nominal:+.3g} {'mm' if worst.unit == 'm' else 'mrad'}"
     what = f"the fit moves {worst.name} by {far}, farther than any machine of this kind is off: the data are not this robot's"
     hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, and where instruments stood"
-    refuse(DatasetError(what, file=dataset.file, column=worst.name, hint=hint), dataset)
+    refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
 
 
 def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
