@@ -116,6 +116,17 @@ def test_what_goes_with_what_was_recorded_is_not_laid_on_a_missing_session(kind)
     assert found.unexplained.could_be == ()
 
 
+@pytest.mark.parametrize("seed", [8_000_005, 8_000_015])
+def test_a_cause_that_only_completes_what_looks_like_a_missing_effect_is_not_named(seed):
+    """Machines of the study of missing columns in which a second, periodic error would be barred as chance."""
+    case = make_case(
+        seed, effects=[("backlash", None)], noncentrality=(100.0, 4000.0), held_out=1, without=("approach",)
+    )
+    found = said(case)
+    assert found.verdict == "ambiguous"
+    assert ("backlash", case.effects[0].site) in held(found)
+
+
 def test_an_effect_that_nothing_speaks_for_or_against_could_be_what_is_unknown_at_its_site():
     """Without any clock, and without speeds and directions, no column stands for what was not recorded."""
     found = said(machine(1, "zero_shift", "cart2", ("session", "time", "temp", "speed", "approach")))
