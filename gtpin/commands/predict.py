@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_option, tell
 from gtpin.data import Commands
 from gtpin.data.checks import CheckedRows
-from gtpin.data.files import read_table
+from gtpin.data.files import read_table, write_table
+from gtpin.data.table import Column
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict as run_prediction
-from gtpin.model.predict import prediction_table
+from gtpin.model.predict import prediction_columns
 from gtpin.output.results import result_file
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def predict(
@@ -39,24 +38,26 @@ def predict(
     with result_file(output, force=force) as new:
         found = read_model(model, tcp=tcp)
         table = _table(found, commands, instrument)
-        table.to_csv(new, index=False, lineterminator="\n")
+        write_table(new, table)
     what = "poses" if instrument is None else f"readings of {instrument}"
-    tell(table.to_dict(orient="records"), f"{len(table)} {what} predicted. Written: {output}", as_json)
+    rows = [
+        dict(zip(table, row, strict=True))
+        for row in zip(*(np.asarray(c).tolist() for c in table.values()), strict=True)
+    ]
+    tell(rows, f"{len(rows)} {what} predicted. Written: {output}", as_json)
 
 
-def _table(model: Model, file: Path, instrument: str | None) -> pd.DataFrame:
+def _table(model: Model, file: Path, instrument: str | None) -> dict[str, Column]:
     """The poses that the first tracker reads, or an instrument's readings, at the commands of a file."""
-    import pandas as pd
-
     seen, tracker = as_seen(model)
     name = instrument or tracker
     if name is None:
         given = Commands.read(file, model.robot.n_actuators)
-        return prediction_table(given, run_prediction(seen, given))
+        return prediction_columns(given, run_prediction(seen, given))
     names = instrument_of(model, name).table.ids
     given = Commands.read(file, model.robot.n_actuators, ids=names)
     columns = read_table(given.file or file, ids=names).columns
     rows = CheckedRows.of(given.file, given.row, len(given))
     ids = {column: rows.ids(columns[column], column) for column in names if column in columns}
     poses = run_prediction(model, given)
-    return pd.DataFrame({"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)})
+    return {"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)}

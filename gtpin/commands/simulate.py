@@ -15,9 +15,10 @@ from gtpin.bench.simulator.simulate import simulate as run_simulation
 from gtpin.bench.simulator.truth import AnyCase, Case, case_folders, dataset_folder, truth_names
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
 from gtpin.data import Commands
+from gtpin.data.files import write_table
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
-from gtpin.model.predict import prediction_table
+from gtpin.model.predict import prediction_columns
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
@@ -115,4 +116,4 @@ def _case(
 
 
 def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:
-    prediction_table(commands, Poses(T, R)).to_csv(folder / "truth.csv", index=False, lineterminator="\n")
+    write_table(folder / "truth.csv", prediction_columns(commands, Poses(T, R)))

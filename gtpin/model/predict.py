@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from gtpin.data import Commands, check_commands
+from gtpin.data.table import Column
 from gtpin.effects.active import warn_of_extrapolation
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def predict(model: Model, commands: Commands) -> Poses:
@@ -51,10 +47,7 @@ def predict(model: Model, commands: Commands) -> Poses:
     return poses
 
 
-def prediction_table(commands: Commands, poses: Poses) -> pd.DataFrame:
-    """Poses as a table with the columns ``pose x y z qw qx qy qz``: m, and unit quaternions."""
-    import pandas as pd
-
+def prediction_columns(commands: Commands, poses: Poses) -> dict[str, Column]:
+    """Poses as the columns ``pose x y z qw qx qy qz`` of a table: m, and unit quaternions."""
     columns = {"pose": commands.pose, **dict(zip("xyz", poses.T.T, strict=True))}
-    columns |= dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
-    return pd.DataFrame(columns)
+    return columns | dict(zip(("qw", "qx", "qy", "qz"), poses.quaternions.T, strict=True))
