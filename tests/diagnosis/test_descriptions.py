@@ -41,6 +41,15 @@ def test_a_joint_that_follows_one_other_joint_is_a_mechanism(robot, joint, site,
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("joint", "other"), [(2, 1), (4, 3)])
+def test_a_joint_that_follows_the_one_before_it_is_in_the_class_of_a_motion_of_its_axis(joint: int, other: int) -> None:
+    # The axes are perpendicular: what turns one joint with the other's command also tilts the other's axis.
+    found = diagnosed("panda", joint, lambda q: 2e-4 * (q[:, other] - q[:, other].mean()))
+    assert [len(found.causes), found.causes[0].nature] == [1, "mechanism"]
+    assert ("cross_coupling", f"panda_joint{joint + 1}") in [(m.effect, m.site) for m in found.causes[0].members]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "joint", "site"), [("ur5", 4, "wrist_2_joint"), ("gantry_tau", 2, "cart3")], ids=["ur5", "gantry_tau"]
 )

@@ -230,15 +230,18 @@ MOST_FORMS = 3
 def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
 
-    Such a family is a cause where a mechanism's form with few parameters is at least as likely as the family and as every
-    smooth term that is not only its modulation. Otherwise it says where the error is and over what, but not why: it is a doubt
+    Such a family is a cause where forms with few parameters, its own or those of another family, are at least as likely as the
+    family and as every smooth term that is not only its modulation. Its class then has the other families by their forms, and
+    the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not why: it is a doubt
     where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
     """
     told, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
         if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
             continue
-        if is_mechanism(hypotheses, found.whole(hypotheses), cause):
+        by_forms = _by_forms(hypotheses, found.whole(hypotheses), cause)
+        if by_forms:
+            found, cause = _likeliest_forms(hypotheses, found, cause, by_forms)
             mechanisms.add(cause.place)
         else:
             over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
@@ -254,6 +257,63 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     return kept.only(hypotheses, kept.beside_unknown()).doubted(*doubts) if doubts else kept
 
 
+def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> dict[Hypothesis, float]:
+    """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
+
+    Enough is what the family itself gains, less the share that is a cause's modulation, and what any smooth term gains.
+    """
+    rest = without(hypotheses.groups, model, cause, sweeps=1)
+    own = model.log_evidence - rest.log_evidence
+    smooth = max((g.value for g in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()), default=0.0)
+    families = [
+        h for h in hypotheses.named if h.effect.nature == "description" and (h == cause or h not in model.terms)
+    ]
+    gains = {family: _gain_of_forms(hypotheses, rest, family) for family in families}
+    return gains if max(gains.values()) >= max((1.0 - hypotheses.priors.modulation) * own, smooth) else {}
+
+
+def _gain_of_forms(hypotheses: HypothesisSet, rest: Explanation, family: Hypothesis) -> float:
+    """Gain of a family's forms: chosen one after the other, each against the prior odds of a choice among all of them.
+
+    The forms become groups of ``hypotheses``, once.
+    """
+    groups, forms = hypotheses.groups, []
+    for number, chosen in enumerate(family.effect.forms(hypotheses.design.operating_points.robot, family.site)):
+        form = SmoothTerm(family.site, (str(number),), f"form of {family.effect.id}")
+        if form not in groups:
+            groups.add(form, groups.columns(family)[:, list(chosen)])
+        forms.append(form)
+    simple, price = rest, float(np.log(max(len(forms), 1)))
+    for _ in range(min(MOST_FORMS, len(forms))):
+        gains = hypotheses.gains(simple, forms)
+        best = max(gains, key=lambda form: gains[form].value)
+        if gains[best].value < price:
+            break
+        simple = hypotheses.extended(simple, best)
+    return simple.log_evidence - rest.log_evidence - (len(simple.terms) - len(rest.terms)) * price
+
+
+def _likeliest_forms(
+    hypotheses: HypothesisSet, found: Conclusion, cause: Hypothesis, by_forms: Mapping[Hypothesis, float]
+) -> tuple[Conclusion, Hypothesis]:
+    """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
+    heat = temperature(max(by_forms[cause], 0.0), hypotheses.priors)
+    own = _own_probability(found.classes[cause], cause)
+    probability = {m.hypothesis: m.probability for m in found.classes[cause]}
+    for family, gain in by_forms.items():
+        probability[family] = max(probability.get(family, 0.0), own * exp(min((gain - by_forms[cause]) / heat, 700.0)))
+    before = {m.hypothesis: m for m in found.classes[cause]}
+    whole = max(sum(probability.values()), 1.0)
+    likeliest = max(by_forms, key=lambda family: probability[family])
+    members = [replace(before.get(h, Contender(h, 0.0)), probability=p / whole) for h, p in probability.items()]
+    least = CLASS_SHARE * max(m.probability for m in members)
+    members = [m for m in members if m.probability >= least or m.hypothesis == likeliest]
+    terms = [likeliest if term == cause else term for term in found.model.terms]
+    model = found.model if likeliest == cause else hypotheses.of(terms, found.model.scale)
+    classes = {likeliest if c == cause else c: members_ for c, members_ in found.classes.items()}
+    return replace(found, model=model, classes={**classes, likeliest: _ordered(members, likeliest)}), likeliest
+
+
 def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     """The conclusion that tells apart what is weak and undecided, where other causes are named."""
     small = tuple(
@@ -262,36 +322,6 @@ def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusio
         if members[0].probability < UNDECIDED and weak(hypotheses, found.model, cause)
     )
     return replace(found, also=small) if len(small) < len(found.classes) else found
-
-
-def is_mechanism(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
-    """Whether forms with few parameters explain what a flexible family does, as likely as the family and any smooth function.
-
-    The forms are chosen one after the other, each against the prior odds of a choice among all of them. The family may be
-    likelier by the share of its evidence that a cause's modulation has. The forms become groups of ``hypotheses``, once.
-    """
-    groups, at = hypotheses.groups, hypotheses.design.operating_points
-    rest = without(groups, model, cause, sweeps=1)
-    columns = groups.columns(cause)
-    forms = []
-    for number, chosen in enumerate(cause.effect.forms(at.robot, cause.site)):
-        form = SmoothTerm(cause.site, (str(number),), f"form of {cause.effect.id}")
-        if form not in groups:
-            groups.add(form, columns[:, list(chosen)])
-        forms.append(form)
-    simple: Explanation = rest
-    for _ in range(min(MOST_FORMS, len(forms))):
-        gains = hypotheses.gains(simple, forms)
-        best = max(gains, key=lambda form: gains[form].value)
-        if gains[best].value < np.log(len(forms)):
-            break
-        simple = hypotheses.extended(simple, best)
-    by_forms = (
-        simple.log_evidence - rest.log_evidence - (len(simple.terms) - len(rest.terms)) * np.log(max(len(forms), 1))
-    )
-    own = model.log_evidence - rest.log_evidence
-    smooth = max((g.value for g in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()), default=0.0)
-    return bool(by_forms >= max((1.0 - hypotheses.priors.modulation) * own, smooth))
 
 
 def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, ...]:
