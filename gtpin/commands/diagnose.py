@@ -34,7 +34,7 @@ from gtpin.output.shown import present
 from gtpin.report.diagnosis import DIAGNOSIS
 from gtpin.report.history import history as history_of
 from gtpin.report.sections.causes import sure_corrections
-from gtpin.report.sections.parameters import controller_words, doubt_of
+from gtpin.report.sections.parameters import controller_words
 
 
 def diagnose(
@@ -97,7 +97,9 @@ def diagnose(
             add(found)
     text = [shown.terminal()]
     if against is None:
-        text += [*controller_words(found.model, str(output), doubt_of(found.verdict)), *corrections_hint(found, output)]
+        # What is unknown moves the geometry by more than its sigmas.
+        table = controller_words(found.model, str(output)) if found.verdict != "unknown" else []
+        text += [*table, *corrections_hint(found, output)]
     text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
     if history is not None:
         files = HistoryFiles.named(history)

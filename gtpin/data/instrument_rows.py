@@ -114,6 +114,11 @@ class InstrumentRows:
         found = np.unique(np.column_stack([self.of, self.component, *keys]), axis=0, return_inverse=True)[1]
         return np.asarray(found).ravel()
 
+    def what(self, row: int) -> str:
+        """What a row reads, as words: its instrument, and its station, plane, socket and target."""
+        ids = [str(c[row]) for c in self.columns.values() if c.dtype == object and c[row] != ""]
+        return " ".join([self.tables[self.of[row]].name, *ids])
+
     @property
     def row(self) -> NDArray[np.intp]:
         """(N,) number of the table's row that each row is of, from 0: the components of one reading share it."""

@@ -25,9 +25,9 @@ LEAST_TURNS = 1.5
 """Smallest number of periods in the joint's range of commands. With fewer the deviation is a ``linearity``, unless the joint
 has another period as well."""
 APART = 0.5
-"""Smallest difference of two periods of one joint, in cycles over its range of commands. Derived: the Fourier resolution is one
-cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64. Nearer ones are one line
-whose amplitude changes, or no line."""
+"""Smallest difference of two periods of one joint, and of one from none, in cycles over its range of commands. Derived: the
+Fourier resolution is one cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64.
+Nearer ones are one line whose amplitude changes, or no line."""
 
 
 class RackPeriodic(Effect):
@@ -82,7 +82,8 @@ class RackPeriodic(Effect):
         cycles, span = 1.0 / np.asarray(values), _span(at, site)
         if not len(others):
             return np.asarray(cycles * span >= LEAST_TURNS * (1.0 - 1e-9))
-        apart = np.abs(cycles[:, None] - 1.0 / np.asarray(others)).min(axis=1) * span
+        known = np.append(1.0 / np.asarray(others), 0.0)  # the slope of a period longer than twice the range is a scale
+        apart = np.abs(cycles[:, None] - known).min(axis=1) * span
         return np.asarray(apart >= APART)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:

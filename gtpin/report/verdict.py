@@ -107,7 +107,7 @@ def assumed(d: Diagnosis) -> list[str]:
     if d.noise_source != "residuals":
         return []
     words = gap_words(d.gap)
-    size = words.floor if d.verdict == "unknown" else words.after  # what is unknown is more than noise
+    size = words.after if d.verdict == "none" else words.floor
     why, declare = "no sigma was declared", "declare the instrument's sigma, or "
     if any(overruled(d.baseline)):
         why, declare = "these data show less than the declared sigma, which was not used", ""
@@ -148,6 +148,9 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     if any(doubt.reason == "excess" for doubt in d.doubts):
         headline = f"Scatter of {_of_each(d.gap, _left)} that these data can't separate from noise: repeat visits tell."
         look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
+    elif part := [doubt.site for doubt in d.doubts if doubt.reason == "part"]:
+        headline = sentence(f"{what} is in what {part[0]} reads: don't compensate it by name")
+        look = "Its errors exceed the noise: look at this part of the instrument, and at what it alone sees of the machine."
     elif d.unexplained.correlates:
         site, coordinates, _ = d.unexplained.correlates[0]
         moved = "the instrument or the machine's base" if site == "frame" else site_words(site)
@@ -274,11 +277,14 @@ def not_recorded(d: Diagnosis) -> list[str]:
 
 
 def could_be(d: Diagnosis) -> list[str]:
-    """Effects that would explain the unknown cause but are untestable because a covariate is missing."""
-    lacking = _by_reason(d, d.unexplained.could_be[:LISTED])
-    return [
-        f"It could be {_names(d, rows)}, which these data can't test: {reason}." for reason, rows in lacking.items()
-    ]
+    """Effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
+    places = d.unexplained.could_be[:LISTED]
+    likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
+    lines = [f"It could be {_names(d, likely)}; these data can't tell it from something that gtpin does not know."]
+    for reason, rows in _by_reason(d, places).items():
+        untested = "" if all(c.testable for c in rows) else ", which these data can't test"
+        lines.append(f"It could be {_names(d, rows)}{untested}: {reason}.")
+    return lines[not likely :]
 
 
 def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:

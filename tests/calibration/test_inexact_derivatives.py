@@ -1,4 +1,4 @@
-"""A fit whose derivative leaves out small terms ends at the minimum all the same."""
+"""A fit whose derivative leaves out small terms, or whose residuals are large and curved, ends at the minimum all the same."""
 
 from __future__ import annotations
 
@@ -89,3 +89,27 @@ def test_steps_by_differences_go_on_where_those_of_the_derivative_end() -> None:
     before = problem.point(away)
     assert _cost(problem, away, problem.residual(before), np.ones(ROWS)) > cost + LEFT_OUT
     assert _cost(problem, found.point.x, found.residual, found.weight) < cost + LEFT_OUT
+
+
+class Valley(Leaving):
+    """One unknown along which the cost is far flatter than Gauss-Newton expects: the residual 9.99 - x^2 / 20 is large."""
+
+    def __init__(self) -> None:
+        self.size, self.prior = 1, np.zeros(1)
+
+    def point(self, x: np.ndarray, near: Any = None) -> Any:
+        return SimpleNamespace(x=x, poses=SimpleNamespace(reached=np.ones(2, dtype=bool)))
+
+    def residual(self, point: Any) -> np.ndarray:
+        x = float(point.x[0])
+        return np.array([[x - 5e-4], [9.99 - x**2 / 20.0]])
+
+    def jacobian(self, point: Any, rows: slice, weight: np.ndarray | None = None) -> np.ndarray:
+        return np.array([[[-1.0]], [[point.x[0] / 10.0]]])[rows]
+
+
+def test_a_fit_along_a_flat_valley_converges() -> None:
+    found = fit(Valley(), equal, np.array([-4.0]))
+    # The derivative of the cost, x - 5e-4 - (9.99 - x^2 / 20) x / 10, vanishes at the only real root.
+    best = min(np.roots([0.005, 0.0, 0.001, -5e-4]), key=lambda root: abs(root.imag))
+    assert float(found.point.x[0]) == pytest.approx(float(best.real), abs=0.05)

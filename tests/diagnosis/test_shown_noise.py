@@ -1,5 +1,8 @@
 """The verdict is judged against the noise that was declared or that visits show, never against what is left of a fit."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,6 +10,7 @@ from diagnosed import machine
 from scipy.spatial.transform import Rotation
 
 import gtpin
+from gtpin.bench.simulator import simulate_measured
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.inference import shown_noise as check
@@ -75,6 +79,22 @@ def test_noise_that_was_not_declared_is_an_assumption_unless_visits_show_it(visi
     assert found.verdict == "none"
     assert found.noise_source == ("residuals" if visits == 1 else "repeats")
     assert ("are noise is an assumption" in str(found.summary())) == (visits == 1)
+
+
+@pytest.mark.parametrize(("robot", "size"), [("ur5", 3.0), ("gantry_tau", 6.0)])
+def test_an_error_of_one_station_is_no_noise(robot: str, size: float, tmp_path: Path) -> None:
+    simulate_measured(gtpin.load_robot(robot), robot, ["range"], poses=120, seed=7, held_out=1).write_dataset(
+        tmp_path / "d"
+    )
+    data = gtpin.Dataset.read(tmp_path / "d")
+    assert gtpin.diagnose(data).verdict == "none"
+    rows, sigma = data.readings, data.readings.tables[0].sigma
+    drum = size * sigma * np.sin(2.0 * np.pi * rows.columns["range"] / 0.17)  # a wire's drum that is eccentric
+    read = rows.columns["range"] + np.where(rows.columns["station"] == "A", drum, 0.0)
+    found = gtpin.diagnose(replace(data, readings=replace(rows, columns={**rows.columns, "range": read})))
+    assert found.verdict == "unknown"
+    assert [(doubt.reason, doubt.site) for doubt in found.doubts] == [("part", "wire A")]
+    assert "in what wire A reads" in str(found.summary())
 
 
 class SearchedError(Exception):

@@ -64,7 +64,8 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     found[mine] = cause
     # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
     costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*gains, mine)}
-    log = {h: (gain.value - (costs[h] - costs[mine])) / heat for h, gain in gains.items()}
+    # It may be so; where it explains as much as the cause, it stays in the class.
+    log = {h: gain.value / heat - min((costs[h] - costs[mine]) / heat, priors.imitation) for h, gain in gains.items()}
     likeliest, by_proxy = max(log.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / heat + float(np.log(proxy.odds))
@@ -231,9 +232,9 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
 
     Such a family is a cause where forms with few parameters, its own or those of another family, are at least as likely as the
-    family and as every smooth term that is not only its modulation. Its class then has the other families by their forms, and
-    the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not why: it is a doubt
-    where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
+    family and as every smooth term that is not only its modulation, prior odds included. Its class then has the other families
+    by their forms, and the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not
+    why: it is a doubt where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
     """
     told, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
@@ -254,13 +255,14 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
         return found
     places = {(d.effect, d.site) for d in told}
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
-    return kept.only(hypotheses, kept.beside_unknown()).doubted(*doubts) if doubts else kept
+    return kept.named_beside_unknown(hypotheses).doubted(*doubts) if doubts else kept
 
 
 def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> dict[Hypothesis, float]:
     """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
 
-    Enough is what the family itself gains, less the share that is a cause's modulation, and what any smooth term gains.
+    Enough is what the family itself gains and what any smooth term gains, less their prior odds: what they gain beyond forms
+    is a motion without a name.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     own = model.log_evidence - rest.log_evidence
@@ -269,7 +271,9 @@ def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) 
         h for h in hypotheses.named if h.effect.nature == "description" and (h == cause or h not in model.terms)
     ]
     gains = {family: _gain_of_forms(hypotheses, rest, family) for family in families}
-    return gains if max(gains.values()) >= max((1.0 - hypotheses.priors.modulation) * own, smooth) else {}
+    priors = hypotheses.priors
+    least = max((1.0 - priors.modulation) * own, smooth - priors.departure * own) - priors.unnamed
+    return gains if max(gains.values()) >= least else {}
 
 
 def _gain_of_forms(hypotheses: HypothesisSet, rest: Explanation, family: Hypothesis) -> float:

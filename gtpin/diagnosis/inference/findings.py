@@ -142,7 +142,8 @@ class Unexplained:
 
     ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
     probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
-    that correlate with the residuals; five at most. ``could_be``: effect and site of untestable effects whose proxies explain
+    that correlate with the residuals; five at most. ``could_be``: effect and site of effects that could be the unknown: likely
+    causes that these data do not tell from it, then untestable effects whose proxies explain
     the residuals about as well as the best smooth term, then those at its site that have no proxy.
     ``descriptions``: flexible families that explain a part of them and are no causes.
     """
@@ -160,6 +161,7 @@ Reason = Literal[
     "restless",
     "impossible",
     "held_out",
+    "part",
     "excess",
     "visits",
     "two_groups",
@@ -180,8 +182,10 @@ Reason = Literal[
 ``held_out``
     Residuals or errors on left-out poses are larger than the noise that repeated visits show (``fit.py``), or the
     errors are no smaller with the causes than without (``predictive.py``).
+``part``
+    Residuals of one part of an instrument (a station, a plane, a socket, a component) are larger than the noise (``fit.py``).
 ``excess``
-    They are larger than the declared noise, and no visits tell whether the difference repeats (``fit.py``).
+    The residuals are larger than the declared noise, and no visits tell whether the difference repeats (``fit.py``).
 ``visits``
     Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
 ``two_groups``
@@ -199,7 +203,8 @@ Reason = Literal[
 class Doubt:
     """A reason for which something unknown is assumed.
 
-    ``site`` and ``over``: the site at which it acts, and the coordinates that it depends on; empty where not known.
+    ``site`` and ``over``: the site at which it acts, or the part of an instrument that shows it, and the coordinates that it
+    depends on; empty where not known.
     """
 
     reason: Reason
@@ -250,6 +255,7 @@ class Conclusion:
     of every hypothesis and smooth term as the only one. ``beside``: the smooth terms that are needed beside the causes.
     ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
     fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
+    ``open``: places of likely causes that are not named, because they could be the unknown themselves.
     """
 
     model: Explanation
@@ -260,6 +266,7 @@ class Conclusion:
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
     mechanisms: frozenset[tuple[str, str]] = frozenset()
+    open: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -290,6 +297,14 @@ class Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
+
+    def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
+        """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided."""
+        kept = [cause for cause in self.classes if cause in {*self.beside_unknown(), *self.also}]
+        lost = tuple(
+            c.place for c, members in self.classes.items() if c not in kept and members[0].probability >= UNDECIDED
+        )
+        return replace(self.only(hypotheses, kept), open=(*self.open, *lost)) if len(kept) < len(self.classes) else self
 
     def nature(self, cause: Hypothesis) -> Nature:
         """The nature of a cause: a flexible family is a mechanism only where its form was found to be one."""

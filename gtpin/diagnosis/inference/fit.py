@@ -103,17 +103,19 @@ def fit(
     hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
     if hidden:
         found = found.doubted(Doubt("scatter", hidden[0].site))
-    kept = [*found.beside_unknown(), *found.also] if found.doubts else found.classes
-    if len(kept) < len(found.classes) or found.classes is not before.classes:
+    sure = found.named_beside_unknown(hypotheses) if found.doubts else found
+    if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
         # A cause that is not sure may only take up a part of the unknown.
-        found = found.only(hypotheses, [c for c in found.classes if c in kept])
+        found = sure
         model, causes = _fitted(prepared, settled, found)
         checked, takes = gaps_by("region")
     whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     small = {c.place for c in found.also}
-    could_be = tuple(dict.fromkeys((*(h.place for h in hidden), *remaining.could_be)))
+    no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in impossible}
+    likely = (place for place in found.open if place not in no_cause)
+    could_be = tuple(dict.fromkeys((*likely, *(h.place for h in hidden), *remaining.could_be)))
     return Fitted(
         conclusion=found,
         model=model,
@@ -167,7 +169,7 @@ def held_out(
     if silent and shown.contradicted:
         return found.doubted(Doubt("visits"))
     noise = shown.most if silent else shown.noise
-    size, chance = shown.excess(noise, observed, hypotheses, found.model)
+    size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
     allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
     before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
     far = after > priors.silent**2 * floor if silent else after - floor > priors.core_leaves * (before - floor)
@@ -175,7 +177,7 @@ def held_out(
         # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
         model = found.whole(hypotheses)
         again = {cause: contenders(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
-        doubt = Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
+        doubt = Doubt("part", part) if part else Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
         return replace(found, classes={**found.classes, **again}).doubted(doubt)
     return found
 

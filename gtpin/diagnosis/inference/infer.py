@@ -73,7 +73,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
         classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, hypotheses.only(named, needed))
-    return found.only(hypotheses, found.beside_unknown()) if doubts else found
+    return found.named_beside_unknown(hypotheses) if doubts else found
 
 
 def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) -> float:

@@ -164,19 +164,28 @@ class ShownNoise:
 
     def excess(
         self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
-    ) -> tuple[float, float]:
-        """Size of a model's residuals over ``noise`` or ``most``, and its p-value.
+    ) -> tuple[float, float, str]:
+        """Size of a model's residuals over ``noise`` or ``most``, its p-value, and whose residuals: "" for all.
 
-        The weights of the search count: heavy tails are no excess.
+        A part is what one station, plane or socket gives, or one component. Of parts with a p-value of at most
+        ``priors.chance`` over their number, the largest size counts. The weights of the search count: heavy tails are no
+        excess.
         """
-        design = hypotheses.design
+        design, rows = hypotheses.design, hypotheses.design.measured.rows
         residual, effective_parameters = left_over(hypotheses, model)
         whitening = noise.whitening(design.by_command_seen, design.components)
         errors = design.coloured(residual)
-        power = float((observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)).sum())
-        dof = max(design.count - effective_parameters, 1.0)
-        chance = chi2.sf(power, dof) if np.isinf(self.noise.dof) else f.sf(power / dof, dof, self.noise.dof)
-        return float(np.sqrt(power / dof)), float(chance)
+        power = observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)
+        _, first, read = np.unique(rows.read, return_index=True, return_inverse=True)
+        share = np.bincount(read) / len(read)
+        dof = np.maximum(np.append(share, 1.0) * (design.count - effective_parameters), 1.0)
+        ratio = np.append(np.bincount(read, power), power.sum()) / dof
+        chance = chi2.sf(ratio * dof, dof) if np.isinf(self.noise.dof) else f.sf(ratio, dof, self.noise.dof)
+        chance[:-1] = np.minimum(len(share) * chance[:-1], 1.0)
+        far = [i for i in range(len(share)) if len(share) > 1 and chance[i] <= hypotheses.priors.chance]
+        worst = max([len(share), *far], key=lambda i: ratio[i])
+        part = rows.what(int(first[worst])) if worst < len(share) else ""
+        return float(np.sqrt(ratio[worst])), float(chance[worst]), part
 
 
 def floor_of(noise: ReadingNoise, design: Design) -> Floats:

@@ -167,7 +167,7 @@ def gap(
     # The noise of these poses as the fit shows it, but at most two standard deviations of chance above the known noise.
     least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / alone.kept.sum())))
     explained_fraction = _share(float(b2.mean()), float(a2.mean()), least)
-    drawn = _draws(alone, whole, max(float(a2.mean()) - float(whole.noise.mean()), 0.0), a2, rng)
+    drawn = _draws(alone, whole, max(float(a2.mean()) - least, 0.0), a2, rng)
     low, high = (float(value) for value in np.percentile(drawn, (2.5, 97.5)))
     if of_blocks:
         reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, explained_fraction)

@@ -18,7 +18,6 @@ SIGNIFICANT = 3.0
 """Number of sigmas from which a correction of an arm's table is named."""
 STEADY = 1e-3
 """Share of its sigma below which a correction that is not determined is zero."""
-UNKNOWN = "What is unknown may move them beyond their sigmas."
 UNTESTED = "Effects may move them beyond their sigmas: run gtpin diagnose first."
 
 
@@ -31,7 +30,7 @@ def parameters(r: Reported) -> Section:
     if d is None:
         arm = controller_blocks(c.model, UNTESTED) if c.explained else []
     else:
-        arm = controller_blocks(d.model, doubt_of(d.verdict))
+        arm = controller_blocks(d.model) if d.verdict != "unknown" else []
     content: list[Block] = [*arm, Heading("Placements")] if arm else []
     if d is None:
         kinds: dict[str, list[float]] = {}
@@ -117,11 +116,6 @@ def _to_add(p: DhParameter) -> str:
     if not p.determined and not abs(p.correction) > STEADY * p.sigma:
         return "not determined"
     return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (hardly determined)")
-
-
-def doubt_of(verdict: str) -> str:
-    """What else the geometry of a diagnosis with this verdict may contain."""
-    return UNKNOWN if verdict == "unknown" else ""
 
 
 @section(120)
