@@ -172,8 +172,10 @@ def driver_effects(
     for number, driver in enumerate(dataset.drivers):
         why = refusal(robot, driver.site, driver.motion)
         if why:
-            hint = "name another site, or take the driver out"
-            raise DatasetError(why, file=file, column=f"driver.{number}.motion", hint=hint)
+            known = dict.fromkeys((*robot.sites, *(link.name for link in moving_links(robot)), "platform", "frame"))
+            key = "motion" if driver.site in known else "site"
+            hint = f"sites are {', '.join(known)}, and links that are fixed to the base"
+            raise DatasetError(why, file=file, column=f"driver.{number}.{key}", hint=hint)
         if driver.column not in dataset.covariates:
             what = f"no column of numbers is called {driver.column!r}"
             raise DatasetError(
