@@ -147,9 +147,14 @@ def test_a_cart_turns_about_the_mean_of_its_joints():
 
 
 @pytest.mark.parametrize(
-    ("site", "motion", "key"), [("link2a", "x", "site"), ("platform", "q", "motion"), ("frame", "q", "motion")]
+    ("site", "motion", "words"),
+    [
+        ("link2a", "x", r"site.*sites are cart1, cart2, cart3, pl"),
+        ("platform", "q", "motion"),
+        ("frame", "q", "motion"),
+    ],
 )
-def test_a_site_that_can_t_move_so_is_refused_before_the_work_and_those_that_can_are_listed(site, motion, key):
+def test_a_site_that_can_t_move_so_is_refused_before_the_work(site, motion, words):
     data = replace(measured("gantry_tau"), drivers=(Driver("tilt_x", site, motion, 1e-4),))
-    with pytest.raises(DatasetError, match=rf"driver\.0\.{key}.*sites are cart1, cart2, cart3, platform, frame"):
+    with pytest.raises(DatasetError, match=rf"driver\.0\.{words}"):
         gtpin.diagnose(data)
