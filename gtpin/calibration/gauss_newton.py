@@ -16,7 +16,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.model.model import inverse_root
 from gtpin.typing import Floats
 
-MAX_ITERATIONS = 200
+MAX_ITERATIONS = 500
 MAX_DAMPING = 1e12
 STEP = 1e-7
 """Step, in units of the tolerances, at which the fit has converged."""
@@ -132,7 +132,7 @@ def fit(
     - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
       more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
-    Raises `ConvergenceError` if no minimum is found within 200 steps.
+    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if lost := np.count_nonzero(~point.poses.reached):

@@ -165,7 +165,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Cla
         odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
         whole = 1.0 + odds * leader
         each = odds * leader / whole / 2.0
-        if 2.0 * each < CLASS_SHARE * max(m.probability for m in members) / whole:
+        if each < CLASS_SHARE * max(m.probability for m in members) / whole:
             continue
         known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
         for hypothesis, other in (best[1], best[1][::-1]):
