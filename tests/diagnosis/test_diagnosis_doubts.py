@@ -159,7 +159,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
         noise="likeliest",
         most="largest",
         floor=lambda design: np.array([1.0]),
-        excess=lambda noise, *_: (1.5 / sizes[noise], 0.0),
+        excess=lambda noise, *_: (1.5 / sizes[noise], 0.0, ""),
     )
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
     found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})

@@ -103,6 +103,8 @@ def with_its_lines(hypotheses: HypothesisSet, rest: Explanation, term: Hypothesi
 def _with_lines(hypotheses: HypothesisSet, model: Explanation, term: Hypothesis) -> Explanation:
     """The model with each line of a hypothesis estimated again given the others, or left out where that increases the worth."""
     for old in term.lines:
+        if len(term.values) < 2:  # its lines were equal
+            break
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
         candidates = [(less, without_it)] if len(less.values) > 1 else []
