@@ -170,8 +170,9 @@ def fit(
             if trial.poses.reached.all():
                 trial_residual = problem.residual(trial)
                 if _cost(problem, trial.x, trial_residual, weight) < cost:
-                    more = iteration >= SLOW
-                    point, residual = _farther(problem, point, trial, weight) if more else (trial, trial_residual)
+                    if iteration >= SLOW:
+                        trial, trial_residual = _farther(problem, point, trial, trial_residual, weight)
+                    point, residual = trial, trial_residual
                     damping = damping / 10.0 if damping > 1e-6 else 0.0
                     break
             if damping > MAX_DAMPING:
@@ -186,18 +187,21 @@ def fit(
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
 
 
-def _farther(problem: LeastSquares, start: Point, trial: Point, weight: Floats) -> tuple[Point, Floats]:
-    """The point with the lowest cost, and its residual, of those at 1, 2, 4, ... times the way from ``start`` to ``trial``."""
-    way, best, residual = trial.x - start.x, trial, problem.residual(trial)
+def _farther(
+    problem: LeastSquares, start: Point, best: Point, residual: Floats, weight: Floats
+) -> tuple[Point, Floats]:
+    """The point with the lowest cost, and its residual, of those at 1, 2, 4, ... times the way from ``start`` to ``best``."""
+    way, cost = best.x - start.x, _cost(problem, best.x, residual, weight)
     while True:
         way = 2.0 * way
         point = problem.point(start.x + way, best.poses)
         if not point.poses.reached.all():
             return best, residual
         there = problem.residual(point)
-        if not _cost(problem, point.x, there, weight) < _cost(problem, best.x, residual, weight):
+        lower = _cost(problem, point.x, there, weight)
+        if not lower < cost:
             return best, residual
-        best, residual = point, there
+        best, residual, cost = point, there, lower
 
 
 def _gain(A: Floats, gradient: Floats) -> float:

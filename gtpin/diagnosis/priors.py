@@ -54,9 +54,9 @@ class Priors:
     docs/statistics.md."""
     other: float = 0.01
     """The same share, for all other hypotheses. Measured: docs/statistics.md."""
-    imitation: float = 3.0
-    """Most that these shares take off the logarithm of a hypothesis's odds to a cause in its class. Derived: -ln of
-    ``CLASS_SHARE``; what explains as much as the cause is not excluded because it could also imitate another one."""
+    imitation: float = 2.9
+    """Most that these shares take off the logarithm of a hypothesis's odds to a cause in its class. Derived: just below -ln of
+    ``CLASS_SHARE``, 3.0; what explains as much as the cause is in its class though it could also imitate another one."""
     departure: float = 0.025
     """Share of the evidence of the smooth terms by which the worth (log evidence less log prior odds) of a model with them must
     be larger than that of a model with named causes. Measured: docs/statistics.md."""

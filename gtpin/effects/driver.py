@@ -174,8 +174,7 @@ def driver_effects(
         if why:
             known = dict.fromkeys((*robot.sites, *(link.name for link in moving_links(robot)), "platform", "frame"))
             key = "motion" if driver.site in known else "site"
-            hint = f"sites are {', '.join(known)}, and links that are fixed to the base"
-            raise DatasetError(why, file=file, column=f"driver.{number}.{key}", hint=hint)
+            raise DatasetError(why, file=file, column=f"driver.{number}.{key}", hint=f"sites are {', '.join(known)}")
         if driver.column not in dataset.covariates:
             what = f"no column of numbers is called {driver.column!r}"
             raise DatasetError(

@@ -280,11 +280,13 @@ def could_be(d: Diagnosis) -> list[str]:
     """Effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
     places = d.unexplained.could_be[:LISTED]
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
-    lines = [f"It could be {_names(d, likely)}; these data can't tell it from something that gtpin does not know."]
+    lines = []
+    if likely:
+        lines = [f"It could be {_names(d, likely)}; these data can't tell it from something that gtpin does not know."]
     for reason, rows in _by_reason(d, places).items():
         untested = "" if all(c.testable for c in rows) else ", which these data can't test"
         lines.append(f"It could be {_names(d, rows)}{untested}: {reason}.")
-    return lines[not likely :]
+    return lines
 
 
 def _by_reason(d: Diagnosis, effects: Iterable[tuple[str, str]]) -> dict[str, list[Considered]]:

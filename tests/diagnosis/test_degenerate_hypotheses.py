@@ -193,6 +193,33 @@ def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float, l
     check(hypotheses, found)
 
 
+class Tip(Drawn):
+    """A motion of the tip that is the same at whatever site it is said to act."""
+
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        return Displacement(np.ones(2), twist=self.columns)
+
+
+def test_what_explains_as_much_as_a_cause_is_in_its_class_though_it_could_imitate_another_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-2.0, 2.0, (60, 6))
+    design, twist = of_arm(q), 1e-4 * rng.standard_normal((60, 6, 2))
+    at = design.operating_points
+    strong = Hypothesis(Drawn(1e-4 * rng.standard_normal((60, 2)), 0), at.robot.sites[1])
+    imitator, elsewhere = (Hypothesis(Tip(twist, i), at.robot.sites[k]) for i, k in ((1, 1), (2, 3)))
+    signal = 30.0 * design.columns(strong.basis(at)).sum(axis=1) + 5.0 * design.columns(imitator.basis(at)).sum(axis=1)
+    y = signal + rng.standard_normal(len(signal))
+    hypotheses = HypothesisSet(replace(design, y=y), (strong, imitator, elsewhere), (), (), SCOPE)
+    monkeypatch.setattr(HypothesisSet, "share", lambda _, a, b: PRIORS.same if imitator in (a, b) else 0.0)
+    model = hypotheses.of((strong, elsewhere), (1.0, 1.0))
+    dear, cheap = (hypotheses.costs((strong, h))[h] for h in (imitator, elsewhere))
+    assert dear > cheap + 100.0
+    members = {m.hypothesis: m.probability for m in contenders(hypotheses, model, elsewhere)}
+    assert members[elsewhere] > members[imitator] > 0.0
+
+
 def test_an_effect_that_names_a_site_twice_acts_there_once() -> None:
     robot = gtpin.load_robot("ur5")
     effect = Drawn(np.zeros((ROWS, 1)), 1)

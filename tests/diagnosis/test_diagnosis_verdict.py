@@ -1,6 +1,7 @@
 """Verdicts on machines whose faults are known: silent, right, or honest about not knowing."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -160,17 +161,17 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
 
 
 @pytest.mark.parametrize(
-    ("shares", "sure", "stays"),
+    ("shares", "sure", "stays", "likely"),
     [
-        ((0.99, 0.005), True, True),
-        ((0.9, 0.1), False, True),
-        ((0.005, 0.99), False, False),  # another leads
-        ((0.8, 0.1), False, False),  # a smooth term has the rest
-        ((0.49, 0.48), False, False),
+        ((0.99, 0.005), True, True, []),
+        ((0.9, 0.1), False, True, []),
+        ((0.005, 0.99), False, False, [1]),  # another leads
+        ((0.8, 0.1), False, False, [0]),  # a smooth term has the rest
+        ((0.49, 0.48), False, False, []),
     ],
 )
 def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_where_its_class_is_sure(
-    shares, sure, stays
+    shares, sure, stays, likely
 ):
     cause, other = (Hypothesis(effect, "cart1") for effect in gtpin.catalogue()[:2])
     members = sorted(
@@ -179,6 +180,9 @@ def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_wh
     found = Conclusion(NOTHING, {cause: tuple(members)}, (), {})
     assert found.sure() == ([cause] if sure else [])
     assert found.beside_unknown() == ([cause] if stays else [])
+    beside = found.named_beside_unknown(SimpleNamespace(only=lambda model, _: model))  # type: ignore[arg-type]
+    assert list(beside.classes) == ([cause] if stays else [])
+    assert beside.likely == tuple((cause, other)[i].place for i in likely)
     assert found.verdict == ("explained" if sure else "ambiguous")
 
 

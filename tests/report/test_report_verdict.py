@@ -133,6 +133,14 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
     assert "could be" not in " ".join(verdict(found).advice)
 
 
+def test_an_unknown_says_which_likely_cause_it_could_be(findings):
+    found = findings["unknown"]
+    likely = next(c for c in found.candidates if c.testable and c.reason is None)
+    unexplained = replace(found.unexplained, could_be=((likely.effect, likely.site),))
+    advice = " ".join(verdict(replace(found, unexplained=unexplained)).advice)
+    assert f"at {likely.site}; these data can't tell it from something that gtpin does not know." in advice
+
+
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):
     found = findings["none"]
     noise = replace(found.baseline.noise, repeatability=2.0 * found.baseline.noise.position_sigma)

@@ -143,9 +143,9 @@ class Unexplained:
     ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
     probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
     that correlate with the residuals; five at most. ``could_be``: effect and site of effects that could be the unknown: likely
-    causes that these data do not tell from it, then untestable effects whose proxies explain
-    the residuals about as well as the best smooth term, then those at its site that have no proxy.
-    ``descriptions``: flexible families that explain a part of them and are no causes.
+    causes that these data do not tell from it, then untestable effects whose proxies explain the residuals about as well as
+    the best smooth term, then those at its site that have no proxy. ``descriptions``: flexible families that explain a part
+    of them and are no causes.
     """
 
     share: float
@@ -255,7 +255,7 @@ class Conclusion:
     of every hypothesis and smooth term as the only one. ``beside``: the smooth terms that are needed beside the causes.
     ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
     fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
-    ``open``: places of likely causes that are not named, because they could be the unknown themselves.
+    ``likely``: places of likely causes that are not named, because they could be the unknown themselves.
     """
 
     model: Explanation
@@ -266,7 +266,7 @@ class Conclusion:
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
     mechanisms: frozenset[tuple[str, str]] = frozenset()
-    open: tuple[tuple[str, str], ...] = ()
+    likely: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -299,12 +299,16 @@ class Conclusion:
         return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
 
     def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
-        """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided."""
+        """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
+
+        Of the others, the leader of a class is likely where it has 0.5 or more.
+        """
         kept = [cause for cause in self.classes if cause in {*self.beside_unknown(), *self.also}]
-        lost = tuple(
-            c.place for c, members in self.classes.items() if c not in kept and members[0].probability >= UNDECIDED
-        )
-        return replace(self.only(hypotheses, kept), open=(*self.open, *lost)) if len(kept) < len(self.classes) else self
+        leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
+        if not leaders:
+            return self
+        likely = (m.hypothesis.place for m in leaders if m.probability >= UNDECIDED)
+        return replace(self.only(hypotheses, kept), likely=(*self.likely, *likely))
 
     def nature(self, cause: Hypothesis) -> Nature:
         """The nature of a cause: a flexible family is a mechanism only where its form was found to be one."""

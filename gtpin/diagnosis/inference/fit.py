@@ -114,7 +114,7 @@ def fit(
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     small = {c.place for c in found.also}
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in impossible}
-    likely = (place for place in found.open if place not in no_cause)
+    likely = (place for place in found.likely if place not in no_cause)
     could_be = tuple(dict.fromkeys((*likely, *(h.place for h in hidden), *remaining.could_be)))
     return Fitted(
         conclusion=found,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.special import betaincc, expit
@@ -13,7 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, relate
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.classes import contenders, ranked, temperature, with_two_instead
-from gtpin.diagnosis.inference.findings import Conclusion, Contender, Doubt
+from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.inference.settle import SearchState
@@ -66,7 +65,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     elif needed := _replacing(hypotheses, named):
         better = tuned(hypotheses.groups, (*named.terms, *needed), (*named.scale, *(1.0 for _ in needed)))
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
-    named = without_redundant(hypotheses, named, partial(contenders, hypotheses))
+    named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
@@ -120,28 +119,24 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
     return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
 
 
-def without_redundant(
-    hypotheses: HypothesisSet, named: Explanation, members: Callable[[Explanation, Hypothesis], Iterable[Contender]]
-) -> Explanation:
+def without_redundant(hypotheses: HypothesisSet, named: Explanation) -> Explanation:
     """The model without causes that are not needed when an effect with a missing covariate replaces a stronger cause.
 
     A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
     explain the rest. If the first cause may be the effect with the missing covariate, the second has nothing to explain. The
     same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy.
-
-    ``named``: the model of the named causes. ``members``: function that gives the class of a cause of a model.
     """
     strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
     for cause in sorted(strength, key=lambda c: -strength[c]):
         if cause not in named.terms:
             continue
-        unrecorded = {m.hypothesis.place for m in members(named, cause) if not m.recorded}
+        unrecorded = {m.hypothesis.place for m in contenders(hypotheses, named, cause) if not m.recorded}
         for proxy in [proxy for proxy in hypotheses.proxies if proxy.hypothesis.place in unrecorded]:
             weaker = [c for c in causes(named) if strength[c] < strength[cause]]
             redundant = [
                 c
                 for c in weaker
-                if proxy.hypothesis.place in {m.hypothesis.place for m in members(named, c)}
+                if proxy.hypothesis.place in {m.hypothesis.place for m in contenders(hypotheses, named, c)}
                 or _redundant(hypotheses, named, cause, proxy, c)
             ]
             named = hypotheses.only(named, (t for t in named.terms if t not in redundant))
