@@ -97,8 +97,11 @@ class BearingCompliance(Effect):
 
     id = "bearing_compliance"
     title = "bearing deflection under load"
-    clause = "the bearing of {site} tilts under load"
-    remedy = "Use the corrected model with the payload given; check the bearing's preload and the bolts of its flange."
+    clause = "the bearing of {site}, or what carries it, tilts under load"
+    remedy = (
+        "Use the corrected model with the payload given; check the bearing's preload, the bolts of its flange, and at a first "
+        "joint the base's feet."
+    )
     coefficient = ("tilt", "rad/(N m)")
     acts_at = staticmethod(joints)
     depends_on = ("load", "payload")

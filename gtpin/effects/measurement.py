@@ -22,6 +22,7 @@ class TrackerDrift(Effect):
     T is the TCP position, m, T_home that at home; dR is a rotation vector. The shift s, m, and the rotation vector w, rad, are
     in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. The
     constant part of s and w is left out, because geometry absorbs it. Outside the time range of the fit the drift is constant.
+    A robot's base that warms up or settles moves the poses in the same way: data of the robot alone can't tell the two apart.
 
     Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
     range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
@@ -30,8 +31,11 @@ class TrackerDrift(Effect):
 
     id = "tracker_drift"
     title = "drift over time"
-    clause = "{site} drifts over time"
-    remedy = "A fault of the measurement: check the tracker's stand and warm-up; measure reference nests in between."
+    clause = "{site}, or the robot's base, drifts over time"
+    remedy = (
+        "Measure reference nests on the floor in between: if they drift too, check the tracker's stand and warm-up; if they do "
+        "not, the robot's base warms up or settles."
+    )
     coefficient = ("shift_x", "m")
     acts_at = staticmethod(lambda _: ("frame",))
     needs = ("time",)
@@ -56,8 +60,9 @@ class FrameShift(Effect):
 
     T is the measured TCP position, T_home that at home, m; dR is a rotation vector. The shift s, m, and the rotation vector
     w, rad, are in the base frame. s is positive where the measured positions move towards the positive axis, w is
-    right-handed. A cause is an instrument that was set up again. Geometry absorbs the mean over the sessions. In a prediction,
-    a session that was not in the fit has the mean shift.
+    right-handed. Causes are an instrument that was set up again, and a robot's base that moved: data of the robot alone can't
+    tell the two apart. Geometry absorbs the mean over the sessions. In a prediction, a session that was not in the fit has the
+    mean shift.
 
     Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
     of session k less their means over the sessions. Sessions are sorted by name. As a change since an earlier model:
@@ -66,9 +71,12 @@ class FrameShift(Effect):
 
     id = "frame_shift"
     title = "shift between sessions"
-    clause = "{site} has another pose in each session"
+    clause = "{site}, or the robot's base, has another pose in each session"
     since_a_model = True
-    remedy = "A fault of the measurement: tie the sessions together by reference nests."
+    remedy = (
+        "Tie the sessions together by reference nests on the floor: if they shift too, the instrument was set up elsewhere; if "
+        "they do not, the robot's base moved."
+    )
     coefficient = ("shift_x[1]", "m")
     acts_at = staticmethod(lambda _: ("frame",))
     needs = ("session",)

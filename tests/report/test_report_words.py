@@ -90,7 +90,7 @@ def test_coordinates_and_sites_are_told_in_words():
     assert coordinate_words("q1,q3") == "q1 and q3"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
     assert site_words("frame") == "the instrument"
-    assert "the instrument drifts" in clause(effects_by_id()["tracker_drift"], "frame")
+    assert "the instrument, or" in clause(effects_by_id()["tracker_drift"], "frame")
 
 
 @pytest.mark.parametrize(("robot", "unit"), [("gantry_tau", "m"), ("ur5", "rad")])
@@ -111,6 +111,14 @@ def test_every_effect_of_the_catalogue_has_a_clause_and_a_remedy_at_each_of_its_
             assert effect.remedy != Effect.remedy
             if effect.id in ("backlash", "link_compliance") and site != "arm":
                 assert site in said
+
+
+@pytest.mark.parametrize("effect", ["tracker_drift", "frame_shift"])
+def test_a_motion_of_the_frame_is_told_as_one_of_the_instrument_or_of_the_robots_base(effect: str) -> None:
+    found = effects_by_id()[effect]
+    for words in (clause(found, "frame"), found.remedy):
+        assert "instrument" in words or "tracker" in words
+        assert "base" in words
 
 
 def test_all_links_together_do_what_a_link_does_in_the_plural():
