@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -166,3 +167,10 @@ def alike(one: object, other: object, where: str) -> None:
         assert other == pytest.approx(one, rel=1e-4, abs=1e-6), where
     else:
         assert one == other, where
+
+
+def test_the_table_holds_every_pair_of_values() -> None:
+    wanted = {
+        frozenset({(a, x), (b, y)}) for a in FACTORS for b in FACTORS if a < b for x in FACTORS[a] for y in FACTORS[b]
+    }
+    assert {frozenset(pair) for row in TABLE for pair in combinations(row.items(), 2)} == wanted

@@ -135,3 +135,27 @@ def test_every_limitation_names_the_page_that_shows_it() -> None:
 
 def test_the_largest_number_of_lines_is_the_codes() -> None:
     assert f"at most {RackPeriodic.most_values} for each joint" in LIMITATIONS
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ("diagnose a -o b --agianst c", "agianst"),
+        ("plan a --poses 4 -o b", "purpose"),
+        ("mend a", "mend"),
+        ("import clipper-delta a -o b", "clipper-delta"),
+    ],
+)
+def test_a_wrong_command_would_be_noticed(wrong: str, why: str) -> None:
+    with pytest.raises(Exception, match=why):
+        called(typer.main.get_command(gtpin.cli.app), shlex.split(wrong))
+
+
+def test_the_folders_that_pages_name_exist() -> None:
+    named = {
+        (page.name, name)
+        for page in PAGES
+        for name in re.findall(r"`((?:gtpin|examples|tests)/[\w/]*/)`", page.read_text("utf-8"))
+    }
+    assert len(named) > 3
+    assert sorted(one for one in named if not (ROOT / one[1]).is_dir()) == []

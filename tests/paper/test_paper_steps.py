@@ -88,3 +88,18 @@ def test_every_axis_of_every_figure_is_labelled() -> None:
         assert figure.get_suptitle()
         assert any(axis.get_xlabel() for axis in figure.axes)
         assert any(axis.get_ylabel() for axis in figure.axes)
+
+
+def test_the_linearity_figure_shows_each_cart_s_residuals_in_micrometres() -> None:
+    rng, q = np.random.default_rng(3), np.linspace(-0.6, 0.6, 12)
+    bends = 1e-4 * rng.standard_normal((3, 12, 3))
+    basis = np.stack([np.ones(12), q], axis=1)
+    bends -= np.einsum("ij,njk->nik", basis @ np.linalg.pinv(basis), bends)
+    position = np.concatenate([bend + q[:, None] * [1.0, 0.0, 0.0] for bend in bends])
+    carts = CartMeasurements(np.repeat([1, 2, 3], 12), np.tile(q, 3), position)
+    (axis,) = linearity(carts).axes
+    for line, bend in zip(axis.lines, bends, strict=True):
+        np.testing.assert_allclose(line.get_xdata(), 1e3 * q)
+        np.testing.assert_allclose(line.get_ydata(), 1e6 * np.linalg.norm(bend, axis=1), atol=1e-6)
+    both = along_and_across(carts).axes
+    assert [len(axis.lines) for axis in both] == [1] * 6

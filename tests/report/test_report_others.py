@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -16,9 +17,9 @@ from gtpin.accuracy import workspace
 from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
-from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 from gtpin.report.accuracy import sensitivity_page
-from gtpin.report.comparison import ComparisonPresentation, comparison_page, position_errors
+from gtpin.report.comparison import ComparisonPresentation, angles_drawing, comparison_page, position_errors
 
 ROBOT = load_robot("gantry_tau")
 
@@ -126,3 +127,21 @@ def test_pages_of_compare_and_sensitivity_load_and_draw(accuracy, tmp_path):
             opened = Opened(browser, tmp_path / f"{name}.html", page)
             assert len(opened.run(DRAWN)) == 3
             opened.is_whole()
+
+
+def test_angles_need_orientations_and_one_of_the_three_names():
+    made = comparison({1: 3e-4, 3: 1e-4})
+    bare = Comparison(tuple(replace(held, orientation=None, angles=None) for held in made.held), 0, made.dataset)
+    with pytest.raises(DatasetError, match="orientation was not measured"):
+        angles_drawing(bare)
+    with pytest.raises(DatasetError, match="no angle 'delta'"):
+        angles_drawing(made, "delta")
+    drawn = angles_drawing(made, "beta").traces
+    np.testing.assert_allclose([trace["y"] for trace in drawn], [1e3 * held.angles[:, 1] for held in made.held])
+
+
+def test_the_same_comparison_gives_the_same_bytes(tmp_path):
+    for name in ("one", "two"):
+        comparison({1: 3e-4, 3: 1e-4}).save(tmp_path / name)
+    for file in ("compare.csv", "compare.json"):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()

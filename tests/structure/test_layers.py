@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import gtpin
 from gtpin.output.shown import PRESENTATIONS
@@ -182,3 +187,38 @@ def test_every_result_that_is_shown_has_a_presentation() -> None:
     }
     assert shown <= set(PRESENTATIONS)
     assert "Diagnosis" in shown
+
+
+def test_the_simulator_reads_and_imports_nothing_by_names_that_are_made_at_run_time() -> None:
+    """The import graph that the other tests search is the whole of it, and no file outside is opened by its name."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    allowed = {re.split(r"[^\w-]", need)[0].replace("-", "_") for need in project["dependencies"]}
+    allowed |= {"gtpin", "pinocchio", *sys.stdlib_module_names}  # pin is imported as pinocchio
+    for module, file in MODULES.items():
+        if ".bench.simulator" not in module:
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                assert {alias.name.partition(".")[0] for alias in node.names} <= allowed, module
+            elif isinstance(node, ast.ImportFrom):
+                assert str(node.module).partition(".")[0] in allowed, module
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                assert len(node.value) < 2 or not Path(node.value).is_absolute(), f"{module}, line {node.lineno}"
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in ("__import__", "import_module", "eval", "exec"), f"{module}, {node.lineno}"
+
+
+@pytest.mark.slow
+def test_a_machine_is_made_without_anything_in_memory_that_shall_be_judged_by_it() -> None:
+    judged = tuple(
+        f"gtpin.{name}" for name, height in HEIGHT.items() if HEIGHT["kinematics"] <= height < HEIGHT["bench"]
+    )
+    code = (
+        "import sys; from gtpin.bench.simulator import make_case, simulate, simulate_measured;"
+        "from gtpin.bench.simulator.build import known_robot;"
+        "make_case(0, poses=20, held_out=5); simulate(known_robot('stewart'), 'stewart', poses=5, held_out=2);"
+        "simulate_measured(known_robot('stewart'), 'stewart', ['range', 'plane', 'socket'], poses=5, held_out=2);"
+        f"sys.exit(', '.join(name for name in sys.modules if name.startswith({judged!r})) or 0)"
+    )
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr

@@ -163,3 +163,9 @@ def test_what_calibration_absorbs_changes_no_parameter(plain: Difficulty) -> Non
     best = plain.left(displacement)["straightness@cart2"]
     before, after = (true_parameters(plain, best, d) for d in (displacement, turned))
     assert after == pytest.approx(before, rel=0.02, abs=5e-7)
+
+
+def test_no_effect_leaves_more_than_there_is(linearity: tuple[Case, Calibration], difficulty: Difficulty) -> None:
+    (effect,) = linearity[0].effects
+    whole, left = difficulty.noncentrality(effect.displacement), difficulty.left(effect.displacement)
+    assert all(-1e-6 * whole <= best.left <= whole * (1.0 + 1e-9) for best in left.values())

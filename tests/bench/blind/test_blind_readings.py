@@ -340,3 +340,18 @@ def test_cases_of_instruments_that_are_scored_again_have_the_same_d_and_shrinkag
     assert first.shrunk.share == 0.0
     assert np.isfinite(first.leaves)
     assert again == first
+
+
+def test_no_effect_leaves_more_of_readings_than_there_is(wire_and_bed: tuple[Truth, Difficulty]) -> None:
+    truth, difficulty = wire_and_bed
+    displacement = np.array(truth.effects[0].displacement)
+    whole = difficulty.noncentrality(displacement)
+    assert all(-1e-6 * whole <= best.left <= whole * (1.0 + 1e-9) for best in difficulty.left(displacement).values())
+
+
+@pytest.mark.slow
+def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gtpin.bench.blind.draw.ONE_IN", 10_000)
+    whole = measured(Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket")))
+    case, _ = without_some_touches(whole)
+    assert case.effects[0].noncentrality == pytest.approx(whole.effects[0].noncentrality, rel=0.01)

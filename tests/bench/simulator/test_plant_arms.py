@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from plant_machines import a_plant, nominal, urdf_file
 
@@ -12,9 +13,9 @@ from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.loops import Loops
-from gtpin.bench.simulator.poses import log
+from gtpin.bench.simulator.poses import exp, log
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
-from gtpin.bench.simulator.tree import read_urdf
+from gtpin.bench.simulator.tree import moved, read_urdf
 
 ROBOT, ARM = nominal("seven")
 
@@ -98,3 +99,12 @@ def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(t
             make_case(0, effects=effects, robot=file)
     with pytest.raises(gtpin.GtpinError, match="free target"):
         make_case(0, noise=SimulatedNoise(free_target=True), robot="gantry_tau")
+
+
+@pytest.mark.parametrize("size", [1e-9, 5e-4, 0.9e-2, 1.1e-2, 1.0])
+def test_a_placement_moves_by_the_exponential_of_its_twist(size: float) -> None:
+    twist = size * np.array([0.3, -0.5, 0.2, 0.6, 0.1, -0.7])
+    R, p = exp([0.2, 0.4, 1.0]), np.array([0.1, 0.2, -0.4])
+    expected, found = pin.SE3(R, p) * pin.exp6(twist), moved(R, p, twist)
+    np.testing.assert_allclose(found[0], expected.rotation, atol=1e-14)
+    np.testing.assert_allclose(found[1], expected.translation, atol=1e-13)

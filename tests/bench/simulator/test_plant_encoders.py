@@ -168,3 +168,14 @@ def test_predicted_readings_that_are_off_by_full_turns_are_right(tmp_path: Path)
     judged = judge(place, tmp_path / "it.json", digest_of((tmp_path / "it.json").read_bytes()), outcome)
     assert judged.shrunk is not None
     assert (judged.shrunk.before, judged.shrunk.after) == pytest.approx((2.0, 1.0), rel=1e-6)
+
+
+def test_the_energy_of_an_effect_in_a_loop_is_that_of_the_readings_past_geometry_and_the_zero(
+    exact: None, tmp_path: Path
+) -> None:
+    case = built("backlash", "drive_right", ("encoder",), repeatability=(0.0, 0.0))
+    case.write_dataset(tmp_path)
+    dataset = gtpin.Dataset.read(tmp_path)
+    noncentrality = energy_of(true_kinematics(case), five_bar(), dataset, case.hidden["encoder.zero"])
+    assert case.effects[0].noncentrality == pytest.approx(noncentrality, rel=1e-3)
+    assert case.effects[0].noncentrality == pytest.approx(500.0, rel=1e-2)

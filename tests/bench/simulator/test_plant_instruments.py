@@ -300,3 +300,12 @@ def test_what_can_t_be_measured_is_refused(instruments: list[str], robot: str, w
 def test_a_free_target_and_instruments_exclude_each_other() -> None:
     with pytest.raises(GtpinError, match="free target"):
         build_measured(recipe([], "ur5", free_target=True), ["range"])
+
+
+@pytest.mark.slow
+def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_effects() -> None:
+    robot = Path(__file__).parents[3] / "examples" / "loops" / "five_bar.urdf"
+    recipe = drawn_recipe(2, effects=[("backlash", "drive_right")], poses=30, held_out=5, robot=str(robot))
+    case = build_measured(recipe, ("range", "tilt"))
+    assert case.effects[0].noncentrality > 1.0
+    assert "placement[elbow_right].x" in case.geometry

@@ -182,3 +182,16 @@ def test_commands_are_all_over_the_ranges_where_the_loops_lead_the_tcp_well(name
     home = np.linalg.norm(machine.command_jacobian(home_q := machine.robot.loops.home_q[None], machine.predict(home_q)))
     assert (np.linalg.norm(machine.command_jacobian(q, machine.predict(q)), axis=(1, 2)) <= 1.5 * home).all()
     assert (np.abs(machine.places(q)) <= 0.8 + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_drawn_machine_moves_as_its_jacobian_by_the_commands_says(name: str) -> None:
+    plant = a_plant(name)
+    machine, q, step = plant.machine, plant.visits.q[:5], 1e-5
+    found = machine.command_jacobian(q, machine.predict(q))
+    theirs = by_pinocchio(machine)
+    np.testing.assert_allclose(found, theirs.command_jacobian(q, theirs.forward(q))[:, :6], atol=1e-6)
+    for c in range(machine.n_carts):
+        h = step * np.eye(machine.n_carts)[c]
+        slope = machine.predict(q + h).minus(machine.predict(q - h)) / (2.0 * step)
+        np.testing.assert_allclose(found[:, :, c], slope, atol=1e-6)

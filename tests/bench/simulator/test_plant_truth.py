@@ -1,6 +1,7 @@
 """The truth of a case is what it says: energies, poses, noise, bytes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from gtpin.bench.simulator import Case, draw_case, make_case
+from gtpin.bench.simulator import Case, digest, draw_case, make_case
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.data import Commands, Dataset
@@ -197,3 +198,13 @@ def test_too_few_poses_or_an_effect_at_no_site_of_its_own_are_one_line() -> None
         with pytest.raises(GtpinError) as error:
             make_case(0, **asked)
         assert "\n" not in str(error.value)
+
+
+def test_the_simulator_s_digest_is_that_of_its_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = digest()
+    assert re.fullmatch(r"[0-9a-f]{64}", before)
+    assert digest() == before
+    monkeypatch.setattr(
+        Path, "read_bytes", lambda path, real=Path.read_bytes: real(path) + b"\n" * (path.name == "case.py")
+    )
+    assert digest() != before
