@@ -96,7 +96,7 @@ class BearingCompliance(Effect):
     """
 
     id = "bearing_compliance"
-    title = "bearing deflection under load"
+    title = "bearing/support deflection under load"
     clause = "the bearing of {site}, or what carries it, tilts under load"
     remedy = (
         "Use the corrected model with the payload given; check the bearing's preload, the bolts of its flange, and at a first "

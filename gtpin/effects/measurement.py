@@ -30,7 +30,7 @@ class TrackerDrift(Effect):
     """
 
     id = "tracker_drift"
-    title = "drift over time"
+    title = "drift over time (or of the base)"
     clause = "{site}, or the robot's base, drifts over time"
     remedy = (
         "Measure reference nests on the floor in between: if they drift too, check the tracker's stand and warm-up; if they do "
@@ -70,7 +70,7 @@ class FrameShift(Effect):
     """
 
     id = "frame_shift"
-    title = "shift between sessions"
+    title = "shift between sessions (or of the base)"
     clause = "{site}, or the robot's base, has another pose in each session"
     since_a_model = True
     remedy = (
