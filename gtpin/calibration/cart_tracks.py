@@ -41,8 +41,8 @@ def measured_tracks(robot: Chain, carts: CartMeasurements, *, orientations: bool
     not measured.
     """
     paths = [_path(robot, carts, i, orientations) for i in range(robot.n_actuators)]
-    nominal = [np.mean([rod.C for rod in robot.rods if rod.carrier == i], axis=0) for i in range(robot.n_actuators)]
-    R = _towards_base(robot, paths, np.array(nominal))
+    nominal = robot.carrier_joints()
+    R = _towards_base(robot, paths, nominal)
     middle = np.mean([path.at_zero() for path in paths], axis=0)
     tracks = []
     for path in paths:
@@ -51,7 +51,7 @@ def measured_tracks(robot: Chain, carts: CartMeasurements, *, orientations: bool
         if path.rotation is not None:
             nearest = int(np.argmin(np.abs(path.q)))
             turns = (path.rotation * path.rotation[nearest].inv()).as_rotvec() @ R.T
-        origin = np.mean(nominal, axis=0) + R @ (zero - middle)
+        origin = nominal.mean(axis=0) + R @ (zero - middle)
         tracks.append(MeasuredTrack(path.q, (path.position - zero) @ R.T, turns, origin))
     return tuple(tracks)
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError
 from gtpin.robot.chain import Chain
-from gtpin.robot.description import RobotDescription
-from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry, MeasuredTrack
+from gtpin.robot.parallelogram import parallelogram
 from gtpin.robot.parameters import all_tolerances
 from gtpin.typing import Floats
 
@@ -41,7 +39,7 @@ def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations:
     """
     if number not in MODELS:
         raise ModelError(f"there is no model {number}", hint="use 1 to 5")
-    if not robot.rods or any(rod.carrier is None for rod in robot.rods) or robot.revolute.any():
+    if not robot.rod_carriers or None in robot.rod_carriers or robot.revolute.any():
         raise ModelError(f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="leave --model out")
     tracks = _tracks(number, robot, dataset, orientations)
     if number in REDUCED:
@@ -49,43 +47,6 @@ def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations:
         ideal = parallelogram(robot, _mean_orientation(robot, dataset))
         return Geometry.nominal(ideal, arm="reduced", scale="actuator", tracks=tracks, tolerance=tolerances)
     return Geometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
-
-
-def parallelogram(robot: Chain, R: Floats) -> Chain:
-    """The robot with a plate of constant orientation: the rods of a cart are equal and parallel (eqs. 1 to 3).
-
-    ``R``: (3, 3) the plate's constant rotation, base frame.
-    """
-    P = np.array([rod.P for rod in robot.rods])
-    C, L, carrier = _clusters(robot, R)
-    T = _meet(robot, C, L)
-    C0 = C[carrier] + P @ R.T
-    v = np.array([robot.actuators[i].axis for i in carrier])
-    xml = to_urdf(Geometry(robot, (), np.zeros(0)), P, C0, L[carrier], v, (T, R))
-    return Chain(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
-
-
-def _clusters(robot: Chain, R: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int_]]:
-    """For each cart of the reduced arm: its joint at the command 0 (n, 3), base frame, m (eq. 3), and the length of its rods
-    (n,), m; and (k,) the cart of each rod."""
-    carrier = np.array([-1 if rod.carrier is None else rod.carrier for rod in robot.rods])
-    folded = np.array([rod.C - R @ rod.P for rod in robot.rods])
-    lengths = np.array([rod.L for rod in robot.rods])
-    C = np.array([folded[carrier == i].mean(axis=0) for i in range(robot.n_actuators)])
-    return C, np.array([lengths[carrier == i].mean() for i in range(robot.n_actuators)]), carrier
-
-
-def _meet(robot: Chain, C: Floats, L: Floats) -> Floats:
-    """(3,) TCP of the reduced arm at commands 0, base frame, m: the point near the nominal home at which its rods meet."""
-    home = robot.description.home
-    T = np.zeros(3) if home is None else np.array(home.tcp_xyz)
-    for _ in range(50):
-        d = T - C
-        step = np.linalg.lstsq(d, (L**2 - (d**2).sum(axis=1)) / 2.0, rcond=None)[0]
-        T = T + step
-        if np.abs(step).max() < 1e-14:
-            break
-    return np.asarray(T)
 
 
 def _mean_orientation(robot: Chain, dataset: Dataset) -> Floats:
@@ -107,14 +68,11 @@ def _tracks(number: int, robot: Chain, dataset: Dataset, orientations: bool) -> 
             hint="add carts.csv, or use model 1 or 3",
         )
     by_cart = measured_tracks(robot, dataset.carts, orientations=orientations)
-    chosen = (True,) * len(robot.rods) if number != 5 else PAPERS_CHOICE
-    if len(chosen) != len(robot.rods):
-        raise ModelError(f"model 5 is for six rods, and {robot.name} has {len(robot.rods)}", hint="use model 3 or 4")
-    found = []
-    for rod, wanted in zip(robot.rods, chosen, strict=True):
-        assert rod.carrier is not None
-        found.append(by_cart[rod.carrier] if wanted else None)
-    return tuple(found)
+    carriers = [carrier for carrier in robot.rod_carriers if carrier is not None]
+    chosen = (True,) * len(carriers) if number != 5 else PAPERS_CHOICE
+    if len(chosen) != len(carriers):
+        raise ModelError(f"model 5 is for six rods, and {robot.name} has {len(carriers)}", hint="use model 3 or 4")
+    return tuple(by_cart[carrier] if wanted else None for carrier, wanted in zip(carriers, chosen, strict=True))
 
 
 def _wide(tolerances: Mapping[str, float]) -> dict[str, float]:

@@ -20,7 +20,6 @@ from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
-from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 
@@ -186,11 +185,9 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
         laws[effect.name] = np.transpose([line(force, own, 0.0) if own.any() else (0.0, 0.0) for force, own in rods])
     compliance, rest = np.sum(list(laws.values()), axis=0)
     soft = np.flatnonzero(compliance > STIFFEST)
-    tcp = home(robot).tcp
     for i in soft:
-        rod = robot.rods[i]
         spring = Spring(1.0 / float(compliance[i]), float(rest[i]))
-        mechanism = _sprung(mechanism, robot, rod, spring, tcp.act(rod.P))
+        mechanism = _sprung(mechanism, robot, robot.rod_sites[i], spring)
     rigid = {site for i, site in enumerate(robot.rod_sites) if i not in soft}
     held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
     shown = {}  # of rods that stretch by the rest and in proportion to their load
@@ -200,26 +197,26 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     return mechanism, shown
 
 
-def _sprung(mechanism: Mechanism, robot: Chain, rod: Rod, spring: Spring, root: Floats) -> Mechanism:
-    """A rod whose end slides along it on a spring; ``root`` (3,) is its joint on the platform, base frame."""
-    loop = robot.description.loops[rod.loop].name
-    end = mechanism.loops[loop][rod.rod_end]
+def _sprung(mechanism: Mechanism, robot: Chain, site: str, spring: Spring) -> Mechanism:
+    """A mechanism in which a rod's end slides along the rod on a spring."""
+    loop, rod_end, P = robot.rod_loops[site]
+    end = mechanism.loops[loop][rod_end]
     placements = mechanism.placements()
     place = placements[end.body]
-    along = place.act(end.point) - root
+    along = place.act(end.point) - home(robot).tcp.act(P)
     length = float(np.linalg.norm(along))
     axis = place.rotation.T @ along / length
     old = mechanism.body(end.body)
     # The part of the rod's mass whose weight the carrier bears is on the carrier's side of the spring. The spring then bears
     # the force at the rod's middle, as in the effect.
     beyond = float(np.clip(1.0 - (end.point - old.inertia.lever) @ axis / length, 0.0, 0.99))
-    joint = Joint(f"{rod.site}_stretch", "slide", axis, np.zeros(3), 0.0, spring=spring)
-    sprung = mechanism.on_springs(f"{rod.site}_end", [(loop, rod.rod_end)], [joint])
+    joint = Joint(f"{site}_stretch", "slide", axis, np.zeros(3), 0.0, spring=spring)
+    sprung = mechanism.on_springs(f"{site}_end", [(loop, rod_end)], [joint])
     inertia = old.inertia
     near = pin.Inertia(inertia.mass * (1.0 - beyond), inertia.lever, inertia.inertia * (1.0 - beyond))
     far = pin.Inertia(inertia.mass * beyond, inertia.lever - end.point, inertia.inertia * beyond)
     bodies = tuple(
-        replace(body, inertia={old.name: near, f"{rod.site}_end": far}.get(body.name, body.inertia))
+        replace(body, inertia={old.name: near, f"{site}_end": far}.get(body.name, body.inertia))
         for body in sprung.bodies
     )
     return replace(sprung, bodies=bodies)

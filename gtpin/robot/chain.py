@@ -95,6 +95,27 @@ class Chain(ConstrainedModel):
         """By rod, the index of the actuator that changes its length; None where none does."""
         return tuple(rod.extension for rod in self.rods)
 
+    @property
+    def rod_loops(self) -> dict[str, tuple[str, int, Floats]]:
+        """By site of a rod: its loop, which of the loop's ends is on the rod, 0 or 1, and (3,) its joint on the platform, TCP
+        frame, m."""
+        return {rod.site: (self.description.loops[rod.loop].name, rod.rod_end, rod.P) for rod in self.rods}
+
+    @property
+    def rod_carriers(self) -> tuple[int | None, ...]:
+        """By rod, the index of the actuator that moves its carrier joint; None where this joint is fixed to the base."""
+        return tuple(rod.carrier for rod in self.rods)
+
+    def carrier_joints(self, R: Floats | None = None) -> Floats:
+        """(n, 3) by actuator, the mean position of the joints on its carrier with all commands zero, base frame, m.
+
+        ``R``: (3, 3) a constant rotation of the platform, base frame. Then each joint is taken with its rod moved in parallel
+        so that the rod's joint on the platform is the TCP (Dressler et al. 2010, eq. 3).
+        """
+        C = np.array([rod.C if R is None else rod.C - R @ rod.P for rod in self.rods])
+        carrier = np.array(self.rod_carriers)
+        return np.array([C[carrier == i].mean(axis=0) for i in range(self.n_actuators)])
+
     def attachments(self, actuator: int) -> list[tuple[str, int]]:
         """What an actuator's carrier holds: of each of its rods, the loop's name and which of the loop's ends, 0 or 1."""
         return [(self.description.loops[r.loop].name, 1 - r.rod_end) for r in self.rods if r.carrier == actuator]

@@ -7,8 +7,9 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.calibration.paper_models import model_geometry, parallelogram
+from gtpin.calibration.paper_models import model_geometry
 from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.parallelogram import parallelogram
 
 Q = mm.commands(60, seed=4, reach=0.65)
 TILTED = Rotation.from_rotvec([0.01, -0.02, 0.005]).as_matrix() @ mm.HOME_R

@@ -10,12 +10,6 @@ import gtpin
 PACKAGE = Path(gtpin.__file__).parent
 OWN = ("robot", "kinematics", "bench")
 """Folders that make chains, and the simulator, which has its own."""
-ASKING = {
-    "calibration/cart_tracks.py",  # the models of the paper are of rods on carts
-    "calibration/paper_models.py",
-    "export/springs.py",  # a rod with a spring in it is another body
-}
-"""Files that take a robot's rods: a list that only becomes shorter."""
 
 
 def asking(pattern: str) -> set[str]:
@@ -29,8 +23,8 @@ def test_nobody_asks_kinematics_for_its_class() -> None:
     assert asking(r"isinstance\([^)]*Kinematics\)") == set()
 
 
-def test_only_what_changes_rods_themselves_takes_a_robot_s_rods() -> None:
-    assert asking(r"robot\.rods\b") == ASKING
+def test_nobody_takes_a_robot_s_rods() -> None:
+    assert asking(r"\.rods\b") == set()
 
 
 def test_no_two_classes_have_one_name() -> None:
