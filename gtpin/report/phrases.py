@@ -237,6 +237,8 @@ def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
     same = 0
     while len(told) > 1 and same < min(map(len, titles)) - 1 and len({title[-1 - same] for title in titles}) == 1:
         same += 1
+    if titles[0][-1].endswith(")"):  # what stands in brackets explains each title
+        same = 0
     sites = {m.site for both, _ in told for m in both}
     common = " ".join(titles[0][len(titles[0]) - same :]) or "one of these"
     place = f" at {site_words(cause.site)}" if len(sites) == 1 else ""

@@ -127,6 +127,15 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert "20 %" not in said
 
 
+def test_what_stands_in_brackets_is_said_with_each_title(findings):
+    found = findings["explained"]
+    members = (Member("tracker_drift", "frame", 0.6), Member("frame_shift", "frame", 0.4))
+    cause = replace(found.causes[0], effect="tracker_drift", site="frame", probability=0.6, members=members)
+    said = verdict(replace(found, verdict="ambiguous", causes=(cause,))).headline.replace("\u00a0", " ")
+    assert said.startswith("One of these at the instrument (open")
+    assert ": drift over time (or of the base)" in said and "or shift between sessions (or of the base)" in said
+
+
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"]
     unexplained = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
