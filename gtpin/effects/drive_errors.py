@@ -124,6 +124,12 @@ class ZeroShift(Effect):
         return {**found, "largest_difference": (float(np.ptp(shifts)), "m")}
 
 
+PLAY_OR_FRICTION = (
+    "Push to and fro with the drive held: play moves without a force, a drive that friction winds up moves against a spring. "
+    "Against both: approach from one side, or set the drive's backlash compensation."
+)
+
+
 class Backlash(Effect):
     """dq = b approach; dq is the deviation of the actuator's travel from its command q, m (rad where it turns).
 
@@ -136,13 +142,13 @@ class Backlash(Effect):
     """
 
     id = "backlash"
-    title = "backlash"
-    clause = "{site} has backlash"
+    title = "backlash (or friction wind-up)"
+    clause = "{site} has backlash, or friction winds up its drive"
     first_checked = True
     of_chains = ChainWords(
-        remedy="Check the play of the gear and its preload; approach from one side, or set the drive's backlash compensation."
+        remedy=f"Check the play of the gear and its preload. {PLAY_OR_FRICTION}",
     )
-    remedy = "Check the preload of pinion and gear; approach from one side, or set the drive's backlash compensation."
+    remedy = f"Check the preload of pinion and gear. {PLAY_OR_FRICTION}"
     coefficient = ("half_width", "m")
     of_travel = True
     between_visits = True
