@@ -39,7 +39,9 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
         },
         "unexplained": {
             **_of(unexplained, "share", "p_value"),
-            "correlates": [{"site": site, "covariate": over, "p_value": p} for site, over, p in unexplained.correlates],
+            "correlates": [
+                {"site": o.site, "covariate": o.coordinates, "p_value": o.p_value} for o in unexplained.correlates
+            ],
             "descriptions": [
                 _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
                 for t in unexplained.descriptions

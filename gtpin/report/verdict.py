@@ -152,10 +152,14 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
         headline = sentence(f"{what} is in what {part[0]} reads: don't compensate it by name")
         look = "Its errors exceed the noise: look at this part of the instrument, and at what it alone sees of the machine."
     elif d.unexplained.correlates:
-        site, coordinates, _ = d.unexplained.correlates[0]
-        moved = "the instrument or the machine's base" if site == "frame" else site_words(site)
-        headline = sentence(f"{what} moves {moved} with {coordinate_words(coordinates)}: don't compensate it by name")
-        look = f"Look for what could move {moved} with {coordinate_words(coordinates)}; the plots below show how."
+        best = d.unexplained.correlates[0]
+        acts, over = f"move{{}} {site_words(best.site)}", coordinate_words(best.coordinates)
+        if best.site == "frame":
+            acts = "move{} the instrument or the machine's base"
+            if best.motion == "stretch":
+                acts = "change{} the scale of the instrument or the whole machine"
+        headline = sentence(f"{what} {acts.format('s')} with {over}: don't compensate it by name")
+        look = f"Look for what could {acts.format('')} with {over}; the plots below show how."
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It correlates with no single recorded coordinate; the maps below show where it is."

@@ -6,7 +6,7 @@ import html
 import re
 from dataclasses import replace
 
-from gtpin.diagnosis.inference.findings import Member, Unexplained
+from gtpin.diagnosis.inference.findings import Correlate, Member, Unexplained
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.estimate import Estimate
 
@@ -22,7 +22,9 @@ def ambiguous(found: Diagnosis) -> Diagnosis:
 
 def unknown(found: Diagnosis) -> Diagnosis:
     """No cause, and a free motion of cart 1 with q3."""
-    left = Unexplained(0.8, 1e-9, (("cart1", "q1,q3", 1e-20), ("platform", "time", 1e-6)))
+    left = Unexplained(
+        0.8, 1e-9, (Correlate("cart1", "q1,q3", 1e-20, "along"), Correlate("platform", "time", 1e-6, "twist"))
+    )
     return replace(found, verdict="unknown", causes=(), unexplained=left, model=replace(found.model, effects=()))
 
 

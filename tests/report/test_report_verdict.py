@@ -163,6 +163,6 @@ def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tes
     said = verdict(scattered)
     assert said.tone == "warn"
     assert "Use it as it is" not in " ".join(said.advice)
-    assert "backlash could not be tested: record approach1" in " ".join(said.advice)
+    assert "backlash (or friction wind-up) could not be tested: record approach1" in " ".join(said.advice)
     recorded = replace(scattered, candidates=others)
     assert verdict(recorded).tone == verdict(found).tone == "good"

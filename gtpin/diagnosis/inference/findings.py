@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
@@ -136,21 +136,31 @@ class Question:
     believed: bool
 
 
+class Correlate(NamedTuple):
+    """A smooth term that correlates with what the causes leave: its site, its coordinates, its p-value under noise alone, and
+    its kind of motion, as in `SmoothTerm`."""
+
+    site: str
+    coordinates: str
+    p_value: float
+    motion: str
+
+
 @dataclass(frozen=True)
 class Unexplained:
     """What is left after the causes.
 
     ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
-    probability that noise alone gives a larger chi-square. ``correlates``: site, coordinates and p-value of the smooth terms
-    that correlate with the residuals; five at most. ``could_be``: effect and site of effects that could be the unknown: likely
-    causes that these data do not tell from it, then untestable effects whose proxies explain the residuals about as well as
-    the best smooth term, then those at its site that have no proxy. ``descriptions``: flexible families that explain a part
-    of them and are no causes.
+    probability that noise alone gives a larger chi-square. ``correlates``: the smooth terms that correlate with the residuals,
+    the largest gain in log evidence first, one of each site over the same coordinates; five at most. ``could_be``: effect and
+    site of effects that could be the unknown: likely causes that these data do not tell from it, then untestable effects whose
+    proxies explain the residuals about as well as the best smooth term, then those at its site that have no proxy.
+    ``descriptions``: flexible families that explain a part of them and are no causes.
     """
 
     share: float
     p_value: float
-    correlates: tuple[tuple[str, str, float], ...]
+    correlates: tuple[Correlate, ...]
     could_be: tuple[tuple[str, str], ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
 

@@ -11,7 +11,7 @@ from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.hypotheses.smooth_terms import COMMON
-from gtpin.diagnosis.inference.findings import Unexplained
+from gtpin.diagnosis.inference.findings import Correlate, Unexplained
 from gtpin.diagnosis.linear.posterior import given
 from gtpin.distributions import chi2
 from gtpin.instruments.readings import Readings
@@ -104,7 +104,7 @@ def _shares(power: Mapping[str, float]) -> dict[str, float]:
 
 
 CORRELATES = 5
-"""Most smooth terms that are reported."""
+"""Most sites and coordinates that are reported."""
 
 
 def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) -> Unexplained:
@@ -118,21 +118,22 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
     effective_parameters = float(np.einsum("ij,ji->", model.covariance, gram))
     dof = max(design.dof - effective_parameters, 1.0)
     excess = groups.power - design.dof
-    correlates = []
-    for smooth in hypotheses.smooth:
-        if smooth in model.terms:
-            continue
+    correlates = dict[tuple[str, tuple[str, ...]], Correlate]()
+    gains = hypotheses.gains(model, hypotheses.smooth)
+    for smooth in sorted(gains, key=lambda s: -gains[s].value):  # p-values of several may be 0
         own, seen = given(groups, model, smooth)
         values, vectors = np.linalg.eigh(own)
         kept = values > 1e-6 * max(float(values.max()), 1e-300)
         statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
-        dof_ = int(kept.sum())
-        row = smooth.site, smooth.words, float(chi2.sf(statistic, dof_))
-        correlates.append((row[2], (dof_ - statistic) / np.sqrt(2.0 * max(dof_, 1)), row))  # p-values may both be 0
+        p_value = float(chi2.sf(statistic, kept.sum()))
+        if p_value < hypotheses.priors.seen:  # of several motions of a site over the same coordinates, the best
+            correlates.setdefault(
+                (smooth.site, smooth.over), Correlate(smooth.site, smooth.words, p_value, smooth.motion)
+            )
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
-    kept_rows = tuple(row for p, _, row in sorted(correlates)[:CORRELATES] if p < hypotheses.priors.seen)
-    could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, kept_rows[:1])) if unknown else ()
-    return Unexplained(share, float(chi2.sf(power, dof)), kept_rows, could_be)
+    best = tuple(correlates.values())[:CORRELATES]
+    could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, best[:1])) if unknown else ()
+    return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
 
 
 def marginal_power(hypotheses: HypothesisSet, model: Explanation) -> float:
@@ -155,11 +156,11 @@ def _could_be(hypotheses: HypothesisSet, model: Explanation) -> tuple[tuple[str,
     return tuple(p.hypothesis.place for p in enough if p.hypothesis.place not in taken)
 
 
-def _untried(hypotheses: HypothesisSet, best: Sequence[tuple[str, str, float]]) -> list[tuple[str, str]]:
+def _untried(hypotheses: HypothesisSet, best: Sequence[Correlate]) -> list[tuple[str, str]]:
     """Effect and site of effects at the site of the ``best`` smooth term that lack a covariate and have no proxy.
 
     Nothing in these data speaks for or against them.
     """
-    tried, sites = {proxy.hypothesis.place for proxy in hypotheses.proxies}, {site for site, *_ in best}
+    tried, sites = {proxy.hypothesis.place for proxy in hypotheses.proxies}, {one.site for one in best}
     untested = (u.hypothesis.place for u in hypotheses.untested if u.reason.kind in ("missing", "unusable"))
     return [place for place in untested if place[1] in sites and place not in tried]

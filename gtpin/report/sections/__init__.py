@@ -71,7 +71,7 @@ class Reported:
     def components(self) -> tuple[dict[str, View], PlotChoice]:
         """Views of the residuals along every component, and the choice between them."""
         correlates = () if self.diagnosis is None else self.diagnosis.unexplained.correlates
-        return components(self.residuals, self.first_component(*(site for site, _, _ in correlates)))
+        return components(self.residuals, self.first_component(*(one.site for one in correlates)))
 
     @cached_property
     def curves(self) -> dict[tuple[str, str], tuple[EffectCurve, ...]]:

@@ -71,10 +71,10 @@ def what_is_left(r: Reported) -> Section | None:
         )
     content: list[Block] = [words]
     if found.correlates and (not noise or r.diagnosis.verdict == "unknown"):
-        rows = [[site_words(site), coordinate_words(c), _rare(p_value)] for site, c, p_value in found.correlates]
+        rows = [[site_words(o.site), coordinate_words(o.coordinates), _rare(o.p_value)] for o in found.correlates]
         content.append("Correlations of the residuals with smooth terms at every site:")
         content.append(Table(("site", "coordinates", "p-value under noise alone"), rows, (2,)))
-        commands = found.correlates[0][1].split(" ")[0].split(",")
+        commands = found.correlates[0].coordinates.split(" ")[0].split(",")
         if len(commands) == 2 and {*commands} <= {*command_names(r.dataset.n_actuators)}:
             content.append(Plots([over_two(r.residuals, commands[0], commands[1], *r.components)]))
     return Section("left", "What is left", content)
