@@ -111,6 +111,28 @@ def test_a_joint_with_random_errors_is_unknown_and_no_periodic_error() -> None:
     assert {doubt.site for doubt in found.doubts} == {"wrist_1_joint"}
 
 
+def rough(q: Floats, length: float, size: float, rng: np.random.Generator) -> Floats:
+    """A random function of a command without a period: a Gaussian process, ``length`` a share of the range."""
+    grid = np.linspace(q.min(), q.max(), 300)
+    covariance = np.exp(-0.5 * ((grid[:, None] - grid) / (length * np.ptp(q))) ** 2) + 1e-8 * np.eye(300)
+    return np.interp(q, grid, size * np.linalg.cholesky(covariance) @ rng.standard_normal(300))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_rough_errors_without_a_period_are_no_certain_periodic_errors(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = gtpin.load_robot("ur5")
+    data = simulate(robot, "ur5", poses=220, seed=seed).dataset
+    sizes = {site: 1e-4 for site in robot.sites} | {"shoulder_pan_joint": 3e-4}
+    errors = np.column_stack([rough(data.q[:, i], 0.04, sizes[site], rng) for i, site in enumerate(robot.sites)])
+    j = robot.sites.index("wrist_1_joint")
+    errors[:, j] += rough(data.q[:, j], 0.1, 6e-4, rng)
+    found = gtpin.diagnose(replace(data, q=data.q + errors))
+    assert found.verdict == "unknown"
+    assert all(cause.probability < 0.95 for cause in found.causes)
+
+
 @pytest.mark.slow
 def test_a_line_at_few_commands_that_are_visited_often_is_named() -> None:
     rng = np.random.default_rng(2)

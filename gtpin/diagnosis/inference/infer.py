@@ -17,6 +17,7 @@ from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restles
 from gtpin.diagnosis.inference.search import search
 from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.linear.posterior import NOTHING, tuned, without
+from gtpin.diagnosis.priors import SURE
 from gtpin.typing import Floats
 
 
@@ -68,6 +69,12 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
+        if (smooth := _in_place_of_lines(hypotheses, named, cause)) is not None:
+            rest = without(hypotheses.groups, named, cause, sweeps=1)
+            named = tuned(hypotheses.groups, (*rest.terms, smooth), (*rest.scale, 1.0))
+            needed = (*needed, smooth)
+            del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
@@ -92,6 +99,21 @@ def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTer
         if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
             found.append(ranked(hypotheses, named, cause).smooth[0][0])
     return tuple(dict.fromkeys(found))
+
+
+def _in_place_of_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis) -> SmoothTerm | None:
+    """The smooth function of its own command beside which no line of a periodic error gains its prior odds; None without one.
+
+    Several lines follow any local or rough error of a drive as a Fourier series, and often better than a smooth term, whose
+    spectrum is another one. A gear's line is larger than its neighbours, and gains beside such a term as well.
+    """
+    own = (f"q{hypotheses.design.operating_points.robot.sites.index(cause.site) + 1}",)
+    rest = without(hypotheses.groups, named, cause, sweeps=1)
+    for term in (s for s in hypotheses.smooth if s.site == cause.site and s.over == own and s.motion != "aside"):
+        model = tuned(hypotheses.groups, (*rest.terms, term), (*rest.scale, 1.0))
+        if hypotheses.gains(model, (cause.template,))[cause.template].value < hypotheses.cost(cause.template):
+            return term
+    return None
 
 
 def _apart(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
