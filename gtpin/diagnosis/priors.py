@@ -222,6 +222,10 @@ class Priors:
     gross_share: float = 0.2
     """Largest share of a check's poses that are set aside. Assumed: with more, the measurement has to be repeated."""
 
+    def heat(self, evidence: float) -> float:
+        """The temperature by which gains in log evidence are divided, for an explanation that gains ``evidence``, nats."""
+        return self.temperature + self.warming * max(evidence, 0.0)
+
 
 PRIORS = Priors()
 """The default values."""

@@ -8,10 +8,10 @@ from operator import attrgetter
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Considered
+from gtpin.diagnosis.inference.findings import Cause, Considered, Correlate
 from gtpin.diagnosis.linear.cross_validation import Gap, InstrumentGap
 from gtpin.diagnosis.planning.measurement_conditions import kind
-from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
@@ -39,6 +39,8 @@ from gtpin.report.words import (
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
+PLACES = 3
+"""Most places of an unknown error that its headline names."""
 LISTED = 5
 """Number of listed effects that could be the unknown cause."""
 
@@ -142,6 +144,18 @@ def questions(d: Diagnosis) -> list[str]:
     return found
 
 
+def _moves(near: Sequence[Correlate], s: str) -> str:
+    """What an unknown error moves, and with what: each of some that are about equally probable; ``s`` ends the verbs."""
+    found: dict[str, list[str]] = {}
+    for one in near:
+        act = f"move{s} {site_words(one.site)}"
+        if one.site == "frame":
+            scale = f"change{s} the scale of the instrument or the whole machine"
+            act = scale if one.motion == "stretch" else f"move{s} the instrument or the machine's base"
+        found.setdefault(act, []).append(coordinate_words(one.coordinates))
+    return ", or ".join(f"{act} with {' or '.join(over)}" for act, over in found.items())
+
+
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     open_ = bool(d.unexplained.could_be)
     what = "something that these data can't identify" if open_ else "something that is not in the catalogue"
@@ -152,14 +166,9 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
         headline = sentence(f"{what} is in what {part[0]} reads: don't compensate it by name")
         look = "Its errors exceed the noise: look at this part of the instrument, and at what it alone sees of the machine."
     elif d.unexplained.correlates:
-        best = d.unexplained.correlates[0]
-        acts, over = f"move{{}} {site_words(best.site)}", coordinate_words(best.coordinates)
-        if best.site == "frame":
-            acts = "move{} the instrument or the machine's base"
-            if best.motion == "stretch":
-                acts = "change{} the scale of the instrument or the whole machine"
-        headline = sentence(f"{what} {acts.format('s')} with {over}: don't compensate it by name")
-        look = f"Look for what could {acts.format('')} with {over}; the plots below show how."
+        near = [one for one in d.unexplained.correlates if one.odds >= CLASS_SHARE][:PLACES]
+        headline = sentence(f"{what} {_moves(near, 's')}: don't compensate it by name")
+        look = f"Look for what could {_moves(near, '')}; the plots below show how."
     else:
         headline = sentence(f"{what} is in these measurements: don't compensate it by name")
         look = "It correlates with no single recorded coordinate; the maps below show where it is."

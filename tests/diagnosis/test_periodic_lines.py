@@ -124,7 +124,7 @@ def test_rough_errors_without_a_period_are_no_certain_periodic_errors(seed: int)
     rng = np.random.default_rng(seed)
     robot = gtpin.load_robot("ur5")
     data = simulate(robot, "ur5", poses=220, seed=seed).dataset
-    sizes = {site: 1e-4 for site in robot.sites} | {"shoulder_pan_joint": 3e-4}
+    sizes = dict.fromkeys(robot.sites, 1e-4) | {"shoulder_pan_joint": 3e-4}
     errors = np.column_stack([rough(data.q[:, i], 0.04, sizes[site], rng) for i, site in enumerate(robot.sites)])
     j = robot.sites.index("wrist_1_joint")
     errors[:, j] += rough(data.q[:, j], 0.1, 6e-4, rng)

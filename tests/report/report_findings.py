@@ -23,7 +23,9 @@ def ambiguous(found: Diagnosis) -> Diagnosis:
 def unknown(found: Diagnosis) -> Diagnosis:
     """No cause, and a free motion of cart 1 with q3."""
     left = Unexplained(
-        0.8, 1e-9, (Correlate("cart1", "q1,q3", 1e-20, "along"), Correlate("platform", "time", 1e-6, "twist"))
+        0.8,
+        1e-9,
+        (Correlate("cart1", "q1,q3", 1e-20, "along", 1.0), Correlate("platform", "time", 1e-6, "twist", 1e-3)),
     )
     return replace(found, verdict="unknown", causes=(), unexplained=left, model=replace(found.model, effects=()))
 

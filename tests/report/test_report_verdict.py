@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from gtpin.diagnosis.inference.findings import Considered, Member
+from gtpin.diagnosis.inference.findings import Considered, Correlate, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.report.verdict import verdict
 
@@ -83,6 +83,16 @@ def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
     assert "cart1" not in verdict(lost).headline
     assert "don't compensate it by name" in verdict(lost).headline
+
+
+def test_places_of_an_unknown_cause_that_are_equally_probable_are_all_named(findings):
+    found = findings["unknown"]
+    first, second = found.unexplained.correlates
+    scale = Correlate("frame", "time", 1e-18, "stretch", 0.4)
+    several = replace(found, unexplained=replace(found.unexplained, correlates=(first, scale, second)))
+    said = verdict(several).headline
+    assert "moves cart1 with q1 and q3, or changes the scale of the instrument or the whole machine with time:" in said
+    assert "platform" not in said
 
 
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):

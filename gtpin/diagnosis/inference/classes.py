@@ -15,7 +15,7 @@ from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.findings import Conclusion, Contender, Doubt, FlexibleFamily, Undecided
 from gtpin.diagnosis.inference.where import marginal_power
 from gtpin.diagnosis.linear.posterior import without
-from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED, Priors
+from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED
 
 
 def contenders(
@@ -59,7 +59,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
         gains[mine] = Gain(max(gains[mine].value, gained), cause)
     gains |= lined
     own = max(gains[mine].value, 0.0)
-    heat = temperature(own, priors)
+    heat = priors.heat(own)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
     # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
@@ -117,11 +117,6 @@ def _with_lines(
             value = lined.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
             found[hypothesis] = Gain(max(value, gain.value), term)
     return found
-
-
-def temperature(evidence: float, priors: Priors) -> float:
-    """The temperature by which gains in log evidence are divided, for a cause that gains ``evidence``, nats."""
-    return priors.temperature + priors.warming * evidence
 
 
 def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
@@ -200,7 +195,7 @@ def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender
 def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
     """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
     ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
-    return exp(min(ahead / temperature(max(own, 0.0), hypotheses.priors), 0.0))
+    return exp(min(ahead / hypotheses.priors.heat(own), 0.0))
 
 
 def _best_two(
@@ -301,7 +296,7 @@ def _likeliest_forms(
     hypotheses: HypothesisSet, found: Conclusion, cause: Hypothesis, by_forms: Mapping[Hypothesis, float]
 ) -> tuple[Conclusion, Hypothesis]:
     """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
-    heat = temperature(max(by_forms[cause], 0.0), hypotheses.priors)
+    heat = hypotheses.priors.heat(by_forms[cause])
     own = _own_probability(found.classes[cause], cause)
     probability = {m.hypothesis: m.probability for m in found.classes[cause]}
     for family, gain in by_forms.items():

@@ -137,13 +137,14 @@ class Question:
 
 
 class Correlate(NamedTuple):
-    """A smooth term that correlates with what the causes leave: its site, its coordinates, its p-value under noise alone, and
-    its kind of motion, as in `SmoothTerm`."""
+    """A smooth term that correlates with what the causes leave: its site, its coordinates, its p-value under noise alone, its
+    kind of motion, as in `SmoothTerm`, and its probability over that of the best one."""
 
     site: str
     coordinates: str
     p_value: float
     motion: str
+    odds: float
 
 
 @dataclass(frozen=True)

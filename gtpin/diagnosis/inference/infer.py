@@ -11,7 +11,7 @@ from scipy.special import betaincc, expit
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
-from gtpin.diagnosis.inference.classes import contenders, ranked, temperature, with_two_instead
+from gtpin.diagnosis.inference.classes import contenders, ranked, with_two_instead
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.inference.reestimate_noise import reestimate_noise, restless_drive
 from gtpin.diagnosis.inference.search import search
@@ -89,7 +89,7 @@ def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) 
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
     doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
     ahead = hypotheses.log_posterior(mixed) - hypotheses.log_posterior(named) - doubt
-    return float(expit(ahead / temperature(max(named.log_evidence, 0.0), priors)))
+    return float(expit(ahead / priors.heat(named.log_evidence)))
 
 
 def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTerm, ...]:

@@ -120,6 +120,8 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
     excess = groups.power - design.dof
     correlates = dict[tuple[str, tuple[str, ...]], Correlate]()
     gains = hypotheses.gains(model, hypotheses.smooth)
+    most = max((gain.value for gain in gains.values()), default=0.0)
+    heat = hypotheses.priors.heat(most)
     for smooth in sorted(gains, key=lambda s: -gains[s].value):  # p-values of several may be 0
         own, seen = given(groups, model, smooth)
         values, vectors = np.linalg.eigh(own)
@@ -127,9 +129,9 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
         statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
         p_value = float(chi2.sf(statistic, kept.sum()))
         if p_value < hypotheses.priors.seen:  # of several motions of a site over the same coordinates, the best
-            correlates.setdefault(
-                (smooth.site, smooth.over), Correlate(smooth.site, smooth.words, p_value, smooth.motion)
-            )
+            odds = float(np.exp((gains[smooth].value - most) / heat))
+            one = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
+            correlates.setdefault((smooth.site, smooth.over), one)
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     best = tuple(correlates.values())[:CORRELATES]
     could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, best[:1])) if unknown else ()
