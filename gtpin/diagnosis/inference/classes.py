@@ -47,7 +47,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms, and all compete.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
@@ -72,7 +72,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    against = hypotheses.gains(rest, hypotheses.smooth if unlisted else unnamed(hypotheses, cause))
+    against = hypotheses.gains(rest, unnamed(hypotheses, cause))
     # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
     # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
     # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.

@@ -155,7 +155,9 @@ def held_out(
 ) -> Conclusion:
     """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
 
-    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly.
+    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
+    the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
+    shifts it.
 
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
     Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
@@ -172,7 +174,10 @@ def held_out(
     size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
     allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
     before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
-    far = after > priors.silent**2 * floor if silent else after - floor > priors.core_leaves * (before - floor)
+    far = after > priors.silent**2 * floor
+    if not silent:
+        far = after - floor > priors.core_leaves * (before - floor)
+        far &= shown.share_left(observed, hypotheses, found.model) > priors.core_leaves
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
         # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
         model = found.whole(hypotheses)

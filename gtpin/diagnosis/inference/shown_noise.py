@@ -172,10 +172,7 @@ class ShownNoise:
         excess.
         """
         design, rows = hypotheses.design, hypotheses.design.measured.rows
-        residual, effective_parameters = left_over(hypotheses, model)
-        whitening = noise.whitening(design.by_command_seen, design.components)
-        errors = design.coloured(residual)
-        power = observed.weight * (np.einsum("nij,nj->ni", whitening, errors) ** 2).sum(axis=1)
+        power, effective_parameters = _power(noise, observed, hypotheses, model)
         _, first, read = np.unique(rows.read, return_index=True, return_inverse=True)
         share = np.bincount(read) / len(read)
         dof = np.maximum(np.append(share, 1.0) * (design.count - effective_parameters), 1.0)
@@ -186,6 +183,25 @@ class ShownNoise:
         worst = max([len(share), *far], key=lambda i: ratio[i])
         part = rows.what(int(first[worst])) if worst < len(share) else ""
         return float(np.sqrt(ratio[worst])), float(chance[worst]), part
+
+    def share_left(self, observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> float:
+        """The chi-square beyond noise that a model's causes leave, as a share of that without causes."""
+        beyond = []
+        for some in (NOTHING, model):
+            power, effective_parameters = _power(self.noise, observed, hypotheses, some)
+            beyond.append(float(power.sum()) - (hypotheses.design.count - effective_parameters))
+        return beyond[1] / beyond[0] if beyond[0] > 0.0 else 1.0
+
+
+def _power(
+    noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
+) -> tuple[Floats, float]:
+    """(N,) weighted chi-square of a model's residuals, and the number of parameters that it takes."""
+    design = hypotheses.design
+    residual, effective_parameters = left_over(hypotheses, model)
+    whitening = noise.whitening(design.by_command_seen, design.components)
+    errors = np.einsum("nij,nj->ni", whitening, design.coloured(residual))
+    return observed.weight * (errors**2).sum(axis=1), effective_parameters
 
 
 def floor_of(noise: ReadingNoise, design: Design) -> Floats:
