@@ -10,7 +10,7 @@ from diagnosed import LARGE, machine, quietly, said
 from linear_problems import every_effect
 
 import gtpin
-from gtpin.bench.simulator import make_case
+from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.hypotheses.propose import propose
@@ -146,10 +146,25 @@ def test_causes_with_which_the_fit_does_not_converge_are_not_named_and_end_no_di
     assert [doubt.reason for doubt in found.doubts] == ["held_out"]
 
 
-@pytest.mark.parametrize(("named", "doubts"), [(True, ["held_out"]), (False, [])])
+@pytest.mark.slow
+def test_a_wrist_that_rotates_the_tool_is_a_cause_though_other_errors_are_as_large_at_its_place():
+    """The lag moves the target by less than the waves of the shoulder do; in units of the noise it is ten times as large."""
+    robot = gtpin.load_robot("ur5")
+    data = simulate(robot, "ur5", poses=220, seed=5).dataset
+    rng, q = np.random.default_rng(5), data.q.copy()
+    visits = np.unique(data.visits, return_inverse=True)[1]
+    speed = rng.uniform(-0.5, 0.5, visits.max() + 1)[visits]
+    q[:, 5] += 2e-3 * speed
+    q[:, 0] += 2.5e-5 * np.sin(9.0 * data.q[:, 0]) + 2.5e-5 * np.sin(14.0 * data.q[:, 0] + 1.0)
+    found = quietly(gtpin.diagnose, replace(data, q=q, covariates={**data.covariates, "speed6": speed}))
+    assert [(c.effect, c.site) for c in found.causes if c.probability >= 0.95][:1] == [("servo_lag", "wrist_3_joint")]
+
+
+@pytest.mark.parametrize(("named", "left", "doubts"), [(True, 0.5, ["held_out"]), (True, 0.1, []), (False, 1.0, [])])
 def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with_the_largest(
-    monkeypatch, named, doubts
+    monkeypatch, named, left, doubts
 ):
+    """``left``: of all that was measured; of the positions it is a fifth."""
     sizes = {"likeliest": 1.0, "largest": 1.4}
     monkeypatch.setattr(fit, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
     shown = SimpleNamespace(
@@ -160,6 +175,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
         most="largest",
         floor=lambda design: np.array([1.0]),
         excess=lambda noise, *_: (1.5 / sizes[noise], 0.0, ""),
+        share_left=lambda *_: left,
     )
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
     found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
