@@ -124,8 +124,8 @@ class Priors:
     core_leaves: float = 0.15
     """Largest share that may remain beside named causes: of the gap (squared errors of left-out positions beyond noise), or of
     all that was measured (chi-square beyond noise); and of the explained energy, because real causes differ from the equations
-    of their cores. Above it, the verdict becomes ``unknown``. Assumed; examples/diagnosis/noise_floor.py measures how many right
-    verdicts it costs."""
+    of their cores. Above it, the verdict becomes ``unknown``. Assumed; examples/diagnosis/noise_floor.py measures how many
+    right verdicts it costs."""
     chance_line: float = 0.01
     """Probability above which the lines of a periodic error are attributed to scatter: that the best period of scatter alone
     takes a share of its power as large as the most significant line. Assumed: the usual probability of a false alarm."""
