@@ -51,7 +51,12 @@ def main() -> None:
         started = time.process_time()
         place = given.diagnoses / case.name
         if not given.halves:
-            answer(gtpin.Dataset.read(case), place)
+            try:
+                answer(gtpin.Dataset.read(case), place)
+            except gtpin.GtpinError as error:  # counts as nothing named
+                print(f"{case.name}: {error}")
+                refused = {"verdict": "refused", "causes": [], "unexplained": {"descriptions": []}}
+                place.with_name(f"{place.name}.json").write_text(json.dumps(refused) + "\n")
         elif (file := place.with_name(f"{case.name}.json")).exists():
             truth = json.loads(case.with_suffix(".truth.json").read_text())
             if name(truth["effects"][0]) in classes(json.loads(file.read_text())):

@@ -160,7 +160,7 @@ class Planter:
             acting = replace(model, effects=(*model.effects, active))
             dataset, r = b.planted(acting, covariates, self.sigma)
             left = float(r @ self.project(r))
-            if not np.isfinite(r).all() or left < LEAST_SEEN * float(r @ r):
+            if not np.isfinite(r).all() or left <= LEAST_SEEN * float(r @ r):
                 return None
             factor = float(np.sqrt(asked / left))
             active = replace(active, coefficients=active.coefficients * min(factor, 1e4))
