@@ -55,6 +55,7 @@ def main() -> None:
                 answer(gtpin.Dataset.read(case), place)
             except gtpin.GtpinError as error:  # counts as nothing named
                 print(f"{case.name}: {error}")
+                place.parent.mkdir(parents=True, exist_ok=True)
                 refused = {"verdict": "refused", "causes": [], "unexplained": {"descriptions": []}}
                 place.with_name(f"{place.name}.json").write_text(json.dumps(refused) + "\n")
         elif (file := place.with_name(f"{case.name}.json")).exists():

@@ -41,7 +41,7 @@ def measured_tracks(robot: Chain, carts: CartMeasurements, *, orientations: bool
     not measured.
     """
     paths = [_path(robot, carts, i, orientations) for i in range(robot.n_actuators)]
-    nominal = robot.carrier_joints()
+    nominal = robot.carrier_joints
     R = _towards_base(robot, paths, nominal)
     middle = np.mean([path.at_zero() for path in paths], axis=0)
     tracks = []

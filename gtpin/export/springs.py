@@ -184,10 +184,10 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
         rods = zip(at.force.T, (length @ effect.coefficients).T, strict=True)
         laws[effect.name] = np.transpose([line(force, own, 0.0) if own.any() else (0.0, 0.0) for force, own in rods])
     compliance, rest = np.sum(list(laws.values()), axis=0)
-    soft = np.flatnonzero(compliance > STIFFEST)
+    soft, tcp = np.flatnonzero(compliance > STIFFEST), home(robot).tcp
     for i in soft:
         spring = Spring(1.0 / float(compliance[i]), float(rest[i]))
-        mechanism = _sprung(mechanism, robot, robot.rod_sites[i], spring)
+        mechanism = _sprung(mechanism, robot, tcp, robot.rod_sites[i], spring)
     rigid = {site for i, site in enumerate(robot.rod_sites) if i not in soft}
     held = [e for e in active if e.site not in rigid and not (e.site == "arm" and rigid)]
     shown = {}  # of rods that stretch by the rest and in proportion to their load
@@ -197,13 +197,13 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     return mechanism, shown
 
 
-def _sprung(mechanism: Mechanism, robot: Chain, site: str, spring: Spring) -> Mechanism:
-    """A mechanism in which a rod's end slides along the rod on a spring."""
+def _sprung(mechanism: Mechanism, robot: Chain, tcp: pin.SE3, site: str, spring: Spring) -> Mechanism:
+    """A mechanism in which a rod's end slides along the rod on a spring. ``tcp``: the TCP's placement at home, base frame."""
     loop, rod_end, P = robot.rod_loops[site]
     end = mechanism.loops[loop][rod_end]
     placements = mechanism.placements()
     place = placements[end.body]
-    along = place.act(end.point) - home(robot).tcp.act(P)
+    along = place.act(end.point) - tcp.act(P)
     length = float(np.linalg.norm(along))
     axis = place.rotation.T @ along / length
     old = mechanism.body(end.body)

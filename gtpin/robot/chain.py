@@ -106,13 +106,10 @@ class Chain(ConstrainedModel):
         """By rod, the index of the actuator that moves its carrier joint; None where this joint is fixed to the base."""
         return tuple(rod.carrier for rod in self.rods)
 
-    def carrier_joints(self, R: Floats | None = None) -> Floats:
-        """(n, 3) by actuator, the mean position of the joints on its carrier with all commands zero, base frame, m.
-
-        ``R``: (3, 3) a constant rotation of the platform, base frame. Then each joint is taken with its rod moved in parallel
-        so that the rod's joint on the platform is the TCP (Dressler et al. 2010, eq. 3).
-        """
-        C = np.array([rod.C if R is None else rod.C - R @ rod.P for rod in self.rods])
+    @property
+    def carrier_joints(self) -> Floats:
+        """(n, 3) by actuator, the mean position of the joints on its carrier with all commands zero, base frame, m."""
+        C = np.array([rod.C for rod in self.rods])
         carrier = np.array(self.rod_carriers)
         return np.array([C[carrier == i].mean(axis=0) for i in range(self.n_actuators)])
 

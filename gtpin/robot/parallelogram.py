@@ -19,7 +19,9 @@ def parallelogram(robot: Chain, R: Floats) -> Chain:
     """
     P = np.array([rod.P for rod in robot.rods])
     carrier = np.array(robot.rod_carriers)
-    C = robot.carrier_joints(R)
+    # Each rod is moved in parallel so that its joint on the platform is the TCP.
+    joints = np.array([rod.C for rod in robot.rods]) - P @ R.T
+    C = np.array([joints[carrier == i].mean(axis=0) for i in range(robot.n_actuators)])
     L = np.array([np.mean([rod.L for rod in robot.rods if rod.carrier == i]) for i in range(robot.n_actuators)])
     v = np.array([robot.actuators[i].axis for i in carrier])
     xml = to_urdf(Geometry(robot, (), np.zeros(0)), P, C[carrier] + P @ R.T, L[carrier], v, (_meet(robot, C, L), R))

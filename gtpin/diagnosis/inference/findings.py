@@ -137,8 +137,11 @@ class Question:
 
 
 class Correlate(NamedTuple):
-    """A smooth term that correlates with what the causes leave: its site, its coordinates, its p-value under noise alone, its
-    kind of motion, as in `SmoothTerm`, and its probability over that of the best one."""
+    """A smooth term that correlates with what the causes leave.
+
+    ``site`` and ``coordinates`` of the term; its p-value under noise alone; its kind of motion, as in `SmoothTerm`; its
+    probability relative to that of the best one.
+    """
 
     site: str
     coordinates: str

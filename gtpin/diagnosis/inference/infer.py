@@ -70,10 +70,8 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
-        if (smooth := _in_place_of_lines(hypotheses, named, cause)) is not None:
-            rest = without(hypotheses.groups, named, cause, sweeps=1)
-            named = tuned(hypotheses.groups, (*rest.terms, smooth), (*rest.scale, 1.0))
-            needed = (*needed, smooth)
+        if (replaced := _without_lines(hypotheses, named, cause)) is not None:
+            named, needed = replaced, smooth_terms(replaced)
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
@@ -101,8 +99,10 @@ def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTer
     return tuple(dict.fromkeys(found))
 
 
-def _in_place_of_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis) -> SmoothTerm | None:
-    """The smooth function of its own command beside which no line of a periodic error gains its prior odds; None without one.
+def _without_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis) -> Explanation | None:
+    """The model with a smooth function of the actuator's own command in place of a periodic error.
+
+    Beside this function, no line gains more than its prior odds cost. None if there is no such function.
 
     Several lines follow any local or rough error of a drive as a Fourier series, and often better than a smooth term, whose
     spectrum is another one. A gear's line is larger than its neighbours, and gains beside such a term as well.
@@ -112,7 +112,7 @@ def _in_place_of_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hyp
     for term in (s for s in hypotheses.smooth if s.site == cause.site and s.over == own and s.motion != "aside"):
         model = tuned(hypotheses.groups, (*rest.terms, term), (*rest.scale, 1.0))
         if hypotheses.gains(model, (cause.template,))[cause.template].value < hypotheses.cost(cause.template):
-            return term
+            return model
     return None
 
 

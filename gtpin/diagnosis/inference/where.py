@@ -118,22 +118,24 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
     effective_parameters = float(np.einsum("ij,ji->", model.covariance, gram))
     dof = max(design.dof - effective_parameters, 1.0)
     excess = groups.power - design.dof
-    correlates = dict[tuple[str, tuple[str, ...]], Correlate]()
+    correlates, most = dict[tuple[str, tuple[str, ...]], Correlate](), 0.0
     gains = hypotheses.gains(model, hypotheses.smooth)
-    most = max((gain.value for gain in gains.values()), default=0.0)
-    heat = hypotheses.priors.heat(most)
     for smooth in sorted(gains, key=lambda s: -gains[s].value):  # p-values of several may be 0
+        if len(correlates) == CORRELATES:
+            break
+        if (smooth.site, smooth.over) in correlates:  # of several motions of a site over the same coordinates, the best
+            continue
         own, seen = given(groups, model, smooth)
         values, vectors = np.linalg.eigh(own)
         kept = values > 1e-6 * max(float(values.max()), 1e-300)
         statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
         p_value = float(chi2.sf(statistic, kept.sum()))
-        if p_value < hypotheses.priors.seen:  # of several motions of a site over the same coordinates, the best
-            odds = float(np.exp((gains[smooth].value - most) / heat))
-            one = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
-            correlates.setdefault((smooth.site, smooth.over), one)
+        if p_value < hypotheses.priors.seen:
+            most = most if correlates else gains[smooth].value
+            odds = float(np.exp((gains[smooth].value - most) / hypotheses.priors.heat(most)))
+            correlates[smooth.site, smooth.over] = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
-    best = tuple(correlates.values())[:CORRELATES]
+    best = tuple(correlates.values())
     could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, best[:1])) if unknown else ()
     return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
 
