@@ -194,6 +194,10 @@ class Effect(ABC):
             The value of the nonlinear parameter (a period, the place of a step), for effects that have one.
         """
 
+    def bases(self, at: OperatingPoints, site: str, values: Sequence[float] | Floats) -> list[Displacement]:
+        """:meth:`basis` for each of some values of the nonlinear parameter."""
+        return [self.basis(at, site, float(value)) for value in values]
+
     @property
     def has_nonlinear(self) -> bool:
         """Whether the displacement has a nonlinear parameter, such as a period or the place of a step."""

@@ -88,15 +88,20 @@ class RackPeriodic(Effect):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         assert shape_parameter is not None
+        return self.bases(at, site, [shape_parameter])[0]
+
+    def bases(self, at: OperatingPoints, site: str, values: Sequence[float] | Floats) -> list[Displacement]:
         j = at.robot.sites.index(site)
         # The change is linear and quadratic in the travel x, so that the first two coefficients are those of the middle.
-        phase, x = 2.0 * np.pi * at.q[:, j] / shape_parameter, at.travel[:, j]
+        phase, x = 2.0 * np.pi * at.q[:, j] / np.asarray(values)[:, None], at.travel[:, j]
         c, s = np.cos(phase), np.sin(phase)
         columns, sizes = [c, s, x * c, x * s], [1.0, 1.0, *[MODULATION.line] * 2]
         if site not in joints(at.robot):
             columns += [x**2 * c, x**2 * s, c * c - s * s, 2.0 * c * s]  # the last two: of twice the phase
             sizes = [1.0, 1.0, *[MODULATION.period] * 6]
-        return along_track(at, site, np.stack(columns).T, drive_sizes(at, site, sizes, 2e-5))
+        found = np.stack(columns, axis=1).swapaxes(1, 2)  # each value's numbers of one column are next to each other
+        sigma = drive_sizes(at, site, sizes, 2e-5)
+        return [along_track(at, site, one, sigma) for one in found]
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         c, s = coefficients[:2]

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.lines import settled
 from gtpin.diagnosis.inference.classes import contenders
 from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.linear import scan
 from gtpin.diagnosis.linear.design import Design
 from gtpin.diagnosis.linear.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
@@ -163,21 +161,19 @@ def check(hypotheses: HypothesisSet, model: Explanation) -> None:
 
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
-@given(hypotheses=problems(), long=st.sampled_from([0, 8, 100]))
-def test_a_search_over_any_hypotheses_ends_with_finite_evidence(hypotheses: HypothesisSet, long: int) -> None:
-    with patch.object(scan, "LONG", long):
-        alone = hypotheses.gains(NOTHING, hypotheses.every)
-        assert np.isfinite([gain.value for gain in alone.values()]).all()
-        model = search(hypotheses, hypotheses.every, alone)
-        check(hypotheses, model)
-        for cause in causes(model):
-            members = contenders(hypotheses, model, cause)
-            assert sum(m.probability for m in members) <= 1.0 + 1e-6
+@given(hypotheses=problems())
+def test_a_search_over_any_hypotheses_ends_with_finite_evidence(hypotheses: HypothesisSet) -> None:
+    alone = hypotheses.gains(NOTHING, hypotheses.every)
+    assert np.isfinite([gain.value for gain in alone.values()]).all()
+    model = search(hypotheses, hypotheses.every, alone)
+    check(hypotheses, model)
+    for cause in causes(model):
+        members = contenders(hypotheses, model, cause)
+        assert sum(m.probability for m in members) <= 1.0 + 1e-6
 
 
 @pytest.mark.parametrize("size", [1.0, 100.0])
-@pytest.mark.parametrize("long", [0, 100])
-def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float, long: int) -> None:
+def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float) -> None:
     rng = np.random.default_rng(5)
     q = rng.uniform(-2.0, 2.0, (40, 6))
     design, turn = of_arm(q), 2.0 * np.pi
@@ -187,8 +183,7 @@ def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float, l
     hypotheses = HypothesisSet(replace(design, y=y), (), (Hypothesis(lines, site),), (), SCOPE)
     cause = Hypothesis(lines, site, turn, 0.01, (3.0,), (0.01,))
     model = hypotheses.of((cause,), (1.0,))
-    with patch.object(scan, "LONG", long):
-        found = settled(hypotheses, model)
+    found = settled(hypotheses, model)
     assert causes(found) == (cause,)
     check(hypotheses, found)
 

@@ -164,15 +164,14 @@ def test_noise_gains_nothing_by_a_scan():
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))
-def test_a_scan_beside_a_long_model_finds_what_all_values_with_their_modulations_show(
-    effect, setting, seed, monkeypatch
-):
+@pytest.mark.parametrize("beside", [NOTHING, "linearity"], ids=["alone", "beside linearity"])
+def test_a_scan_finds_what_all_values_with_their_modulations_show(effect, setting, seed, beside, monkeypatch):
     design = problem(effect, setting, seed)
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
-    model = beside_linearity(design, groups)
-    whole = Scan(design, groups, effect, SITE).best(model)
-    monkeypatch.setattr(scan, "LONG", 0)
+    model = beside_linearity(design, groups) if beside == "linearity" else beside
     screened = Scan(design, groups, effect, SITE).best(model)
+    monkeypatch.setattr(scan, "LIKELY", -np.inf)
+    whole = Scan(design, groups, effect, SITE).best(model)
     if whole.gain < 3.0:  # where nothing is found, values that are left out share less
         assert screened.gain < 3.0
         return
@@ -181,11 +180,10 @@ def test_a_scan_beside_a_long_model_finds_what_all_values_with_their_modulations
     assert {value for value, _, _ in screened.others} == {value for value, _, _ in whole.others}
 
 
-def test_a_scan_beside_a_long_model_that_gains_nothing_anywhere_says_so(monkeypatch):
+def test_a_scan_that_gains_nothing_anywhere_says_so():
     observed, baseline = calibrated()
     design = observed.design(baseline.model)
     design = replace(design, y=np.zeros_like(design.y))
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups)
-    monkeypatch.setattr(scan, "LONG", 0)
     assert Scan(design, groups, RackStep(), SITE).best(model).gain < 0.0

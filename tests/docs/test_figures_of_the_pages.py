@@ -85,7 +85,6 @@ CONSTANTS = {
     "statistics": (
         f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}",
         f"have at least {scan.ALIKE:g} of its gain",
-        f"with at least {scan.LONG} coefficients",
         f"those with at least {scan.LIKELY:g} of the largest such gain",
         f"more than {settle.FEW_POSES:,} poses a long model is searched on {settle.FEW_POSES:,} of them",
         f"until that gains less than {lines.SETTLED:g} nats",

@@ -101,8 +101,8 @@ def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], 
             if step == "lines" and lines is not None:
                 larger = _pruned(hypotheses, widened(hypotheses, model, *lines[1:]))
             elif step == "term" and best is not None and best.whole >= 0.0:
-                larger = with_all_lines(hypotheses, model, best)
-                larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
+                larger = _pruned(hypotheses, with_all_lines(hypotheses, model, best))
+                larger = _pruned(hypotheses, _swapped(hypotheses, _revalued(hypotheses, larger), terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
@@ -167,6 +167,19 @@ def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term
                     break
         if model is before:
             return model
+    return model
+
+
+def _revalued(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
+    """The model with nonlinear parameters estimated beside the explanations that are left; they were found beside others."""
+    for term in model.terms:
+        if isinstance(term, Hypothesis) and len(term.values) == 1:
+            rest = without(hypotheses.groups, model, term, sweeps=1)
+            found = hypotheses.gains(rest, (term.template,))[term.template].term
+            if isinstance(found, Hypothesis) and found != term:
+                trial = hypotheses.replaced(model, term, found)
+                if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model):
+                    model = trial
     return model
 
 

@@ -19,10 +19,9 @@ from gtpin.typing import Floats
 
 BATCH = 64
 """Number of values whose displacements are in memory at the same time."""
-LONG, LIKELY = 100, 0.1
-"""With this many coefficients in the model or more, all values are first compared by their cores alone; only values whose
-gain is at least this share of the largest are then computed with their modulation. Assumed.
-"""
+LIKELY = 0.2
+"""All values are first compared by their cores alone; only values whose gain is at least this share of the largest are then
+computed with their modulation. Assumed: less than ``ALIKE``; at its typical size a modulation has 0.2 of the core's power."""
 KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
 LEAST = -1e9
@@ -70,17 +69,6 @@ class _InnerProducts:
     grams: Floats
     moments: Floats
 
-    def of(self, columns: list[int]) -> _InnerProducts:
-        """The products of some columns of each value."""
-        width = self.moments.shape[1]
-        halves = self.halves.reshape(len(self.halves), -1, width)[:, :, columns].reshape(len(self.halves), -1)
-        return _InnerProducts(halves, self.grams[:, columns][:, :, columns], self.moments[:, columns])
-
-    def at(self, values: npt.NDArray[np.intp]) -> _InnerProducts:
-        """The products of some values."""
-        halves = self.halves.reshape(len(self.halves), *self.moments.shape)[:, values].reshape(len(self.halves), -1)
-        return _InnerProducts(halves, self.grams[values], self.moments[values])
-
 
 class Scan:
     """An effect at a site with all values that are tried, prepared once for all scans with different models.
@@ -95,15 +83,18 @@ class Scan:
         self.design, self.groups, self.marginal, self.priors = design, groups, groups.marginal, priors
         self.effect, self.site = effect, site
         self.values = np.array(effect.nonlinear_values(design.operating_points, site))
+        self._core = list(effect.core) or slice(None)
         self._half_y = self.marginal.half(design.y[:, None])
         moved = effect.basis(design.operating_points, site, float(self.values[0])).command
         self._factor = None if moved is None else design.by_command[:, :, moved[0]]
+        self._size = None if self._factor is None else np.sqrt((self._factor**2).sum(axis=1))
+        self._seen_y, self._seen_geometry = self._seen(design.y[:, None]), self._seen(self.marginal.B)
         self._with_groups: dict[Hashable, Floats] = {}
         self._seen_groups: dict[Hashable, Floats] = {}
         self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
 
     def _displacements(self, values: Sequence[float] | Floats) -> Floats:
-        bases = (self.effect.basis(self.design.operating_points, self.site, float(value)) for value in values)
+        bases = self.effect.bases(self.design.operating_points, self.site, values)
         if self._factor is None:
             return np.stack([self.design.columns(basis).T for basis in bases])
         return np.stack([basis.command[1].T * basis.sigma[:, None] for basis in bases if basis.command])
@@ -118,44 +109,38 @@ class Scan:
         count, width, size = displacements.shape
         flat = displacements.reshape(-1, size)
         halves = self.marginal.lower_solve((flat @ self._seen_geometry).T)
-        sized = displacements
-        if self._factor is not None:
-            sized = displacements * np.sqrt((self._factor**2).sum(axis=1))
+        sized = displacements if self._size is None else displacements * self._size
         absorbed = halves.T.reshape(count, width, -1)
         grams = sized @ sized.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)
-        moments = flat @ self._seen(self.design.y[:, None]) - halves.T @ self._half_y
+        moments = flat @ self._seen_y - halves.T @ self._half_y
         return _InnerProducts(halves, grams, moments.reshape(count, width))
-
-    @cached_property
-    def _seen_geometry(self) -> Floats:
-        return self._seen(self.marginal.B)
 
     @cached_property
     def _batches(self) -> list[Floats]:
         return [self.values[i : i + BATCH] for i in range(0, len(self.values), BATCH)]
 
     @cached_property
-    def _prepared(self) -> tuple[list[Floats] | None, _InnerProducts]:
-        """Displacements of every batch where they are kept, and the products of all values."""
+    def _cores(self) -> tuple[Floats | None, _InnerProducts]:
+        """Displacements (S, k, R) of the cores of all values where they are kept, and their products."""
         kept, found = [], []
         for batch in self._batches:
-            displacements = self._displacements(batch)
-            found.append(self._products(displacements))
-            if displacements.size * len(self.values) <= KEPT * len(batch):
-                kept.append(displacements)
+            cores = self._displacements(batch)[:, self._core]
+            found.append(self._products(cores))
+            if cores.size * len(self.values) <= KEPT * len(batch):
+                kept.append(cores)
         halves = np.hstack([part.halves for part in found])
         grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
-        return kept or None, _InnerProducts(halves, grams, moments)
+        return np.concatenate(kept) if kept else None, _InnerProducts(halves, grams, moments)
 
-    def _across(self, model: Posterior[Any]) -> Floats:
-        """(S c, m) inner products of all values with a model's groups, the geometry marginalised; computed once for each
-        group."""
+    def _cores_across(self, model: Posterior[Any]) -> Floats:
+        """(S, k, m) inner products of the cores of all values with a model's groups, the geometry marginalised; computed once
+        for each group."""
         parts = self._parts(model)
         if new := [part for part in parts if part not in self._with_groups]:
-            kept, products = self._prepared
+            kept, products = self._cores
             seen = np.hstack([self._seen_groups[part] for part in new])
-            batches = kept or map(self._displacements, self._batches)
-            found = np.vstack([some.reshape(-1, len(seen)) @ seen for some in batches])
+            anew = (self._displacements(batch)[:, self._core] for batch in self._batches)
+            found = np.vstack([some.reshape(-1, len(seen)) @ seen for some in (anew if kept is None else (kept,))])
             found -= products.halves.T @ np.hstack([self.groups.half(part) for part in new])
             ends = np.cumsum([self.groups.width(part) for part in new])
             self._with_groups |= {
@@ -165,7 +150,7 @@ class Scan:
         self._with_groups |= used  # the latest last
         while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
             del self._with_groups[next(iter(self._with_groups))]
-        return np.hstack([used[part] for part in parts])
+        return np.hstack([used[part] for part in parts]).reshape(*self._cores[1].moments.shape, -1)
 
     def _parts(self, model: Posterior[Any]) -> tuple[Hashable, ...]:
         """The groups of a model, joined groups being divided into their parts; their columns are prepared."""
@@ -191,8 +176,7 @@ class Scan:
         values that can't be distinguished from them are left out. Where no value is left, the gain is ``LEAST`` and the
         value means nothing.
         """
-        products = self._prepared[1]
-        gains, scales = self._all_gains(products, model, self._resolved(self.values, others))
+        gains, scales = self._all_gains(model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
         if gains[top] <= LEAST:
             return BestValue(float(self.values[top]), 0.0, LEAST, float(scales[top]))
@@ -220,14 +204,9 @@ class Scan:
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
         """The best value between two values, on successively finer grids: the posterior mean, or the best of the last."""
-        seen, halves = self._side_by_side(model) if model.terms else (None, None)
 
         def gains_at(values: Floats) -> tuple[Floats, Floats]:
-            displacements = self._displacements(values)
-            products = self._products(displacements)
-            flat = displacements.reshape(-1, displacements.shape[2])
-            across = None if seen is None or halves is None else flat @ seen - products.halves.T @ halves
-            gains, scales = self._gains(products, model, across)
+            gains, scales = self._gains_at(values, model)
             return np.where(self._resolved(values, others), gains, LEAST), scales
 
         for _ in range(REFINEMENTS):
@@ -273,35 +252,36 @@ class Scan:
         found = self.effect.resolved(self.design.operating_points, self.site, values, others)
         return np.asarray(found & ~np.isin(values, others))
 
-    def _all_gains(
-        self, products: _InnerProducts, model: Posterior[Any], wanted: npt.NDArray[np.bool_]
-    ) -> tuple[Floats, Floats]:
-        """(S,) gains of the values that are ``wanted``, others ``LEAST``; and their scales.
-
-        With long models, the gain is also ``LEAST`` where the core gains little.
-        """
-        across, core = self._across(model) if model.terms else None, list(self.effect.core)
-        if across is None or len(model.mean) < LONG or not core or not wanted.any():
-            gains, scales = self._gains(products, model, across)
+    def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """(S,) gains of the values that are ``wanted``, ``LEAST`` for others and where the core gains little; and scales."""
+        gains, scales = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
+        if self._core == slice(None) or not wanted.any():
             return np.where(wanted, gains, LEAST), scales
-        by_value = across.reshape(*products.moments.shape, -1)
-        rough, scales = self._gains(products.of(core), model, by_value[:, core].reshape(-1, by_value.shape[2]))
-        top = rough[wanted].max()
-        likely = wanted & (rough >= min(LIKELY * top, top))
+        top = gains[wanted].max()
+        likely = wanted & (gains >= min(LIKELY * top, top))
         likely[1:-1] |= likely[:-2] | likely[2:]
         some = np.flatnonzero(likely & wanted)
-        gains = np.full(len(rough), LEAST)
-        near = by_value[some].reshape(-1, by_value.shape[2])
-        gains[some], scales[some] = self._gains(products.at(some), model, near)
+        gains = np.full(len(gains), LEAST)
+        for batch in np.array_split(some, -(-len(some) // BATCH)):
+            gains[batch], scales[batch] = self._gains_at(self.values[batch], model)
         return gains, scales
+
+    def _gains_at(self, values: Floats, model: Posterior[Any]) -> tuple[Floats, Floats]:
+        """(S,) gains of some values with their modulations, and their scales."""
+        displacements = self._displacements(values)
+        products = self._products(displacements)
+        if not model.terms:
+            return self._gains(products, model, None)
+        seen, halves = self._side_by_side(model)
+        across = displacements.reshape(-1, len(seen)) @ seen - products.halves.T @ halves
+        return self._gains(products, model, across.reshape(*products.moments.shape, -1))
 
     def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
         """(S,) gains in log evidence given a model, and the scales that give them."""
         grams, moments = products.grams, products.moments
         if across is not None:
-            moments = moments - (across @ model.mean).reshape(moments.shape)
-            by_value = across.reshape(*moments.shape, -1)
-            grams = grams - by_value @ model.covariance @ by_value.transpose(0, 2, 1)
+            moments = moments - across @ model.mean
+            grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)
 
 
