@@ -69,14 +69,17 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
             named, needed = replaced, smooth_terms(replaced)
+            instead.append(cause.place)
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
-    found = Conclusion(hypotheses.only(named, causes(named)), classes, doubts, alone, hypotheses.only(named, needed))
+    model, unknown = hypotheses.only(named, causes(named)), hypotheses.only(named, needed)
+    found = Conclusion(model, classes, doubts, alone, unknown, likely=tuple(instead))
     return found.named_beside_unknown(hypotheses) if doubts else found
 
 
