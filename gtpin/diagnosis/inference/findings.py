@@ -344,16 +344,11 @@ class Conclusion:
         ]
 
     def beside_unknown(self) -> list[Hypothesis]:
-        """Causes that stand beside something unknown: they lead a class that surely holds the cause, with 0.5 or more.
-
-        No smooth term is then in their place.
-        """
+        """Causes that stand beside something unknown: they lead their class with 0.5 or more."""
         return [
             cause
             for cause, members in self.classes.items()
-            if members[0].hypothesis.place == cause.place
-            and members[0].probability >= UNDECIDED
-            and sum(m.probability for m in members) >= SURE
+            if members[0].hypothesis.place == cause.place and members[0].probability >= UNDECIDED
         ]
 
 
