@@ -101,8 +101,10 @@ def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], 
             if step == "lines" and lines is not None:
                 larger = _pruned(hypotheses, widened(hypotheses, model, *lines[1:]))
             elif step == "term" and best is not None and best.whole >= 0.0:
-                larger = _pruned(hypotheses, with_all_lines(hypotheses, model, best))
-                larger = _pruned(hypotheses, _swapped(hypotheses, _revalued(hypotheses, larger), terms))
+                larger = with_all_lines(hypotheses, model, best)
+                if not hypotheses.long:  # the same model, found from other first explanations, then has the same values
+                    larger = _revalued(hypotheses, _pruned(hypotheses, larger))
+                larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
