@@ -194,7 +194,8 @@ def test_the_derivative_of_an_arms_joint_fit_is_that_of_finite_differences(fits:
     gtpin.diagnose(make_case(31, effects=ARM, noncentrality=ENERGY, poses=80, robot="ur5").dataset)
     found = fits[-1]
     assert len(found.point.x) > found.problem.calibration.size
-    J, exact = found.problem.jacobian(found.point, slice(None)), differences(found, 1e-3)
+    # Rounding moves differences over steps h by about 1e-9 / h of their size: 1e-3 is too near the bound.
+    J, exact = found.problem.jacobian(found.point, slice(None)), differences(found, 1e-2)
     size = np.abs(J).max(axis=0)
     assert (np.abs(J - exact)[:, :3] <= 1e-6 * size[:3].max(axis=0)).all()
     # Rotation vectors of residuals r change by I + [r]x / 2 times the rotation: r is below 2e-4 rad here.
