@@ -195,7 +195,10 @@ class Effect(ABC):
         """
 
     def bases(self, at: OperatingPoints, site: str, values: Sequence[float] | Floats) -> list[Displacement]:
-        """:meth:`basis` for each of some values of the nonlinear parameter."""
+        """:meth:`basis` for each of some values of the nonlinear parameter, as a scan needs them.
+
+        An effect whose displacements NumPy computes for all values at once overrides it.
+        """
         return [self.basis(at, site, float(value)) for value in values]
 
     @property

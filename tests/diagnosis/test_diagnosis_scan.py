@@ -164,11 +164,11 @@ def test_noise_gains_nothing_by_a_scan():
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))
-@pytest.mark.parametrize("beside", [NOTHING, "linearity"], ids=["alone", "beside linearity"])
-def test_a_scan_finds_what_all_values_with_their_modulations_show(effect, setting, seed, beside, monkeypatch):
+@pytest.mark.parametrize("alone", [True, False], ids=["alone", "beside linearity"])
+def test_a_scan_finds_what_all_values_with_their_modulations_show(effect, setting, seed, alone, monkeypatch):
     design = problem(effect, setting, seed)
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
-    model = beside_linearity(design, groups) if beside == "linearity" else beside
+    model = NOTHING if alone else beside_linearity(design, groups)
     screened = Scan(design, groups, effect, SITE).best(model)
     monkeypatch.setattr(scan, "LIKELY", -np.inf)
     whole = Scan(design, groups, effect, SITE).best(model)

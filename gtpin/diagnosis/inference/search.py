@@ -102,7 +102,9 @@ def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], 
                 larger = _pruned(hypotheses, widened(hypotheses, model, *lines[1:]))
             elif step == "term" and best is not None and best.whole >= 0.0:
                 larger = with_all_lines(hypotheses, model, best)
-                if not hypotheses.long:  # the same model, found from other first explanations, then has the same values
+                if not hypotheses.long:
+                    # The same model, found from other first explanations, then has the same values, and known gains. Of a
+                    # long model a term would be removed that a swap makes useful.
                     larger = _revalued(hypotheses, _pruned(hypotheses, larger))
                 larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:

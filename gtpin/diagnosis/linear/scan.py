@@ -21,7 +21,8 @@ BATCH = 64
 """Number of values whose displacements are in memory at the same time."""
 LIKELY = 0.2
 """All values are first compared by their cores alone; only values whose gain is at least this share of the largest are then
-computed with their modulation. Assumed: less than ``ALIKE``; at its typical size a modulation has 0.2 of the core's power."""
+computed with their modulation. Assumed: less than ``ALIKE``, as other maxima are compared, too; at their typical sizes
+modulations have at most 0.2 (periods) and 0.6 (steps) of the core's power."""
 KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
 LEAST = -1e9
