@@ -15,7 +15,7 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,8 +26,8 @@ def robot() -> gtpin.Robot:
 
 
 @pytest.fixture(scope="session")
-def rods(robot: gtpin.Robot) -> RodKinematics:
-    return RodKinematics(gtpin.Geometry.nominal(robot))
+def rods(robot: gtpin.Robot) -> Kinematics:
+    return Kinematics(gtpin.Geometry.nominal(robot))
 
 
 @pytest.fixture(scope="session")
@@ -41,10 +41,12 @@ def neighbours() -> Floats:
 
 
 @pytest.fixture(scope="session")
-def by_fsolve(rods: RodKinematics) -> Callable[[Floats], Floats]:
+def by_fsolve(robot: gtpin.Robot) -> Callable[[Floats], Floats]:
     """SciPy's fsolve on the six closures, each posture from the one before: position and rotation vector."""
-    P, C0, L, v = rods.P, rods.C0, rods.L0, rods.v
-    start = np.concatenate([rods.home.T[0], Rotation.from_matrix(rods.home.R[0]).as_rotvec()])
+    P, C0, L = (np.array([getattr(rod, part) for rod in robot.rods]) for part in ("P", "C", "L"))
+    v = np.array([robot.actuators[rod.carrier].axis for rod in robot.rods])
+    home = gtpin.home(robot)
+    start = np.concatenate([home.T, Rotation.from_matrix(home.R).as_rotvec()])
 
     def closures(x: Floats, C: Floats) -> Floats:
         w = x[3:]

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator.case import make_case
 from gtpin.data import Dataset
-from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.kinematics import Kinematics
 
 Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="arm", timer=time.process_time)
@@ -50,7 +50,7 @@ def test_an_arm_s_200_poses_by_least_squares(benchmark: Any, measured: Dataset) 
     R = Rotation.from_quat(measured.orientation.copy(), scalar_first=True)  # type: ignore[union-attr]
 
     def residual(x: Floats) -> Floats:
-        poses = ChainKinematics(geometry.with_values(geometry.values + geometry.tolerance * x)).forward(measured.q)
+        poses = Kinematics(geometry.with_values(geometry.values + geometry.tolerance * x)).forward(measured.q)
         turn = (R * Rotation.from_matrix(poses.R).inv()).as_rotvec()
         return np.concatenate([((measured.position - poses.T) / 1.5e-5).ravel(), (turn / 5e-5).ravel(), x])
 
@@ -79,7 +79,7 @@ def test_an_arm_s_diagnosis_of_16_800_poses(benchmark: Any, many: Dataset) -> No
 
 
 def test_an_arm_s_derivative_by_its_placements(benchmark: Any, measured: Dataset) -> None:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot("ur5")))
+    kinematics = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot("ur5")))
     found = benchmark(lambda: kinematics.geometry_jacobian(measured.q, kinematics.forward(measured.q)))
     assert found.shape == (len(measured), 6, 42)
 
@@ -105,7 +105,7 @@ def test_an_arm_s_derivative_by_figaroh(benchmark: Any, measured: Dataset) -> No
         return np.asarray(made, dtype=np.float64)
 
     found = benchmark(regressor).reshape(6, len(measured), 36).transpose(1, 0, 2)
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(robot))
+    kinematics = Kinematics(gtpin.Geometry.nominal(robot))
     poses = kinematics.forward(measured.q)
     own = kinematics.geometry_jacobian(measured.q, poses)
     # FIGAROH's rows are in the axes of the TCP, and it has no columns of the tool.

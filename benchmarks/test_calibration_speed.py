@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator.simulate import Simulation, simulate
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.paper.geometry import nominal_geometry
+from gtpin.paper.kinematics import kinematics_of
 
 Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="calibration", min_rounds=3)
@@ -31,11 +32,11 @@ def test_61_poses_with_60_parameters(benchmark: Any, robot: gtpin.Robot) -> None
 
 def test_61_poses_with_60_parameters_by_least_squares(benchmark: Any, robot: gtpin.Robot) -> None:
     dataset = _simulated(robot, 61).dataset
-    geometry = gtpin.Geometry.nominal(robot, directions="rod", scale="rod")
+    geometry = nominal_geometry(robot, directions="rod", scale="rod")
     R = Rotation.from_quat(dataset.orientation.copy(), scalar_first=True)  # type: ignore[union-attr]
 
     def residual(x: Floats) -> Floats:
-        poses = RodKinematics(geometry.with_values(geometry.values + geometry.tolerance * x)).forward(dataset.q)
+        poses = kinematics_of(geometry.with_values(geometry.values + geometry.tolerance * x)).forward(dataset.q)
         turn = (R * Rotation.from_matrix(poses.R).inv()).as_rotvec()
         return np.concatenate([((dataset.position - poses.T) / 1.5e-5).ravel(), (turn / 5e-5).ravel(), x])
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import exp
 
 PLACES = [(height, radius, tilt) for height in (0.85, 0.92, 0.99) for radius in (0.0, 0.15) for tilt in (0.0, 0.15)]
@@ -30,12 +30,12 @@ def workspace(robot: gtpin.Robot) -> np.ndarray:
 def accuracy(robot: gtpin.Robot, q: np.ndarray, machines: int = 1000) -> tuple[np.ndarray, np.ndarray]:
     """(N, 2) rms errors of position, m, and orientation, rad, by Monte Carlo and by the Jacobian."""
     geometry, rng = gtpin.Geometry.nominal(robot), np.random.default_rng(0)
-    nominal = RodKinematics(geometry)
+    nominal = Kinematics(geometry)
     poses = nominal.forward(q)
     squares = np.zeros((len(q), 6))
     for _ in range(machines):
         drawn = geometry.values + geometry.tolerance * rng.standard_normal(len(geometry.values))
-        squares += RodKinematics(geometry.with_values(drawn)).forward(q, start=poses).minus(poses) ** 2 / machines
+        squares += Kinematics(geometry.with_values(drawn)).forward(q, start=poses).minus(poses) ** 2 / machines
     J = nominal.geometry_jacobian(q, poses) * geometry.tolerance
     return _rms(squares), _rms((J**2).sum(axis=2))
 

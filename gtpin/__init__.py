@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from gtpin.health.plan import PosePlan, plan
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.inverse import commands_for, reach
-    from gtpin.kinematics.kinematics import geometry_jacobian
     from gtpin.kinematics.poses import Poses
-    from gtpin.kinematics.posture import ClosedPosture, home
+    from gtpin.kinematics.posture import ClosedPosture, geometry_jacobian, home
     from gtpin.kinematics.robot import Robot, load_robot
+    from gtpin.kinematics.singularities import singularities
     from gtpin.kinematics.statics import rod_forces, static_forces
     from gtpin.model.model import Frame, Model
     from gtpin.model.model_folder import read_model, write_model
@@ -57,12 +57,13 @@ _HOME = {
     "Unknown": "gtpin.instruments.instrument",
     "GtpinError": "gtpin.errors",
     "GtpinWarning": "gtpin.errors",
-    "geometry_jacobian": "gtpin.kinematics.kinematics",
+    "geometry_jacobian": "gtpin.kinematics.posture",
     "commands_for": "gtpin.kinematics.inverse",
     "reach": "gtpin.kinematics.inverse",
     "Poses": "gtpin.kinematics.poses",
     "ClosedPosture": "gtpin.kinematics.posture",
     "home": "gtpin.kinematics.posture",
+    "singularities": "gtpin.kinematics.singularities",
     "rod_forces": "gtpin.kinematics.statics",
     "static_forces": "gtpin.kinematics.statics",
     "Frame": "gtpin.model.model",
@@ -134,6 +135,7 @@ __all__ = [
     "read_model",
     "robot_names",
     "rod_forces",
+    "singularities",
     "static_forces",
     "write_model",
 ]

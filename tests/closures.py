@@ -189,7 +189,7 @@ def nominal(name: str) -> Closures:
 
 
 def read(urdf: str, spread: float = 0.0) -> Closures:
-    """The closures of a URDF in which the platform's frame is the TCP's, and carriers are not turned."""
+    """The closures of a URDF in which the platform's frame is the TCP's, and carriers hang on the base."""
     root = ElementTree.fromstring(urdf)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     loops = {loop.get("name"): loop for loop in root.findall("loop_joint")}
@@ -206,10 +206,12 @@ def read(urdf: str, spread: float = 0.0) -> Closures:
         kind = "leg" if carrier == "base" else {"prismatic": "track", "revolute": "arm"}[drive.get("type")]
         driver[i] = sites.index(rods[i] if carrier == "base" else carrier)
         P[i] = numbers(joints[f"{rods[i]}_pitch"].find("origin"), "xyz")
-        origin[i] = 0.0 if kind == "leg" else numbers(drive.find("origin"), "xyz")
-        C[i] = origin[i] + numbers(seat, "xyz")
+        placed = None if kind == "leg" else drive.find("origin")
+        origin[i] = 0.0 if placed is None else numbers(placed, "xyz")
+        turn = Rotation.from_euler("xyz", np.zeros(3) if placed is None else numbers(placed, "rpy"))
+        C[i] = origin[i] + turn.apply(numbers(seat, "xyz"))
         L[i] = numbers(tip, "xyz")
-        axis[i] = numbers(drive.find("axis"), "xyz")
+        axis[i] = turn.apply(numbers(drive.find("axis"), "xyz"))
     limits = np.array(
         [[float(drive.find("limit").get(end)) for end in ("lower", "upper")] for drive in drives.values()]
     )

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 import gtpin
-from gtpin.kinematics.closures import RodEnds, follow
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import PaperKinematics, RodEnds
 
 Floats = npt.NDArray[np.float64]
 
@@ -67,9 +67,12 @@ class Twin:
     def __init__(self, seed: int = 2010) -> None:
         rng = np.random.default_rng(seed)
         self.robot = gtpin.load_robot("gantry_tau")
-        self.rods = RodKinematics(gtpin.Geometry.nominal(self.robot))
+        self.rods = PaperKinematics(PaperGeometry.nominal(self.robot))
+        self.P = np.array([rod.P for rod in self.robot.rods])
+        self.C0 = np.array([rod.C for rod in self.robot.rods])
+        self.L0 = np.array([rod.L for rod in self.robot.rods])
         self.carrier = np.array([rod.carrier for rod in self.robot.rods])
-        self.middle = np.array([self.rods.C0[self.carrier == c].mean(axis=0) for c in range(3)])
+        self.middle = np.array([self.C0[self.carrier == c].mean(axis=0) for c in range(3)])
         self.direction = [np.mean(directions, axis=0) for directions in DIRECTION]
         self.turning = [self._turning(c) for c in range(3)]
         self.along = [Waves.draw(rng, rms, OWN, 1) for rms in ALONG]
@@ -98,22 +101,28 @@ class Twin:
 
     def _turning(self, cart: int) -> Floats:
         """(3,) rad/m: how a rigid cart turns on its way, so that its joints' directions are closest to the printed ones."""
-        lever = self.rods.C0[self.carrier == cart] - self.middle[cart]
+        lever = self.C0[self.carrier == cart] - self.middle[cart]
         by_turn = np.concatenate([np.cross(np.eye(3), r).T for r in lever])
         apart = np.asarray(DIRECTION[cart]) - self.direction[cart]
         return np.asarray(np.linalg.lstsq(by_turn, apart.ravel(), rcond=1e-6)[0])
 
     def ends(self, q: Floats) -> RodEnds:
         """The rods' ends at commands (N, 3)."""
-        C = np.stack([self.on_cart(c, q, self.rods.C0[i]) for i, c in enumerate(self.carrier)], axis=1)
+        C = np.stack([self.on_cart(c, q, self.C0[i]) for i, c in enumerate(self.carrier)], axis=1)
         stretch = [self.stretch[c](ahead(c, q)) for c in self.carrier]
-        return RodEnds(self.rods.P, C, self.rods.L0 + np.stack(stretch, axis=1))
+        return RodEnds(self.P, C, self.L0 + np.stack(stretch, axis=1))
 
     def poses(self, q: Floats) -> Poses:
         """True poses at commands (N, 3), base frame: the exact closures, followed from home."""
-        start = follow(lambda s, rows: self.ends(0.0 * q[:1]), self.rods.home, 5.0)
-        begin = Poses(np.tile(start.T, (len(q), 1)), np.tile(start.R, (len(q), 1, 1)))
-        return follow(lambda s, rows: self.ends(s[:, None] * q[rows]), begin, 5.0)
+        return _TrueKinematics(self.rods.geometry, self).forward(q)
+
+
+@dataclass(frozen=True)
+class _TrueKinematics(PaperKinematics):
+    twin: Twin
+
+    def ends(self, q: Floats) -> RodEnds:
+        return self.twin.ends(q)
 
 
 def ahead(cart: int, q: Floats) -> Floats:

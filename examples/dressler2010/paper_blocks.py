@@ -13,8 +13,9 @@ from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
-from gtpin.kinematics.kinematics import of_rods, reached_poses
-from gtpin.kinematics.rod_geometry import PARAMETERS, RodStep
+from gtpin.accuracy.small_errors import PARAMETERS, SmallError
+from gtpin.kinematics.kinematics import reached_poses
+from gtpin.kinematics.placed import frame_of_anchor
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
 
@@ -100,18 +101,21 @@ def compare_frame_angles(model: Model, grid: Grid = RECOVERED) -> tuple[Block, .
     calibrated = printed.calibrated[4]
     assert calibrated.orientation is not None
     q = grid.commands(model)
-    kinematics = of_rods(model.kinematics)
-    poses, ends = reached_poses(kinematics, q), kinematics.ends(q)
+    kinematics, robot = model.kinematics, model.robot
+    poses = reached_poses(kinematics, q)
+    motion, (_, on_carriers) = kinematics.motion(q, poses), kinematics.rod_ends(q, poses)
     share = printed.measurement.calibration_poses / len(q)
     rods = [rod for rod, source in enumerate(printed.source) if source == 4]
     ours = np.zeros((3, 3, len(rods)))
     for column, rod in enumerate(rods):
-        lever = ends.C[:, rod] - calibrated.offset[rod]
+        lever, seat = on_carriers[:, rod] - calibrated.offset[rod], frame_of_anchor(robot, robot.rods[rod].seat)
         a, b, _ = np.deg2rad(calibrated.orientation[rod])
         first = Rotation.from_euler("Z", a)
         axes = (np.eye(3)[2], first.apply(np.eye(3)[1]), (first * Rotation.from_euler("Y", b)).apply(np.eye(3)[0]))
         for row, axis in enumerate(axes):
-            turn = RodStep(rod, np.zeros(3), np.cross(axis, lever), 0.0)
+            moved = np.cross(axis, lever)
+            local = np.einsum("nji,nj->ni", motion.frame(seat)[0], moved)
+            turn = SmallError("turn", robot.rods[rod].name, seat, np.hstack([local, 0.0 * local]), rod, 0.0, -moved)
             sums = step_sums(kinematics, q, poses, turn, float(printed.closure_sigmas(5)[rod]), STEP)
             ours[:, row, column] = share * sums * [1e3, 1.0, 1.0]
     names = tuple(printed.links[rod] for rod in rods)

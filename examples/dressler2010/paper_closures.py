@@ -9,12 +9,13 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 import gtpin
-from gtpin.calibration.paper_models import MODELS, model_geometry
 from gtpin.comparison.compare import within_tracks
 from gtpin.data import random
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import from_quaternions
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import PaperKinematics
+from gtpin.paper.models import MODELS, model_geometry
 
 Floats = npt.NDArray[np.float64]
 
@@ -22,20 +23,40 @@ ROUNDS = 4
 """Number of fits. Each weighs the closures by the size of the residuals of the fit before it."""
 
 
-def closure_residual(rods: RodKinematics, q: Floats, poses: Poses) -> Floats:
+def closure_residual(rods: PaperKinematics, q: Floats, poses: Poses) -> Floats:
     """(N, k) L^2 - \\|T + R P - C\\|^2 at measured poses, base frame, m^2 (eqs. 1 and 5)."""
-    d, _ = rods.rod_vectors(q, _of_the_arm(rods, poses))
-    return np.asarray(rods.ends(q).L ** 2 - (d**2).sum(axis=2))
+    ends = rods.ends(q)
+    return np.asarray(ends.L**2 - (ends.vectors(_of_the_arm(rods, poses)) ** 2).sum(axis=2))
 
 
-def _of_the_arm(rods: RodKinematics, poses: Poses) -> Poses:
+def residual_slopes(rods: PaperKinematics, q: Floats, poses: Poses) -> Floats:
+    """(N, k, p) derivative of the closure residuals at measured poses by the parameters."""
+    arm, ends = _of_the_arm(rods, poses), rods.ends(q)
+    d, found = ends.vectors(arm), np.zeros((len(q), len(rods.seats), len(rods.geometry.parameters)))
+    for column, i, what, change in rods.changes(q):
+        if what == "L":
+            found[:, i, column] = 2.0 * ends.L[i] * change[..., 0]
+        else:
+            moved = -arm.R @ change if what == "P" else change
+            found[:, i, column] = 2.0 * np.einsum("nj,nj->n", d[:, i], moved)
+    return found
+
+
+def with_rods(geometry: gtpin.Geometry) -> PaperKinematics:
+    """The kinematics of a geometry, with the paper's C(q)."""
+    if not isinstance(geometry, PaperGeometry):
+        geometry = PaperGeometry(geometry.robot, geometry.parameters, geometry.values)
+    return PaperKinematics(geometry)
+
+
+def _of_the_arm(rods: PaperKinematics, poses: Poses) -> Poses:
     """The poses as the arm's model has them: the plate of a reduced arm never turns, whatever was measured (eq. 1)."""
-    return Poses(poses.T, np.broadcast_to(rods.home.R[0], poses.R.shape)) if rods.geometry.reduced else poses
+    return Poses(poses.T, np.broadcast_to(rods.home.R[0], poses.R.shape)) if rods.geometry.positions_only else poses
 
 
 def closure_costs(geometry: gtpin.Geometry, q: Floats, poses: Poses) -> Floats:
     """(k,) squared closure residual of each rod, summed over the poses, m^4: Table II's last column."""
-    return np.asarray((closure_residual(RodKinematics(geometry), q, poses) ** 2).sum(axis=0))
+    return np.asarray((closure_residual(with_rods(geometry), q, poses) ** 2).sum(axis=0))
 
 
 def fit_closures(geometry: gtpin.Geometry, q: Floats, poses: Poses) -> gtpin.Geometry:
@@ -50,8 +71,8 @@ def fit_closures(geometry: gtpin.Geometry, q: Floats, poses: Poses) -> gtpin.Geo
     """
     x = np.zeros(len(geometry.parameters))  # deviations, in units of the tolerances
 
-    def at(x: Floats) -> RodKinematics:
-        return RodKinematics(geometry.with_values(geometry.values + geometry.tolerance * x))
+    def at(x: Floats) -> PaperKinematics:
+        return with_rods(geometry.with_values(geometry.values + geometry.tolerance * x))
 
     for _ in range(ROUNDS):
         weight = 1.0 / np.sqrt((closure_residual(at(x), q, poses) ** 2).mean(axis=0))
@@ -60,9 +81,7 @@ def fit_closures(geometry: gtpin.Geometry, q: Floats, poses: Poses) -> gtpin.Geo
             return np.concatenate([(weight * closure_residual(at(x), q, poses)).ravel(), x])
 
         def jacobian(x: Floats, weight: Floats = weight) -> Floats:
-            rods = at(x)
-            arm = _of_the_arm(rods, poses)
-            J = 2.0 * rods.pose_jacobian(q, arm) @ rods.geometry_jacobian(q, arm)
+            J = residual_slopes(at(x), q, poses)
             return np.concatenate([(weight[:, None] * J * geometry.tolerance).reshape(-1, len(x)), np.eye(len(x))])
 
         x = least_squares(residual, x, jacobian, method="lm").x

@@ -11,13 +11,11 @@ from paper_tables import tables
 from scipy.optimize import least_squares
 
 from gtpin.accuracy.sensitivity import STEP
+from gtpin.accuracy.small_errors import PARAMETERS, of_rod
 from gtpin.errors import UnreachableError
-from gtpin.kinematics.closures import pose_jacobian, rod_vectors
 from gtpin.kinematics.inverse import commands_for
-from gtpin.kinematics.kinematics import of_rods
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_geometry import PARAMETERS, rod_step
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import zyz_rates
 from gtpin.model.model import Model
 
@@ -55,15 +53,16 @@ class Grid:
     center: Floats
     half_width: Floats
 
-    def places(self, kinematics: RodKinematics, unit: Floats) -> Floats:
+    def places(self, kinematics: Kinematics, unit: Floats) -> Floats:
         """(N, 3) positions, base frame, m, of places (N, 3) in the grid, each from -1 to 1 along its axes."""
-        along = kinematics.v.mean(axis=0)
+        robot = kinematics.robot
+        along = np.mean([robot.actuators[i].axis for i in robot.rod_carriers if i is not None], axis=0)
         across = np.cross([0.0, 0.0, 1.0], along)
         axes = np.array([along, across, np.cross(along, across)])
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         return np.asarray(kinematics.home.T[0] + self.center + (unit * self.half_width) @ axes)
 
-    def points(self, kinematics: RodKinematics) -> Floats:
+    def points(self, kinematics: Kinematics) -> Floats:
         """(180, 3) positions, base frame, m, layer after layer, each walked back along the path of the one before."""
         x, y, z = (np.linspace(-1.0, 1.0, count) for count in SHAPE)
         walk = []
@@ -80,7 +79,7 @@ class Grid:
         UnreachableError
             If the model can't reach a point.
         """
-        kinematics = of_rods(model.kinematics)
+        kinematics = model.kinematics
         q, poses = commands_for(kinematics, self.points(kinematics))
         if not poses.reached.all():
             raise UnreachableError(f"{model.robot.name} can't reach the whole grid", hint="make it smaller")
@@ -110,7 +109,7 @@ def recover_grid(model: Model, starts: Sequence[float] = STARTS) -> Grid:
     starts
         Centres along the tracks to start from, m; the best fit is kept.
     """
-    kinematics = of_rods(model.kinematics)
+    kinematics = model.kinematics
     facts = tables().measurement
     lower, upper = facts.actuator_range
     there = np.array([[name in OF_ALL or source == 3 for source in tables().source] for name in PARAMETERS])
@@ -145,26 +144,22 @@ def _rounding(printed: Floats) -> Floats:
     return np.asarray(half / np.sqrt(3.0))
 
 
-def _step_slopes(
-    kinematics: RodKinematics, q: Floats, poses: Poses, parameters: tuple[str, ...]
-) -> tuple[Floats, Floats]:
+def _step_slopes(kinematics: Kinematics, q: Floats, poses: Poses, parameters: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
 
     ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
-    :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`; results are NaN where a rod has no such parameter.
+    :data:`~gtpin.accuracy.small_errors.PARAMETERS`; results are NaN where a rod has no such parameter.
 
     Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
     angles.
     """
-    ends = kinematics.ends(q)
-    d, RP = rod_vectors(poses, ends)
-    response = np.linalg.inv(pose_jacobian(d, RP))
-    length = np.linalg.norm(response[:, :3], axis=1)
-    angles = np.abs(np.einsum("nij,njk->nik", zyz_rates(poses.R), response[:, 3:])).sum(axis=1)
-    by_gap = np.full((len(q), len(parameters), d.shape[1]), np.nan)
+    robot, rates = kinematics.robot, zyz_rates(poses.R)
+    motion, found = kinematics.motion(q, poses), np.full((2, len(q), len(parameters), len(robot.rods)), np.nan)
     for row, parameter in enumerate(parameters):
-        for rod in range(d.shape[1]):
-            change = rod_step(kinematics, q, parameter, rod)
+        for rod in range(len(robot.rods)):
+            change = of_rod(robot, q, motion, parameter, rod)
             if change is not None:
-                by_gap[:, row, rod] = np.abs(change.slope(d[:, rod], ends, poses))
-    return by_gap * length[:, None], by_gap * angles[:, None]
+                moved = change.rate(motion)
+                found[0, :, row, rod] = np.linalg.norm(moved[:, :3], axis=1)
+                found[1, :, row, rod] = np.abs(np.einsum("nij,nj->ni", rates, moved[:, 3:])).sum(axis=1)
+    return found[0], found[1]

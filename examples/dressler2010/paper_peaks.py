@@ -8,7 +8,7 @@ from paper_tables import tables
 from scipy.stats import rankdata
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -25,7 +25,7 @@ def peak_ranks(model: Model, q: Floats, draws: int = 500, seed: int = 0) -> Floa
         (N, n) commands of the grid.
     """
     rng = np.random.default_rng(seed)
-    kinematics = of_rods(model.kinematics)
+    kinematics = model.kinematics
     response = closure_response(kinematics, q, reached_poses(kinematics, q))[:, :3]
     sigmas, visits = tables().closure_sigmas(5), tables().measurement.calibration_poses
     ranks = []

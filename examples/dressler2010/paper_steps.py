@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from paper_closures import closure_residual
+from paper_closures import closure_residual, with_rods
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.sensitivity import STEP, closure_change
+from gtpin.accuracy.sensitivity import STEP, rod_names
+from gtpin.accuracy.small_errors import PARAMETERS, of_rod
 from gtpin.errors import ModelError
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_geometry import PARAMETERS, rod_step
 from gtpin.kinematics.rotations import exp, zyz_change
 from gtpin.model.model import Model
 
@@ -69,7 +69,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     measured
         (N) poses measured there, base frame.
     parameter, link
-        One of :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`, and the name of a rod.
+        One of :data:`~gtpin.accuracy.small_errors.PARAMETERS`, and the name of a rod.
 
     Raises
     ------
@@ -78,21 +78,25 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     UnreachableError, ConvergenceError
         As for :func:`~gtpin.accuracy.sensitivity.sensitivity`.
     """
-    kinematics = of_rods(model.kinematics)
-    links = [rod.name for rod in model.robot.rods]
+    kinematics, links = model.kinematics, rod_names(model)
     if link not in links or parameter not in PARAMETERS:
         raise ModelError(f"no parameter {parameter} of a link {link}", hint=f"links are {', '.join(links)}")
-    change = rod_step(kinematics, q, parameter, links.index(link))
-    if change is None:
+    poses, rod = reached_poses(kinematics, q), links.index(link)
+    change = of_rod(model.robot, q, kinematics.motion(q, poses), parameter, rod)
+    if change is None or change.moved is None:
         raise ModelError(f"link {link} of {model.robot.name} has no track", hint=f"{parameter} is of a track")
-    poses = reached_poses(kinematics, q)
-    ends = kinematics.ends(q)
-    closures = -closure_residual(kinematics, q, measured)
+    rods = with_rods(model.geometry)
+    ends, closures = rods.ends(q), -closure_residual(rods, q, measured)
+    # Per unit of the parameter, at the measured poses: change of the rod's length and of its vector.
+    grown = float(parameter == "L")
+    by_step = measured.R @ np.eye(3)["xyz".index(parameter[1])] if parameter[0] == "P" else change.moved
+    d, L = ends.vectors(measured)[:, rod], ends.L[rod]
 
     def errors(size: float) -> Errors:
-        now = change.poses_after(size, ends, poses, kinematics.geometry.robot.size) if size else poses
-        moved = closures.copy()
-        moved[:, change.rod] += closure_change(change, ends, measured, size)
+        now = change.after(kinematics, q, poses, size) if size else poses
+        moved, by = closures.copy(), size * by_step
+        # Expanded: a difference of two squares of lengths of about 2 m would lose seven digits.
+        moved[:, rod] += np.einsum("ni,ni->n", 2.0 * d + by, by) - (2.0 * L + size * grown) * size * grown
         off = np.linalg.norm(now.T - measured.T, axis=1)
         return Errors(off, zyz_change(now.R, measured.R), moved**2)
 
@@ -101,7 +105,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
 
 def drawn_measurements(model: Model, q: Floats, sigmas: Floats, seed: int = 0) -> Poses:
     """Poses (N), base frame, of a machine whose closures miss the model's by Gaussian residuals of sigmas (k,), m^2."""
-    kinematics = of_rods(model.kinematics)
+    kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
     residual = sigmas * np.random.default_rng(seed).standard_normal((len(q), len(model.robot.rods)))
     off = np.einsum("nij,nj->ni", closure_response(kinematics, q, poses), residual)

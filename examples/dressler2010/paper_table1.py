@@ -7,7 +7,7 @@ import numpy.typing as npt
 from paper_tables import tables
 
 from gtpin.accuracy.expected import ErrorResponse, ExpectedError, Uncertainty, expected_of, response
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ def _reduced(model: Model, q: Floats, sigmas: Floats) -> ErrorResponse:
 
     Both reduced models' clusters point as model 1's: that of model 2 is printed in another frame.
     """
-    kinematics = of_rods(model.kinematics)
+    kinematics = model.kinematics
     reduced = tables().calibrated[1]
     assert reduced.direction is not None
     T = reached_poses(kinematics, q).T

@@ -19,9 +19,9 @@ from paper_grid import RECOVERED
 from paper_tables import tables
 
 import gtpin
-from gtpin.calibration.paper_models import model_geometry
 from gtpin.comparison.compare import compare, within_tracks
 from gtpin.data import random
+from gtpin.paper.models import model_geometry
 
 Floats = npt.NDArray[np.float64]
 

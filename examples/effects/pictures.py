@@ -14,6 +14,7 @@ import numpy as np
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.effects.chain_motions import of_carried
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.robot.parameters import rotation_axes
@@ -125,13 +126,15 @@ def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
     return along
 
 
-def seen(basis: Displacement, c: Floats) -> Floats:
+def seen(at: OperatingPoints, site: str, basis: Displacement, c: Floats) -> Floats:
     """(N,) what an effect does, by the first of the kinds of displacement that it has."""
     axis = ROBOT.actuators[CART].axis
     if basis.command is not None:
         return basis.command[1] @ c
     if basis.placements:
-        moved = (basis.shifts([ROD]) @ c)[:, 0]
+        shift, turn = np.split(of_carried(at, site, basis) @ c, 2, axis=1)
+        lever = at.carrier_joints[:, ROD] - at.carrier_joints[:, ROBOT.rods_on(CART)].mean(axis=1)
+        moved = shift + np.cross(turn, lever)
         return moved @ (rotation_axes(axis)[0] if np.abs(moved @ axis).max() < 1e-12 else axis)
     if basis.length is not None:
         return (basis.length @ c)[:, ROD]
@@ -152,7 +155,7 @@ def draw(name: str, folder: Path) -> Path:
         draws[:, 0] = basis.sigma[0] * np.array([1.0, 0.7, 1.4])
     order = np.argsort(x)
     for k, c in enumerate(draws):
-        y = seen(basis, c) / unit
+        y = seen(at, site, basis, c) / unit
         for rows in (order[::2], order[1::2]) if name == "backlash" else (order,):  # both sides of approach
             own.plot(x[rows], y[rows], color=f"C{k}", lw=1.5, alpha=1.0 - 0.25 * k)
     own.set(xlabel=label, ylabel=what)

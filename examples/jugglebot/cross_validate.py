@@ -25,9 +25,10 @@ def legs(model: gtpin.Model, dataset: gtpin.Dataset) -> Floats:
     """(N, 6) by how much each leg is longer than the model has it, m: the poses' errors along the legs."""
     poses, kinematics = model.predict(dataset.q, dataset.covariates), model.kinematics
     turned = log(from_quaternions(dataset.orientation) @ np.swapaxes(poses.R, 1, 2))
-    off = np.hstack([dataset.position - poses.T, turned])
-    lengths = np.linalg.norm(kinematics.pose_jacobian(dataset.q, poses)[:, :, :3], axis=2)
-    return np.einsum("nki,ni->nk", kinematics.pose_jacobian(dataset.q, poses), off) / lengths
+    on_platform, on_base = kinematics.rod_ends(dataset.q, poses)
+    along = (on_platform - on_base) / np.linalg.norm(on_platform - on_base, axis=2)[..., None]
+    moved = (dataset.position - poses.T)[:, None] + np.cross(turned[:, None], on_platform - poses.T[:, None])
+    return np.einsum("nki,nki->nk", along, moved)
 
 
 def rms(values: list[Floats] | Floats) -> float:

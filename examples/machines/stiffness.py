@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtpin.accuracy.sensitivity import rod_names
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import pose_jacobian
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -44,8 +44,7 @@ def stiffness(
     Raises `ModelError` if a stiffness is not positive or the robot has no rods. `UnreachableError` if the commands can't be
     reached.
     """
-    kinematics = of_rods(model.kinematics)
-    count = len(kinematics.L0)
+    kinematics, count = model.kinematics, len(rod_names(model))
     rods, drives = (np.asarray(k, dtype=float) for k in (rod, drive))
     shapes = ((rods, count), (drives, model.robot.n_actuators))
     if any(not (k > 0.0).all() or k.shape not in ((), (size,)) for k, size in shapes):
@@ -53,8 +52,10 @@ def stiffness(
             "a stiffness that is none", hint="give one positive number in N/m, or one for each rod or actuator"
         )
     poses = reached_poses(kinematics, q) if poses is None else poses
-    d, RP = kinematics.rod_vectors(q, poses)
-    J = pose_jacobian(d, RP) / np.linalg.norm(d, axis=2)[..., None]
+    on_platform, on_carriers = kinematics.rod_ends(q, poses)
+    u = on_platform - on_carriers
+    u = u / np.linalg.norm(u, axis=2)[..., None]
+    J = np.concatenate([u, np.cross(on_platform - poses.T[:, None], u)], axis=2)
     B = -J @ kinematics.command_jacobian(q, poses)
     give = (B / np.broadcast_to(drives, B.shape[-1:])) @ np.swapaxes(B, 1, 2)
     give = give + np.diag(np.broadcast_to(1.0 / rods, count))

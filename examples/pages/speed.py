@@ -28,7 +28,7 @@ RATIOS = {
         "test_fsolve_on_the_closures",
         "test_pinocchio_one_posture_after_the_other",
     ),
-    "a closed posture by `fsolve` over one in arrays": ("test_fsolve_on_the_closures", "test_arrays_of_many_postures"),
+    "a closed posture by `fsolve` over one of many in one call": ("test_fsolve_on_the_closures", "test_arrays_of_many_postures"),
     "`least_squares` over the calibration of 61 poses": (
         "test_61_poses_with_60_parameters_by_least_squares",
         "test_61_poses_with_60_parameters",
@@ -46,7 +46,7 @@ ARM_RATIOS = {
 }
 ROWS = {
     "test_pinocchio_one_posture_after_the_other": "a closed posture by Pinocchio, from a neighbour within 50 mm a cart",
-    "test_arrays_of_many_postures": "a closed posture among 20,000, in arrays",
+    "test_arrays_of_many_postures": "a closed posture among 20,000, in one call",
     "test_fsolve_on_the_closures": "the same by `fsolve` on the six closures, from the neighbour",
     "test_61_poses_with_60_parameters": "calibration of 61 poses, 60 parameters",
     "test_61_poses_with_60_parameters_by_least_squares": "the same by `least_squares` with numerical derivatives",

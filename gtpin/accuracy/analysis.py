@@ -12,10 +12,9 @@ import numpy as np
 
 from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import ExpectedError, Uncertainty, expected_error, mean_length, response
-from gtpin.accuracy.sensitivity import Sensitivity, sensitivity
+from gtpin.accuracy.sensitivity import Sensitivity, rod_names, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError, check_kind
-from gtpin.kinematics.kinematics import of_rods
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
@@ -79,7 +78,7 @@ class Accuracy(Shown):
         """
         covariance, at = response(self.model, self.space.q, self.uncertainty).covariance, self.space.dexterity
         found = {"position error": mean_length(covariance[:, :3, :3])}
-        if not self.model.geometry.reduced:
+        if not self.model.geometry.positions_only:
             found["orientation error"] = mean_length(covariance[:, 3:, 3:])
         found |= {"condition number": at.condition, "distance from singularity": at.singularity}
         return {name: values for name, values in found.items() if np.isfinite(values).any()}
@@ -96,7 +95,7 @@ class Accuracy(Shown):
         arm.
         """
         poses = self.model.kinematics.forward(self.q)
-        turns = self.expected.orientation is not None and not self.model.geometry.reduced
+        turns = self.expected.orientation is not None and not self.model.geometry.positions_only
         errors = {"position": self.expected.position, "orientation": self.expected.orientation if turns else None}
         measures = dexterity(self.model, self.q, poses).measures()
         return {
@@ -200,7 +199,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:
-    links = of_rods(model.kinematics).names
+    links = rod_names(model)
     if set(costs) != set(links) or poses < 1 or not all(0.0 <= cost < np.inf for cost in costs.values()):
         raise ModelError(
             "costs that can't be the model's", hint=f"give one in m^4 for each of the links {', '.join(links)}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.kinematics.kinematics import reached_poses
+from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -57,17 +57,39 @@ def dexterity(model: Model, q: Floats, poses: Poses | None = None) -> Dexterity:
     poses = reached_poses(kinematics, q) if poses is None else poses
     J = kinematics.command_jacobian(q, poses)[:, :6]
     gain, rotation_gain = (np.asarray(np.linalg.svd(part, compute_uv=False)) for part in (J[:, :3], J[:, 3:]))
-    by_rods = kinematics.length_response(q, poses)
+    by_rods = kinematics.motion(q, poses).by_rod_lengths if robot.rod_sites else None
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = gain[:, 0] / gain[:, -1]
-    singularity, one_at = kinematics.singularity(q, poses)
+    singular, one_at = singularity(kinematics, q, poses)
     return Dexterity(
         position_gain=gain,
         rotation_gain=rotation_gain,
         condition=condition,
-        position_amplification=np.linalg.norm(by_rods[:, :3], ord=2, axis=(1, 2)) if robot.rod_sites else None,
-        rotation_amplification=np.linalg.norm(by_rods[:, 3:6], ord=2, axis=(1, 2)) if robot.rod_sites else None,
-        singularity=singularity,
+        position_amplification=None if by_rods is None else np.linalg.norm(by_rods[:, :3], ord=2, axis=(1, 2)),
+        rotation_amplification=None if by_rods is None else np.linalg.norm(by_rods[:, 3:6], ord=2, axis=(1, 2)),
+        singularity=singular,
         one_at=one_at,
         limit=np.minimum(q - robot.lower, robot.upper - q).min(axis=1),
     )
+
+
+def singularity(kinematics: Kinematics, q: Floats, poses: Poses) -> tuple[Floats, str]:
+    """(N,) relative distances from a singularity, and where they are 1: see :class:`Dexterity`."""
+    if kinematics.robot.rod_sites:
+        home_q = kinematics.robot.home_q[None]
+        return _of_rods(kinematics, q, poses) / _of_rods(kinematics, home_q, kinematics.home), "home"
+    J = kinematics.command_jacobian(q, poses)[:, :6]
+    reach = float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    least = np.linalg.svd(np.concatenate([J[:, :3], reach * J[:, 3:]], axis=1), compute_uv=False)[:, -1]
+    return np.asarray(least / max(float(least.max()), 1e-300), dtype=np.float64), "best"
+
+
+def _of_rods(kinematics: Kinematics, q: Floats, poses: Poses) -> Floats:
+    """(N,) smallest singular value of the closures' Jacobian of rods."""
+    on_platform, on_carriers = kinematics.rod_ends(q, poses)
+    d = on_platform - on_carriers
+    arm = on_platform - on_platform.mean(axis=1, keepdims=True)
+    size = np.sqrt((arm**2).sum(axis=2).mean(axis=1))
+    u = d / np.linalg.norm(d, axis=2)[..., None]
+    rows = np.concatenate([u, np.cross(arm, u) / size[:, None, None]], axis=2)
+    return np.asarray(np.linalg.svd(rows, compute_uv=False), dtype=np.float64)[:, -1]

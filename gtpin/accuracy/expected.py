@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import elliprg
 
+from gtpin.accuracy.sensitivity import check_closure_sigmas
 from gtpin.errors import ModelError
-from gtpin.kinematics.closures import pose_jacobian, rod_vectors
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model, root_of
 from gtpin.typing import Floats
@@ -94,13 +93,14 @@ class ExpectedError:
     visits: int
 
 
-def closure_response(kinematics: RodKinematics, q: Floats, poses: Poses) -> Floats:
+def closure_response(kinematics: Kinematics, q: Floats, poses: Poses) -> Floats:
     """(N, 6, k) change of the TCP's pose, base frame, per unit closure residual \\|d\\|^2 - L^2, m^2, of each rod.
 
-    With residuals c the rods of their nominal lengths close at a pose that differs by dx: J dx = c / 2, with J the derivative
-    of (\\|d\\|^2 - L^2) / 2 by the pose.
+    A residual c is that of a rod whose length is c / (2 L) longer.
     """
-    return np.asarray(np.linalg.inv(pose_jacobian(*rod_vectors(poses, kinematics.ends(q)))) / 2.0)
+    on_platform, on_carriers = kinematics.rod_ends(q, poses)
+    length = np.linalg.norm(on_platform - on_carriers, axis=2)
+    return np.asarray(kinematics.motion(q, poses).by_rod_lengths[:, :6] / (2.0 * length[:, None]))
 
 
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse:
@@ -122,11 +122,8 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
         fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(uncertainty.parameters)
         fixed = fixed if model.frame.is_base else placed_best(fixed, poses)
     if uncertainty.closures is not None:
-        rods = of_rods(model.kinematics)
-        if np.shape(uncertainty.closures) != rods.L0.shape:
-            what = f"{np.size(uncertainty.closures)} closure sigmas"
-            raise ModelError(what, hint=f"give one for each of {len(rods.L0)} rods")
-        fresh.append(closure_response(rods, q, poses) * uncertainty.closures)
+        check_closure_sigmas(model, uncertainty.closures)
+        fresh.append(closure_response(kinematics, q, poses) * uncertainty.closures)
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2))

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.special import ndtr
 
+from gtpin.accuracy.small_errors import SmallError, small_errors
 from gtpin.errors import ModelError, warn
-from gtpin.kinematics.closures import RodEnds, rod_vectors
-from gtpin.kinematics.kinematics import of_rods, reached_poses
+from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_geometry import RodStep, rod_step
-from gtpin.kinematics.rod_kinematics import RodKinematics
 from gtpin.kinematics.rotations import well_defined, zyz_change, zyz_rates
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -52,7 +50,7 @@ class Sensitivity:
     """The sensitivity of a model at given commands.
 
     - ``parameters``, ``links``: names of the p parameters and k parts. Rods have those of
-      :data:`~gtpin.kinematics.rod_geometry.PARAMETERS`; the placements of joints (named by the joint), of the tool
+      :data:`~gtpin.accuracy.small_errors.PARAMETERS`; the placements of joints (named by the joint), of the tool
       (``platform``) and of loops' anchors have ``x y z rx ry rz``, own axes.
     - ``poses``: number of commands that were summed over.
     - ``step``: the step, m, or rad for ``rx ry rz``, or m/m for directions.
@@ -125,46 +123,53 @@ def sensitivity(
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    rods = ends = None
     if sigmas is not None:
-        rods = of_rods(kinematics)
-        ends = rods.ends(q)
-        if np.shape(sigmas) != rods.L0.shape:
-            raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(rods.L0)} rods")
+        check_closure_sigmas(model, sigmas)
     defined = well_defined(poses.R)
     if not defined:
         warn("changes of orientation are left out: ZYZ angles jump where the z axes of TCP and base are parallel")
     rates = zyz_rates(poses.R) if defined else np.full((len(q), 3, 3), np.nan)
     cells: dict[tuple[str, str], tuple[Floats, Floats]] = {}
-    for error in kinematics.small_errors(q, poses):
-        moved = step * error.rate
+    motion = kinematics.motion(q, poses)
+    for error in small_errors(kinematics, q, motion):
+        moved = step * error.rate(motion)
         linear = np.full(3, np.nan)
         linear[0] = 2.0 * np.linalg.norm(moved[:, :3], axis=1).sum()
         linear[1] = 2.0 * np.abs(np.einsum("nij,nj->ni", rates, moved[:, 3:])).sum()
-        exact = np.append(_changes(poses, error.after(step)) + _changes(poses, error.after(-step)), np.nan)
-        if rods is not None and ends is not None and sigmas is not None:
-            rod = rods.names.index(error.link)
-            change = rod_step(rods, q, error.parameter, rod)
-            assert change is not None
-            exact[2], linear[2] = _cost(change, ends, poses, step, float(sigmas[rod]))
+        both = (_changes(poses, error.after(kinematics, q, poses, s * step)) for s in (1.0, -1.0))
+        exact = np.append(sum(both, np.zeros(2)), np.nan)
+        if sigmas is not None and error.rod is not None:
+            exact[2], linear[2] = _cost(error, kinematics, q, poses, step, float(sigmas[error.rod]))
         cells[error.parameter, error.link] = exact, linear
     parameters, links = (tuple(dict.fromkeys(names)) for names in zip(*cells, strict=True))
     tables = np.full((2, 3, len(parameters), len(links)), np.nan)
-    for (parameter, link), both in cells.items():
-        tables[:, :, parameters.index(parameter), links.index(link)] = both
-    one, two = (Sums(s[0], s[1], None if rods is None else s[2]) for s in tables)
+    for (parameter, link), cell in cells.items():
+        tables[:, :, parameters.index(parameter), links.index(link)] = cell
+    one, two = (Sums(s[0], s[1], None if sigmas is None else s[2]) for s in tables)
     return Sensitivity(parameters, links, len(q), step, one, two)
 
 
-def step_sums(kinematics: RodKinematics, q: Floats, poses: Poses, change: RodStep, sigma: float, step: float) -> Floats:
-    """(3,) exact sums of :class:`Sums` over poses (N) and both signs of a step of any change of one rod.
+def check_closure_sigmas(model: Model, sigmas: Floats) -> None:
+    """Raise `ModelError` if a robot has no rods, or there is not one standard deviation for each of them."""
+    names = rod_names(model)
+    if np.shape(sigmas) != (len(names),):
+        raise ModelError(f"{np.size(sigmas)} closure sigmas", hint=f"give one for each of the {len(names)} rods")
+
+
+def rod_names(model: Model) -> tuple[str, ...]:
+    """Names of the rods; `ModelError` if there are none."""
+    if not model.robot.rod_sites:
+        raise ModelError(f"{model.robot.name} has no rods", hint="this analysis is of rods that hold a platform")
+    return tuple(model.robot.rod(i).name for i in range(len(model.robot.rod_sites)))
+
+
+def step_sums(kinematics: Kinematics, q: Floats, poses: Poses, error: SmallError, sigma: float, step: float) -> Floats:
+    """(3,) exact sums of :class:`Sums` over poses (N) and both signs of a step of any error of one rod.
 
     ``sigma``: standard deviation of the rod's closure residual, m^2.
     """
-    ends = kinematics.ends(q)
-    size = kinematics.geometry.robot.size
-    both = [_changes(poses, change.poses_after(sign * step, ends, poses, size)) for sign in (1.0, -1.0)]
-    return np.array([*(both[0] + both[1]), _cost(change, ends, poses, step, sigma)[0]])
+    both = (_changes(poses, error.after(kinematics, q, poses, s * step)) for s in (1.0, -1.0))
+    return np.array([*sum(both, np.zeros(2)), _cost(error, kinematics, q, poses, step, sigma)[0]])
 
 
 def _changes(poses: Poses, moved: Poses) -> Floats:
@@ -173,19 +178,31 @@ def _changes(poses: Poses, moved: Poses) -> Floats:
     return np.array([np.linalg.norm(moved.T - poses.T, axis=1).sum(), rotation])
 
 
-def closure_change(change: RodStep, ends: RodEnds, poses: Poses, step: float) -> Floats:
-    """(N,) change of a rod's closure |d|^2 - L^2 at fixed poses (N,) by a step, m^2."""
-    d = rod_vectors(poses, ends)[0][:, change.rod]
-    L = np.broadcast_to(ends.L, (len(poses), ends.L.shape[1]))[:, change.rod]
-    move, grown = step * change.vector(poses), step * change.L
+def closure_change(error: SmallError, kinematics: Kinematics, q: Floats, poses: Poses, step: float) -> Floats:
+    """(N,) change of a rod's closure |d|^2 - L^2 at fixed poses (N,) by a step of an error of it, m^2."""
+    d, L = _rod(error, kinematics, q, poses)
+    assert error.moved is not None
+    move, grown = step * error.moved, step * error.grown
     # Expanded: a difference of two squares of lengths of about 2 m would lose seven digits.
     return np.asarray(np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + grown) * grown)
 
 
-def _cost(change: RodStep, ends: RodEnds, poses: Poses, step: float, sigma: float) -> tuple[float, float]:
+def _rod(error: SmallError, kinematics: Kinematics, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
+    """(N, 3) the vector of an error's rod, from carrier to platform, base frame, and (N,) its length, m."""
+    on_platform, on_carriers = kinematics.rod_ends(q, poses)
+    d = (on_platform - on_carriers)[:, error.rod]
+    return d, np.linalg.norm(d, axis=1)
+
+
+def _cost(
+    error: SmallError, kinematics: Kinematics, q: Floats, poses: Poses, step: float, sigma: float
+) -> tuple[float, float]:
     """Exact and linear sums over poses and signs of the expected changes of the squared closure, whose sigma is given."""
-    slope = change.slope(rod_vectors(poses, ends)[0][:, change.rod], ends, poses)
-    exact = sum(_expected_change(closure_change(change, ends, poses, s * step), sigma).sum() for s in (1.0, -1.0))
+    d, L = _rod(error, kinematics, q, poses)
+    assert error.moved is not None
+    slope = np.einsum("ni,ni->n", d, error.moved) - L * error.grown
+    changes = (closure_change(error, kinematics, q, poses, s * step) for s in (1.0, -1.0))
+    exact = sum(_expected_change(change, sigma).sum() for change in changes)
     return float(exact), float(2.0 * _expected_change(2.0 * step * slope, sigma).sum())
 
 

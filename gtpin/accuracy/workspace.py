@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median
 
-from gtpin.accuracy.dexterity import Dexterity, dexterity
+from gtpin.accuracy.dexterity import Dexterity, dexterity, singularity
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.closures import halton
+from gtpin.kinematics.first_guess import halton
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -206,7 +206,7 @@ def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floa
         q = lower + shares * (upper - lower)
         poses = model.kinematics.forward(q)
         q, poses = q[poses.reached], poses[poses.reached]
-        sound = model.kinematics.singularity(q, poses)[0] >= SOUND
+        sound = singularity(model.kinematics, q, poses)[0] >= SOUND
         found = np.vstack([found, q[sound & (_gain(model, q, poses) <= CONDITIONED[0])]])
         if len(found) >= count:
             break

@@ -19,7 +19,6 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.paper_models import MEASURED, model_geometry
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
@@ -35,9 +34,11 @@ from gtpin.model.fit_conditions import FitConditions
 from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.paper.geometry import Per, nominal_geometry
+from gtpin.paper.models import MEASURED, model_geometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import KINDS, TOLERANCE, Per
+from gtpin.robot.parameters import KINDS, TOLERANCE
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats, Mask
 
@@ -76,13 +77,13 @@ def calibrate(
     robot
         The nominal robot; by default the one that the dataset names.
     model
-        One of models 1 to 5 of Dressler et al. 2010 (see :func:`~gtpin.calibration.paper_models.model_geometry`), in place of
+        One of models 1 to 5 of Dressler et al. 2010 (see :func:`~gtpin.paper.models.model_geometry`), in place of
         the parameters that ``directions``, ``scale`` and ``without`` choose. These models leave out known causes of deviations.
         Therefore the noise is estimated from their residuals, and declared sigmas are not used.
     orientations
         Whether models 2, 4 and 5 also use the carts' measured rotations along their tracks; not used without ``model``.
     directions, scale, without
-        Choice of parameters: see :meth:`~gtpin.robot.geometry.Geometry.nominal`. The default for the Gantry-Tau is 48
+        Choice of parameters: see :func:`~gtpin.paper.geometry.nominal_geometry`. The default for the Gantry-Tau is 48
         parameters: those of rod lengths and joints, and one track direction per cart.
     kinematics
         Deprecated, and not used: both former solvers gave the same result except for rounding.
@@ -138,7 +139,7 @@ def calibrate(
             hint = f"kinds are {', '.join(TOLERANCE)}"
             raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=f"tolerance.{kind}", hint=hint)
         if model is None:
-            nominal = partial(Geometry.nominal, robot, directions=directions, scale=scale, without=without)
+            nominal = partial(nominal_geometry, robot, directions=directions, scale=scale, without=without)
             geometry = nominal(tolerance=dataset.tolerance)
             _warn_of_unused(dataset, nominal)
         else:

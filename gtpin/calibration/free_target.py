@@ -17,7 +17,7 @@ from gtpin.data.plausible import in_order, misplaced, order_that_fits
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError
 from gtpin.kinematics.frame_and_target import Placement, frame_and_target
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -44,7 +44,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))
     free = dataset.instrument.frame == "free"
-    poses = kinematics(without_target(geometry)).forward(measured.q)
+    poses = Kinematics(without_target(geometry)).forward(measured.q)
     good = poses.reached
     _check_order(dataset, poses[good], measured.take(good), free)
     found, place = with_target(geometry, measured, free_frame=free)
@@ -55,7 +55,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
 
 def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> tuple[Geometry, Placement | None]:
     """The geometry with the TCP at a first guess of the target, and the guess; unchanged where no pose can be reached."""
-    poses = kinematics(without_target(geometry)).forward(measured.q)
+    poses = Kinematics(without_target(geometry)).forward(measured.q)
     good = poses.reached
     if not good.any():
         return geometry, None
@@ -71,7 +71,7 @@ def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> 
             own = max(POSITION, at) if p.component < 3 else turn
             p = replace(p, nominal=float(values[i]), tolerance=own)
         parameters.append(p)
-    return Geometry(geometry.robot, tuple(parameters), values), place
+    return replace(geometry, parameters=tuple(parameters), values=values), place
 
 
 def unseen_words(unseen: Floats) -> str:

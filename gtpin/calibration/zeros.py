@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.placed import carrier_rates
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
@@ -46,11 +46,10 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
         table = controller_table(Model(geometry, covariance=covariance))
         zeros = (p for p in table if p.name == ("d" if p.site in slide else "theta") and p.determined)
         return tuple(Zero(p.site, p.correction, p.sigma, p.unit) for p in zeros)
-    kinematics = RodKinematics(geometry)
-    rates = np.array([joint.by_travel(np.zeros(1))[0] for joint in kinematics.seats]) * kinematics.scale[:, None]
+    rates = carrier_rates(geometry)
     found = []
     for a, actuator in enumerate(robot.actuators):
-        carried = list(kinematics.carried(a))
+        carried = list(robot.rods_on(a))
         weight = np.zeros(len(geometry.parameters))
         power = float((rates[carried] ** 2).sum()) if carried else 0.0
         for j, p in enumerate(geometry.parameters):

@@ -140,7 +140,7 @@ class HeldAgainst:
     @staticmethod
     def of(model: Model, dataset: Dataset, noise: Noise, *, align: bool) -> HeldAgainst:
         """Compare a model with the rows of a dataset; ``align``: fit the instrument's frame to these rows first."""
-        measured = measured_poses(replace(dataset, orientation=None) if model.geometry.reduced else dataset)
+        measured = measured_poses(replace(dataset, orientation=None) if model.geometry.positions_only else dataset)
         at = at_commands(model, dataset.q, dataset.covariates)
         if align:
             base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)

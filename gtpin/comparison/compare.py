@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
-from gtpin.calibration.paper_models import MEASURED, MODELS, model_geometry
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, check_kind, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.measured_robot import robot_of
+from gtpin.paper.models import MEASURED, MODELS, model_geometry
 from gtpin.robot.chain import Chain
 from gtpin.threads import in_one_thread
 
@@ -114,4 +114,4 @@ def within_tracks(robot: Chain, dataset: Dataset) -> npt.NDArray[np.bool_]:
     """(N,) the poses whose commands lie in the measured range of all carts; all of them where no cart was measured."""
     if dataset.carts is None:
         return np.ones(len(dataset), dtype=bool)
-    return ~model_geometry(4, robot, dataset).outside_tracks(dataset.q)
+    return ~model_geometry(4, robot, dataset).outside(dataset.q)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import GtpinError, UnreachableError
-from gtpin.kinematics.closures import halton
+from gtpin.kinematics.first_guess import halton
 from gtpin.kinematics.inverse import commands_for
 from gtpin.model.model import Model
 from gtpin.typing import Floats

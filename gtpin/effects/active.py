@@ -11,8 +11,8 @@ from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import PARTS, TURN, Column, OperatingPoints, References, part_of_turn
 from gtpin.errors import ModelError, renamed, warn
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses, chunks
-from gtpin.kinematics.protocol import Kinematics
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -88,19 +88,16 @@ def with_effects(
     plain = kinematics.forward(q) if plain is None else plain
     if not effects or not len(q):
         return plain
-    T, R = plain.T.copy(), plain.R.copy()
-    joints = {name: x.copy() for name, x in plain.joints.items()}
+    found = plain.copy()
     reached = np.flatnonzero(plain.reached)
     for chunk in chunks(len(reached)) or [slice(0, 0)]:
         rows = reached[chunk]
         some = {name: values[rows] for name, values in covariates.items()}
         displaced = _displaced(kinematics, q[rows], plain[rows], some, effects)
-        T[rows], R[rows] = displaced.T, displaced.R
-        for name, x in joints.items():
-            x[rows] = displaced.joints[name]
-    lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))
-    T[lost], R[lost] = np.nan, np.nan
-    return Poses(T, R, joints)
+        found.put(rows, displaced)
+    lost = ~(np.isfinite(found.T).all(axis=1) & np.isfinite(found.R).all(axis=(1, 2)))
+    found.T[lost], found.R[lost] = np.nan, np.nan
+    return found
 
 
 def _displaced(
@@ -112,20 +109,28 @@ def _displaced(
 ) -> Poses:
     """Poses with effects, for rows whose closures the geometry without effects can solve."""
     commands, twist = q.copy(), np.zeros((len(q), 6))
-    lengths, twists = np.zeros((1, 1)), dict[int, Floats]()
+    twists = dict[int, Floats]()
     for active in effects:
         at = OperatingPoints(kinematics, q, plain, covariates, fixed=active.references)
         basis, c = active.basis(at), active.coefficients
         if basis.command is not None:
             commands[:, basis.command[0]] += basis.command[1] @ c
+        moved = {index: twist @ c for index, twist in basis.placements}
         if basis.length is not None:
-            lengths = lengths + basis.length @ c
-        for index, moved in basis.placements:  # twists are small: their order is a second-order effect
-            twists[index] = twists.get(index, 0.0) + moved @ c
+            _add(moved, at.lengthened(basis.length @ c))
+        if basis.carrier_joints is not None:
+            on_carriers = at.on_carriers(basis.carrier_joints)
+            _add(moved, {index: twist @ c for index, twist in on_carriers.items()})
+        _add(twists, moved)  # twists are small: their order is a second-order effect
         if basis.twist is not None:
             twist += basis.twist @ c
-    poses = kinematics.displaced(q, plain, commands, twists, lengths)
+    poses = kinematics.displaced(q, plain, commands, twists)
     return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
+
+
+def _add(twists: dict[int, Floats], moved: Mapping[int, Floats]) -> None:
+    for index, twist in moved.items():
+        twists[index] = twists.get(index, 0.0) + twist
 
 
 def where_measured(at: OperatingPoints, effect: Effect, site: str, values: tuple[float, ...]) -> Displacement:

@@ -1,4 +1,4 @@
-"""Displacements of joints and links of a robot without rods: their frames, and the deformation of links under load."""
+"""Displacements of joints, carts and links: their frames, and the deformation of links under load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pinocchio as pin
 from gtpin.effects.displacement import Displacement, of_lengths, rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
-from gtpin.kinematics.bodies import index_of
+from gtpin.kinematics.placed import frame_of_joint, frame_of_tcp
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_axis
@@ -21,86 +21,91 @@ from gtpin.typing import Floats
 
 @dataclass(frozen=True)
 class JointFrame:
-    """The frames that an actuator carries, in which its error motions are expressed: a joint's own, or those on a cart.
+    """The frame of what an actuator carries, in which its error motions are expressed.
 
-    ``indices``: indices of the frames in the arrays of :class:`~gtpin.kinematics.protocol.Bodies`. ``axis``: (3,) unit
-    vector of the actuator's axis, in the frames' axes: the actuator slides along it or turns about it. ``across``: (2, 3)
-    unit vectors a and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`.
+    Of a joint this is its placement frame. Of a cart it has the base frame's axes, and the mean of the cart's joints as origin.
+
+    ``index``: index of the placement frame that moves: see :mod:`~gtpin.kinematics.placed`. ``axis``: (3,) unit vector of the
+    actuator's axis, in the frame's axes: the actuator slides along it or turns about it. ``across``: (2, 3) unit vectors a
+    and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`. ``on_cart``: indices of the rods whose
+    joints are on the cart; none of a joint.
     """
 
-    indices: tuple[int, ...]
+    index: int
     axis: Floats
     across: Floats
+    on_cart: tuple[int, ...] = ()
 
     @property
-    def index(self) -> int:
-        """Index of the frame of a joint of a robot without rods."""
-        return self.indices[0]
+    def turns(self) -> bool:
+        """Whether a rotation of the frame moves anything: not of a cart with a single joint."""
+        return len(self.on_cart) != 1
 
 
 def joint_frame(at: OperatingPoints, site: str) -> JointFrame:
-    """The frames that the actuator at a site carries, and its axis in them."""
-    actuator = at.robot.sites.index(site)
-    axis = at.kinematics.axis(actuator)
-    return JointFrame(at.kinematics.carried(actuator), axis, rotation_axes(axis)[:2])
+    """The frame of what the actuator at a site carries, and its axis in it."""
+    number = at.robot.sites.index(site)
+    actuator, rods = at.robot.actuators[number], at.robot.rods_on(number)
+    axis = np.asarray(actuator.axis) if rods else at.kinematics.axis(number)
+    return JointFrame(frame_of_joint(actuator.joint_id), axis, rotation_axes(axis)[:2], rods)
 
 
 def of_joint(at: OperatingPoints, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Displacement:
     """Basis of motions of what an actuator carries, with w c coefficients: w directions of motion times c functions each.
 
-    ways (6, w) are unit twists in the axes of its frames. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are
+    ways (6, w) are unit twists in the axes of its frame. columns (N, w, c) are their amplitudes, m or rad. sigma (w c,) are
     the typical sizes of the coefficients.
     """
     return of_body(at, site, np.einsum("iw,nwc->niwc", ways, columns).reshape(len(at), 6, -1), sigma)
 
 
 def of_body(at: OperatingPoints, site: str, twist: Floats, sigma: Floats) -> Displacement:
-    """Basis of twists (N, 6, m), m and rad, of what an actuator carries, in the axes of its frames.
-
-    A joint's own placement frame moves. The frames on a cart (its rods' joints) shift together and turn about their mean.
-    """
-    indices = joint_frame(at, site).indices
-    if len(indices) == 1:
-        return Displacement(sigma, placements=((indices[0], twist),))
-    lever, turn = levers(at, site), twist[:, 3:]
-    moved = [
-        twist[:, :3] + np.cross(turn, lever[:, i, :, None], axisa=1, axisb=1, axisc=1) for i in range(len(indices))
-    ]
-    twists = (np.concatenate([shift, turn], axis=1) for shift in moved)
-    return Displacement(sigma, placements=tuple(zip(indices, twists, strict=True)))
+    """Basis of twists (N, 6, m), m and rad, of what an actuator carries, in its :class:`JointFrame`."""
+    frame = joint_frame(at, site)
+    if not frame.on_cart:
+        return Displacement(sigma, placements=((frame.index, twist),))
+    R, T = at.bodies.frame(frame.index)
+    away = (T - _middle(at, frame))[:, :, None]
+    shift = twist[:, :3] + np.cross(twist[:, 3:], away, axisa=1, axisb=1, axisc=1)
+    back = np.swapaxes(R, 1, 2)
+    return Displacement(sigma, placements=((frame.index, np.concatenate([back @ shift, back @ twist[:, 3:]], axis=1)),))
 
 
-def levers(at: OperatingPoints, site: str) -> Floats:
-    """(N, k, 3) vectors from the mean of the k joints on a cart to each of them, base frame, m."""
-    joints = at.carrier_joints[:, joint_frame(at, site).indices]
-    return np.asarray(joints - joints.mean(axis=1, keepdims=True))
+def _middle(at: OperatingPoints, frame: JointFrame) -> Floats:
+    """(N, 3) the mean of the joints on a cart, base frame, m."""
+    return np.asarray(at.carrier_joints[:, frame.on_cart].mean(axis=1))
 
 
 def of_carried(at: OperatingPoints, site: str, basis: Displacement) -> Floats:
-    """(N, 6, m) motion of a cart by a basis, base frame: shift of the mean of its joints, m, and turn about it, rad, by least
-    squares."""
-    lever, moved = levers(at, site), basis.shifts(joint_frame(at, site).indices)
-    square = np.einsum("nki,nkj->nij", lever, lever)
-    inertia = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
-    moment = np.cross(lever[..., None], moved, axisa=2, axisb=2, axisc=2).sum(axis=1)
-    return np.concatenate([moved.mean(axis=1), np.linalg.pinv(inertia, rcond=1e-9) @ moment], axis=1)
+    """(N, 6, m) motion of a cart by a basis in its :class:`JointFrame`: shift, m, and turn, rad."""
+    frame, moved = joint_frame(at, site), np.zeros((len(at), 6, len(basis)))
+    R, T = at.bodies.frame(frame.index)
+    away = (_middle(at, frame) - T)[:, :, None]
+    for index, twist in basis.placements:
+        if index == frame.index:
+            shift, turn = R @ twist[:, :3], R @ twist[:, 3:]
+            shift = shift + np.cross(turn, away, axisa=1, axisb=1, axisc=1)
+            moved += np.concatenate([shift, turn], axis=1)
+    return moved
 
 
 def cart_load(at: OperatingPoints, site: str) -> tuple[Floats, Floats]:
     """(N, 3) force, N, of the rods on a cart and (N, 3) their moment, N m, about the mean of its joints, base frame."""
-    pull = at.joint_loads[:, joint_frame(at, site).indices, :3]
-    return pull.sum(axis=1), np.cross(levers(at, site), pull).sum(axis=1)
+    frame = joint_frame(at, site)
+    pull = at.force[:, frame.on_cart, None] * at.along[:, frame.on_cart]
+    lever = at.carrier_joints[:, frame.on_cart] - _middle(at, frame)[:, None]
+    return pull.sum(axis=1), np.cross(lever, pull).sum(axis=1)
 
 
 def of_tips(at: OperatingPoints, site: str, twists: list[Floats], sigma: Floats) -> Displacement:
     """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
     found = zip(links_at(at.robot, site), twists, strict=True)
-    carried = [(link, target_at(at.kinematics.robot, link).actionInverse @ twist) for link, twist in found]
+    carried = [(link, target_at(at, link).actionInverse @ twist) for link, twist in found]
     if not at.robot.constraints:
         return Displacement(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
     # A link of a loop may carry more than one joint, or a loop's anchor. All of them move with the tip, as if the link's own
     # placement frame moved.
-    own = ((index_of(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
+    own = ((frame_of_joint(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
     return Displacement(sigma, placements=tuple(own))
 
 
@@ -116,7 +121,7 @@ def lengthened(at: OperatingPoints, site: str, strain: Floats, sigma: Floats) ->
 
 
 def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
-    """(N, 6, 6) matrices that transform a twist of the frame that ``Bodies`` has at a link's tip to the link's placement
+    """(N, 6, 6) matrices that transform a twist of the frame that ``Motion`` has at a link's tip to the link's placement
     frame."""
     R, T = _tip_from_joint(at, link)
     moved = np.zeros((len(R), 6, 6))
@@ -126,29 +131,29 @@ def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
 
 
 def _tip_from_joint(at: OperatingPoints, link: MovingLink) -> tuple[Floats, Floats]:
-    """(N, 3, 3) and (N, 3), m: the frame that ``Bodies`` has at a link's tip, in the link's own placement frame."""
-    own, bodies = index_of(link.joint_id), at.bodies
-    back = np.swapaxes(bodies.R[:, own], 1, 2)
-    return back @ bodies.R[:, link.tip], np.einsum("nij,nj->ni", back, bodies.T[:, link.tip] - bodies.T[:, own])
+    """(N, 3, 3) and (N, 3), m: the frame that ``Motion`` has at a link's tip, in the link's own placement frame."""
+    (R, T), (R_tip, T_tip) = at.bodies.frame(frame_of_joint(link.joint_id)), at.bodies.frame(link.tip)
+    back = np.swapaxes(R, 1, 2)
+    return back @ R_tip, np.einsum("nij,nj->ni", back, T_tip - T)
 
 
-def target_at(robot: Chain, link: MovingLink) -> pin.SE3:
-    """Placement, in the frame of a link's tip, of the frame that ``Bodies`` has there: loads and motions refer to it.
+def target_at(at: OperatingPoints, link: MovingLink) -> pin.SE3:
+    """Placement, in the frame of a link's tip, of the frame that ``Motion`` has there: loads and motions refer to it.
 
     It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
     """
-    last = link.tip == robot.model.njoints - 1
-    return robot.load_placement.actInv(robot.tcp_placement) if last else pin.SE3.Identity()
+    robot = at.robot
+    return robot.load_placement.actInv(at.kinematics.tcp) if link.tip == frame_of_tcp(robot) else pin.SE3.Identity()
 
 
 def _tip(robot: Chain, link: MovingLink, last: pin.SE3) -> pin.SE3:
     """Placement, on a link, of its tip: of the next joint; ``last`` for the last link."""
-    return last if link.tip == robot.model.njoints - 1 else robot.model.jointPlacements[link.tip + 1]
+    return last if link.tip == frame_of_tcp(robot) else robot.model.jointPlacements[link.tip + 1]
 
 
 def reach(at: OperatingPoints, link: MovingLink) -> Floats:
     """(3,) vector from a link's own joint to its tip (the next joint, or the URDF's TCP), in the tip's axes, m."""
-    robot = at.kinematics.geometry.robot
+    robot = at.robot
     placement = _tip(robot, link, robot.load_placement)
     return np.asarray(placement.rotation.T @ placement.translation)
 
@@ -165,7 +170,7 @@ def beam(at: OperatingPoints, link: MovingLink) -> Floats:
     A link that turns and whose joints meet in one point has a body all the same. It is a beam along the link's own axis that
     ends in this point, on whose other side the centre of mass is, ``BODY`` times as long as the distance of the centre of mass.
     """
-    length, robot = reach(at, link), at.kinematics.geometry.robot
+    length, robot = reach(at, link), at.robot
     twist, lever = joint_axis(robot.model, link.joint_id), np.asarray(robot.model.inertias[link.joint_id].lever)
     if float(np.linalg.norm(length)) >= POINT or not twist[3:].any():
         return length
@@ -187,23 +192,22 @@ def tip_loads(at: OperatingPoints, link: MovingLink) -> Floats:
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
-    target = target_at(at.kinematics.robot, link)
+    target = target_at(at, link)
     carried = _carried(at, link) if at.robot.constraints else at.joint_loads[:, link.tip]
     loads = carried @ target.dualAction.T
-    loads[:, :3] += weight @ at.bodies.R[:, link.tip] @ target.rotation.T
+    loads[:, :3] += weight @ at.bodies.frame(link.tip)[0] @ target.rotation.T
     return np.asarray(loads)
 
 
 def _carried(at: OperatingPoints, link: MovingLink) -> Floats:
     """(N, 6) load on a link without its own weight, N and N m, about the origin and in the axes of the frame at its tip.
 
-    That frame is the one that ``Bodies`` has.
+    That frame is the one that ``Motion`` has.
     """
-    own, inertia = index_of(link.joint_id), at.robot.model.inertias[link.joint_id]
+    own, inertia = frame_of_joint(link.joint_id), at.robot.model.inertias[link.joint_id]
     R, T = _tip_from_joint(at, link)
-    robot = at.kinematics.robot
-    centre = T + R @ _tip(robot, link, robot.tcp_placement).actInv(np.array(inertia.lever))
-    weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.R[:, own]
+    centre = T + R @ _tip(at.robot, link, at.kinematics.tcp).actInv(np.array(inertia.lever))
+    weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.frame(own)[0]
     loads = at.joint_loads[:, own] - np.concatenate([weight, np.cross(centre, weight)], axis=1)
     return np.asarray(np.einsum("nij,ni->nj", tip_to_joint(at, link), loads))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,11 +27,10 @@ class Displacement:
         (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
         position, m, and rotation vector, rad, base frame. Measured joints do not move then, unless there are rows for them.
     placements
-        Pairs of an index, as in :class:`~gtpin.kinematics.protocol.Bodies`, and (N, 6, m) twists, m and rad, of that frame, in
-        its own axes.
+        Pairs of the index of a frame (:mod:`~gtpin.kinematics.placed`), and (N, 6, m) twists, m and rad, of that frame, in its
+        own axes.
     carrier_joints
-        (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m: another form of ``placements`` for
-        robots with rods.
+        (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m.
     """
 
     sigma: Floats
@@ -39,13 +38,7 @@ class Displacement:
     length: Floats | None = None
     twist: Floats | None = None
     placements: tuple[tuple[int, Floats], ...] = ()
-    carrier_joints: InitVar[Floats | None] = None
-
-    def __post_init__(self, carrier_joints: Floats | None) -> None:
-        if carrier_joints is not None:
-            moved = [(i, carrier_joints[:, i]) for i in range(carrier_joints.shape[1]) if carrier_joints[:, i].any()]
-            twists = tuple((i, np.concatenate([shift, np.zeros_like(shift)], axis=1)) for i, shift in moved)
-            object.__setattr__(self, "placements", (*self.placements, *twists))
+    carrier_joints: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.sigma)
@@ -55,6 +48,7 @@ class Displacement:
         """The arrays of displacements by the names of the parameters, each with the poses first and the coefficients last."""
         found = {"command": self.command[1] if self.command else None, "length": self.length, "twist": self.twist}
         found |= {f"placements[{i}]": twist for i, (_, twist) in enumerate(self.placements)}
+        found["carrier_joints"] = self.carrier_joints
         return {name: part for name, part in found.items() if part is not None}
 
     def displacement(self, at: OperatingPoints) -> Floats:
@@ -67,16 +61,12 @@ class Displacement:
             total += at.response @ self.length
         for index, twist in self.placements:
             total += at.bodies.by_twist(index, twist)
+        if self.carrier_joints is not None:
+            for index, twist in at.on_carriers(self.carrier_joints).items():
+                total += at.bodies.by_twist(index, twist)
         if self.twist is not None:
             total[:, : self.twist.shape[1]] += self.twist
         return total
-
-    def shifts(self, frames: Sequence[int]) -> Floats:
-        """(N, len(frames), 3, m) shifts of some frames by its twists of placements, in their own axes, m."""
-        moved = dict(self.placements)
-        count = next(iter(moved.values())).shape[0] if moved else 0
-        still = np.zeros((count, 3, len(self)))
-        return np.stack([moved[i][:, :3] if i in moved else still for i in frames], axis=1)
 
 
 def side_by_side(bases: Sequence[Displacement]) -> Displacement:

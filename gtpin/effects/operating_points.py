@@ -11,8 +11,11 @@ import numpy.typing as npt
 
 from gtpin.effects.sites import joints
 from gtpin.errors import ModelError
+from gtpin.kinematics.dynamics import Loads
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.motion import FrameMotion
+from gtpin.kinematics.placed import frame_of_anchor, longer_rods
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.protocol import Bodies, Kinematics
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -28,9 +31,9 @@ FEW_OF = 2000
 
 _TOOL = ("fx", "fy", "fz", "payload")
 """Covariates of what acts on the tool."""
-_OF_POSES = ("vectors", "length", "along", "response", "command_jacobian", "bodies", "carrier_joints")
+_OF_POSES = ("vectors", "length", "along", "command_jacobian", "bodies", "carrier_joints")
 """Cached members of a situation that no covariate changes."""
-_OF_LOADS = ("joint_loads", "force")
+_OF_LOADS = ("loads",)
 """Cached members that no covariate changes but those of the tool."""
 
 
@@ -50,7 +53,7 @@ class References:
     - ``angles``: robots without rods: (n, ``PARTS``) whether each part of a joint's turn had commands, from angle 0; all
       False for sliding joints, and empty where it is not known.
     - ``joints``: robots without rods: (J + 1, 6) mean and (J + 1, 6) spread of the loads on J joints and the TCP, N and N
-      m, as in :func:`~gtpin.kinematics.statics.joint_loads`.
+      m, as in :class:`~gtpin.kinematics.dynamics.Loads`.
     """
 
     temperature: float
@@ -140,7 +143,8 @@ class OperatingPoints:
 
         P is in the TCP frame: the joint on the platform. C is in the base frame: the joint on the carrier.
         """
-        return self.kinematics.rod_vectors(self.q, self.poses)
+        on_platform, on_carriers = self.kinematics.rod_ends(self.q, self.poses)
+        return on_platform - on_carriers, on_platform - self.poses.T[:, None]
 
     @cached_property
     def length(self) -> Floats:
@@ -152,10 +156,25 @@ class OperatingPoints:
         """(N, k, 3) unit vectors of the rods, from carrier to platform, base frame."""
         return np.asarray(self.vectors[0] / self.length[..., None])
 
-    @cached_property
+    @property
     def response(self) -> Floats:
         """(N, 6 + j, k) motion of the TCP and j measured joints per change of each rod's length, base frame, m/m and rad/m."""
-        return self.kinematics.length_response(self.q, self.poses)
+        return self.bodies.by_rod_lengths
+
+    def lengthened(self, length: Floats) -> dict[int, Floats]:
+        """By index of a frame, the twists (N, 6) that change the rods' lengths by ``length`` (N, k), m."""
+        ways = enumerate(longer_rods(self.robot))
+        return {frame: length[:, i, None] * way for i, (frame, way) in ways if length[:, i].any()}
+
+    def on_carriers(self, moved: Floats) -> dict[int, Floats]:
+        """By index of a frame, the twists (N, 6, m) that move the rods' joints on carriers by (N, k, 3, m), base frame, m."""
+        found = {}
+        for i, seat in enumerate(self.robot.rod_seats):
+            if moved[:, i].any():
+                frame = frame_of_anchor(self.robot, seat)
+                own = np.swapaxes(self.bodies.frame(frame)[0], 1, 2) @ moved[:, i]
+                found[frame] = np.concatenate([own, np.zeros_like(own)], axis=1)
+        return found
 
     @cached_property
     def command_jacobian(self) -> Floats:
@@ -163,14 +182,19 @@ class OperatingPoints:
         return self.kinematics.command_jacobian(self.q, self.poses, self.bodies)
 
     @cached_property
-    def bodies(self) -> Bodies:
-        """First-order motion of the TCP for displacements of the chain's frames: joints, tool, rods' joints on carriers."""
-        return self.kinematics.bodies(self.q, self.poses)
+    def bodies(self) -> FrameMotion:
+        """First-order motion of the TCP for displacements of the chain's frames: joints, tool, loops' anchors."""
+        return self.kinematics.motion(self.q, self.poses)
 
     @cached_property
-    def joint_loads(self) -> Floats:
-        """(N, F, 6) loads on the frames of :attr:`bodies`, N and N m: see ``Kinematics.loads``."""
+    def loads(self) -> Loads:
+        """The static loads on joints, loops, rods and actuators."""
         return self.kinematics.loads(self.q, self.poses, *self._tool)
+
+    @property
+    def joint_loads(self) -> Floats:
+        """(N, J + 1, 6) loads on the joints' placement frames and the TCP, N and N m: see ``Loads.joints``."""
+        return self.loads.joints
 
     @cached_property
     def carrier_joints(self) -> Floats:
@@ -178,10 +202,10 @@ class OperatingPoints:
         d, RP = self.vectors
         return np.asarray(self.poses.T[:, None] + RP - d)
 
-    @cached_property
+    @property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive, from gravity of plate, rods and payload and the tool's force."""
-        return self.kinematics.rod_forces(self.q, self.poses, *self._tool)
+        return self.loads.rod_forces
 
     def rod_shares(self, error: Floats, noise: Floats) -> dict[str, float]:
         """Each rod's share of errors of the TCP's pose: of the mean squares beyond noise that they are in the rods' lengths.

@@ -11,6 +11,7 @@ from gtpin.effects.displacement import rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, turning_joint
 from gtpin.errors import ModelError, warn
+from gtpin.kinematics.placed import frame_of_joint
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.typing import Floats
 
@@ -187,7 +188,7 @@ def loads_of(at: OperatingPoints, site: str) -> tuple[Floats, Floats, Floats]:
         mean, spread = at.references.force
         return at.force[:, rods], mean[rods], spread[rods]
     j = at.robot.sites.index(site)
-    (index,), still = at.kinematics.carried(j), np.zeros(3)
+    index, still = frame_of_joint(at.robot.actuators[j].joint_id), np.zeros(3)
     along = at.kinematics.axis(j)
     axis = np.concatenate([still, along] if at.robot.actuators[j].revolute else [along, still])
     mean, spread = (values[index] for values in at.references.joints)

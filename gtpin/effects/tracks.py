@@ -89,7 +89,7 @@ class CartRotation(_GuideErrors):
     size = 1e-4
 
     def untestable(self, at: OperatingPoints, site: str) -> Untestable | None:
-        return None if len(joint_frame(at, site).indices) > 1 else Untestable("single_joint")
+        return None if joint_frame(at, site).turns else Untestable("single_joint")
 
 
 class ThermalTrack(Effect):
@@ -190,7 +190,7 @@ class CartCompliance(Effect):
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
-        rods, axes = list(frame.indices), np.vstack([frame.axis, frame.across])
+        rods, axes = list(frame.on_cart), np.vstack([frame.axis, frame.across])
         force, moment = cart_load(at, site)
         # Relative to the load of the fit, so that a prediction does not depend on which poses are predicted together.
         mean, spread = at.references.force

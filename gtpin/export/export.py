@@ -25,6 +25,7 @@ from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
+from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 
@@ -206,7 +207,7 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     has = {
         "drive scales": bool({("scale", "actuator"), ("scale", "rod")} & moved),
         "directions of single rods": ("direction", "rod") in moved,
-        "measured tracks": any(track is not None for track in geometry.tracks),
+        "measured tracks": isinstance(geometry, PaperGeometry) and any(track is not None for track in geometry.tracks),
         "instrument's frame": not model.frame.is_base,
     }
     names = [name for name, there in has.items() if there] + [active.name for active in model.effects]

@@ -22,6 +22,8 @@ from gtpin.typing import Floats
 SIMPLE = ("box", "cylinder", "sphere")
 WORLD = ""
 """Name of the body that does not move; the robot's root link is fixed to it."""
+LIGHTEST = 1e-12
+"""Mass, kg, up to which a body counts as massless. MJCF that gtpin writes has such bodies between two joints."""
 
 
 def numbers(*values: float) -> str:
@@ -96,6 +98,7 @@ class Joint:
     - ``lower``, ``upper``: its range, m or rad; infinite where it has no limits.
     - ``spring``: its spring; None if it moves freely or is driven.
     - ``play``: whether it is the play of a drive, and its range is this play.
+    - ``link``: the link that it carries in the URDF; empty for a joint of an effect.
     """
 
     name: str
@@ -107,6 +110,7 @@ class Joint:
     upper: float = np.inf
     spring: Spring | None = None
     play: bool = False
+    link: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,8 +275,7 @@ def mechanism(robot: Chain) -> Mechanism:
     Raises `RobotError` if a joint is neither prismatic nor revolute, nor floats on the base.
     """
     posture = home(robot)
-    model, data = robot.model, robot.data
-    pin.computeJointJacobians(model, data, posture.configuration)
+    model, data = robot.model, posture.data
     merged = _massless(robot)
     frames = _fixed_links(robot)
     shapes = shapes_of(robot)
@@ -294,7 +297,7 @@ def mechanism(robot: Chain) -> Mechanism:
                 name=kept[i],
                 parent=kept[parent],
                 placement=data.oMi[parent].inverse() * data.oMi[i],
-                joints=() if free else tuple(_joint(robot, posture, joint, i) for joint in merged_joints),
+                joints=() if free else tuple(_joint(robot, posture, j, i, frames[j][0][0]) for j in merged_joints),
                 inertia=model.inertias[i],
                 free=str(model.names[i]) if free else None,
                 shapes=shapes.get(i, ()),
@@ -303,7 +306,7 @@ def mechanism(robot: Chain) -> Mechanism:
         )
     shown, fixed = shapes.get(0, ()), dict(frames[0][1:])
     base = Body(frames[0][0][0], WORLD, pin.SE3.Identity(), (), model.inertias[0], None, shown, fixed)
-    rooted = tuple(replace(b, parent=base.name) if b.parent == WORLD and b.free is None else b for b in bodies)
+    rooted = tuple(replace(b, parent=base.name) if b.parent == WORLD else b for b in bodies)
     kept[0] = base.name
     loops = {
         loop.name: (
@@ -332,7 +335,7 @@ def _massless(robot: Chain) -> set[int]:
     return {
         i
         for i in range(1, model.njoints)
-        if model.inertias[i].mass == 0.0 and children[i] == 1 and i not in needed and len(links[i]) == 1
+        if model.inertias[i].mass <= LIGHTEST and children[i] == 1 and i not in needed and len(links[i]) == 1
         if model.nvs[i] == 1
     }
 
@@ -346,8 +349,8 @@ def _fixed_links(robot: Chain) -> dict[int, list[tuple[str, Any]]]:
     return found
 
 
-def _joint(robot: Chain, posture: ClosedPosture, joint: int, body: int) -> Joint:
-    model, data = robot.model, robot.data
+def _joint(robot: Chain, posture: ClosedPosture, joint: int, body: int, link: str) -> Joint:
+    model, data = robot.model, posture.data
     name = str(model.names[joint])
     if model.nvs[joint] != 1:
         raise RobotError(
@@ -370,4 +373,5 @@ def _joint(robot: Chain, posture: ClosedPosture, joint: int, body: int) -> Joint
         float(driven[0]) if driven else turn,
         float(lower) if lower < upper else -np.inf,
         float(upper) if lower < upper else np.inf,
+        link=link,
     )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+import pinocchio as pin
 
-from gtpin.export.mechanism import WORLD, Body, Guide, Joint, Mechanism, Shape, Spring, numbers, xml_text
+from gtpin.export.mechanism import LIGHTEST, WORLD, Body, Guide, Joint, Mechanism, Shape, Spring, numbers, xml_text
 from gtpin.export.mjcf_couplings import STIFF, add_couplings, add_plays, with_cranks
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.robot.mjcf import ADDED_MARK, PLANE_MARK, TCP_MARK
@@ -30,6 +33,8 @@ SAG = 3e-7
 GRIP = 2.0
 """Friction of a guide behind a play, over the larger of two loads: the machine's weight (times its size, if the actuator is
 revolute), and the largest load of the model's fit."""
+_SPECK = pin.Inertia(LIGHTEST, np.zeros(3), LIGHTEST * np.eye(3))
+"""Inertia of a link without mass between two joints: MuJoCo takes none without."""
 
 
 def to_mjcf(mechanism: Mechanism, plain: Mechanism) -> str:
@@ -39,9 +44,13 @@ def to_mjcf(mechanism: Mechanism, plain: Mechanism) -> str:
     shapes don't collide. Drives deflect by less than 1 um under the machine's weight. Drives and springs have damping and
     reflected inertia that keep the simulation stable at its time step. So its static poses are those of the machine, but its
     vibrations are not. Joints that are not in ``plain``, the mechanism without effects, are marked.
+
+    Pinocchio reads the file too: it takes only the first body of the world, so all others are on this one, also a platform
+    that floats.
     """
     root = Element("mujoco", model=mechanism.name)
-    cranked = with_cranks(mechanism)
+    robot = _joint_names(plain)
+    cranked = _with_single_joints(with_cranks(mechanism), robot)
     massless = any((body.joints or body.free) and body.inertia.mass == 0.0 for body in cranked.bodies)
     bounds = {key: numbers(value) for key, value in SMALLEST.items()} if massless else {}
     SubElement(root, "compiler", {"angle": "radian", "autolimits": "true", "balanceinertia": "true"} | bounds)
@@ -68,7 +77,7 @@ def to_mjcf(mechanism: Mechanism, plain: Mechanism) -> str:
         SubElement(equality, "connect", attributes)
     marks = SubElement(root, "custom")
     SubElement(marks, "text", name=TCP_MARK, data=_free(mechanism.tcp))
-    robot, driven = _joint_names(plain), {drive.site: drive.joint for drive in plain.drives}
+    driven = {drive.site: drive.joint for drive in plain.drives}
     stands = {drive.joint: driven[drive.site] for drive in mechanism.drives}
     for name in _joint_names(cranked):
         if name not in robot:
@@ -89,10 +98,37 @@ def _joint_names(mechanism: Mechanism) -> list[str]:
     return [joint.name for body in mechanism.bodies for joint in body.joints]
 
 
+def _with_single_joints(mechanism: Mechanism, robot: Collection[str]) -> Mechanism:
+    """A mechanism in which each of the joints ``robot`` is the last one of a body; links without mass are bodies again.
+
+    Of several joints of a body, Pinocchio 4.1 ignores the ``ref`` of the first, which is then one of an effect, with 0.
+    """
+    bodies = []
+    for body in mechanism.bodies:
+        groups: list[list[Joint]] = [[]]
+        for joint in body.joints:
+            groups[-1].append(joint)
+            if joint.name in robot:
+                groups.append([])
+        if len(groups) > 1:  # what follows the last one moves along or about its axis: their order does not matter
+            last = groups.pop()
+            groups[-1][-1:-1] = last
+        parent, placement = body.parent, body.placement
+        for group in groups[:-1]:
+            between = Body(group[-1].link, parent, placement, tuple(group), _SPECK)
+            bodies.append(between)
+            parent, placement = between.name, pin.SE3.Identity()
+        bodies.append(replace(body, parent=parent, placement=placement, joints=tuple(groups[-1])))
+    return replace(mechanism, bodies=tuple(bodies))
+
+
 def _body(parent: Element, body: Body) -> Element:
     element = SubElement(parent, "body", {"name": _free(body.name)} | _pose(body.placement))
     if body.free is not None:
-        SubElement(element, "freejoint", name=body.free)
+        # MuJoCo takes a <freejoint> on the world only. These have the same velocities; their coordinates count from home.
+        for name, axis in zip("xyz", body.placement.rotation, strict=True):
+            SubElement(element, "joint", name=f"{body.free}_{name}", type="slide", axis=numbers(*axis))
+        SubElement(element, "joint", name=body.free, type="ball")
     for joint in body.joints:
         element.append(_joint(joint))
     if body.inertia.mass > 0.0:
@@ -148,7 +184,7 @@ def _qpos(mechanism: Mechanism) -> list[float]:
     def coordinates(body: Body) -> list[float]:
         own = [joint.home for joint in body.joints]
         if body.free is not None:
-            own = [*body.placement.translation, *to_quaternions(body.placement.rotation[None])[0]]
+            own = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         return [*own, *(x for child in children.get(body.name, []) for x in coordinates(child))]
 
     return [float(x) for body in children[WORLD] for x in coordinates(body)]

@@ -48,7 +48,7 @@ def to_sdf(mechanism: Mechanism) -> str:
 def _link(model: Element, body: Body, placement: Any) -> None:
     link = SubElement(model, "link", name=body.name)
     _pose(link, placement)
-    if body.parent != WORLD or body.free is not None:
+    if body.parent != WORLD:
         inertia = body.inertia if body.inertia.mass > 0.0 else SMALLEST
         inertial = SubElement(link, "inertial")
         _pose(inertial, pin.SE3(np.eye(3), np.asarray(inertia.lever)))

@@ -82,8 +82,8 @@ def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect)
     for k, tangent in enumerate(active.coefficients[::2]):
         compliance, rest = line(moments[:, k], tilts[:, k], float(tangent))
         if compliance > STIFFEST:
-            axis = place.rotation.T @ here.bodies.R[0, frame.index] @ frame.across[k]
-            point = place.actInv(here.bodies.T[0, frame.index])
+            R, T = (x[0] for x in here.bodies.frame(frame.index))
+            axis, point = place.rotation.T @ R @ frame.across[k], place.actInv(T)
             spring = Spring(1.0 / compliance, rest)
             joints.append(Joint(f"{active.site}_tilts_{'ab'[k]}", "hinge", axis, point, 0.0, spring=spring))
             twist[:, 3:] += np.outer(rest + compliance * moments[:, k], frame.across[k])
@@ -105,7 +105,7 @@ def _flexibilities(
     total = np.zeros((len(at), 6))
     for link in links_at(model.robot, active.site):
         length, loads = beam(at, link), tip_loads(at, link)
-        to_target = target_at(model.kinematics.robot, link).inverse().action
+        to_target = target_at(at, link).inverse().action
         bent, twisted = (shape(length, loads) @ to_target.T for shape in (bending, torsion))
         g = max(float(active.coefficients[1]), 0.0)
         left = twists[link.tip] @ active.coefficients - active.coefficients[1] * twisted
@@ -120,12 +120,13 @@ def _flexibilities(
 def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g: float) -> Mechanism:
     """The mechanism with a link's tip, and the share ``OWN_WEIGHT`` of its mass, on springs at the link's middle."""
     here = _home(model)
-    robot = model.kinematics.robot
+    robot = model.robot
     along = beam(here, link)
     length = float(np.linalg.norm(along))
     if length == 0.0:
         return mechanism
-    tip = pin.SE3(here.bodies.R[0, link.tip], here.bodies.T[0, link.tip]) * target_at(robot, link).inverse()
+    R, T = (x[0] for x in here.bodies.frame(link.tip))
+    tip = pin.SE3(R, T) * target_at(here, link).inverse()
     u = along / length
     a, b = rotation_axes(u)[:2]
     compliances = (f * length**3 / 12.0,) * 2 + (f * length,) * 2 + (g * length,)

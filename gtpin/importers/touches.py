@@ -21,12 +21,11 @@ from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
 from gtpin.importers.matched import check_ranges
 from gtpin.kinematics.inverse import commands_for
-from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.output.ownership import alone_in, recorded
 from gtpin.references import seen_from
 from gtpin.robot.chain import Chain
-from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
 
@@ -251,8 +250,8 @@ def write_touches(
     written.
     """
     folder = Path(folder)
-    nominal = kinematics(Geometry.nominal(load_robot(robot, tcp)))
-    q, poses = commands(touches, nominal, _vector(origin, "origin"))
+    own = nominal(load_robot(robot, tcp))
+    q, poses = commands(touches, own, _vector(origin, "origin"))
     n = _vector(normal, "normal")
     if not n.any():
         raise DatasetError("the normal has no direction", column="normal", hint="give three numbers, not all zero")

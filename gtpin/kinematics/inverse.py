@@ -6,12 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.kinematics import Kinematics
-from gtpin.kinematics.kinematics import kinematics as kinematics_of
+from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
-from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 MAX_STEPS = 40
@@ -62,8 +60,7 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     """
     T = np.asarray(T, dtype=float)[None]
     R = None if R is None else np.asarray(R, dtype=float)[None]
-    nominal = kinematics_of(Geometry.nominal(posture.robot))
-    q = commands_for(nominal, T, R, posture.q[None])[0][0]
+    q = commands_for(nominal(posture.robot), T, R, posture.q[None])[0][0]
     if np.isnan(q).any():
         raise out_of_reach(posture.robot.name, T[0], R is not None)
     return posture.moved_to(q)
@@ -141,7 +138,8 @@ def _newton(
         reached = moved.reached
         left = errors_of(moved[reached], T[rows[reached]], None if R is None else R[rows[reached]])
         better[reached] = np.linalg.norm(left, axis=1) < np.linalg.norm(error[reached], axis=1)
-        q[rows[better]], poses.T[rows[better]], poses.R[rows[better]] = trial[better], moved.T[better], moved.R[better]
+        q[rows[better]] = trial[better]
+        poses.put(rows[better], moved[better])
         stride[rows[better]] = np.minimum(1.0, 2.0 * stride[rows[better]])
         stride[rows[~better]] /= 2.0
     final = np.full(len(T), np.inf)
@@ -159,7 +157,7 @@ def solved(kinematics: Kinematics, T: Floats, R: Floats | None, start: Floats) -
     of a robot with loops could be of another assembly mode.
     """
     robot = kinematics.robot
-    if robot.constraints or robot.rods:
+    if robot.constraints:
         found, _ = commands_for(kinematics, T, R, start)
         found[((found < robot.lower - INSIDE) | (found > robot.upper + INSIDE)).any(axis=1)] = np.nan
         return found

@@ -1,35 +1,363 @@
-"""The kinematics of a robot: in arrays if it has rods, by Pinocchio if it has none."""
+"""The kinematics of one geometry for many commands: Pinocchio computes every robot, with loops, rods or neither."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
+import pinocchio as pin
 
-from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.errors import AssemblyModeError, ClosureError, ModelError, UnreachableError
+from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
+from gtpin.kinematics.dynamics import Loads, loads, rod_ends
+from gtpin.kinematics.first_guess import FirstGuess
+from gtpin.kinematics.motion import FrameMotion
+from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, twisted
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.posture import ClosedPosture
-from gtpin.kinematics.protocol import Kinematics
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.robot.assembly import NEAR
+from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
+from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Ints, Mask
 
-__all__ = ["Kinematics", "geometry_jacobian", "kinematics", "of_rods", "reached_poses"]
+MANY = 1000
+"""Number of poses from which a fitted first guess saves time."""
+CHUNK = 1024
+"""Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
+HOME_OFF = 0.1
+"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
+HOME_TURNED = 0.2
+"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
+and smaller than the difference of assembly modes."""
+KEPT, LONGEST_KEPT = 8, 20_000
+"""Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
+TRUSTED = 10.0
+"""A guess that was farther off than this multiple of its error at the nodes of its fit does not tell the assembly mode."""
 
 
-def kinematics(geometry: Geometry) -> Kinematics:
-    """The kinematics of a geometry: of rods all poses at once, in NumPy."""
-    return RodKinematics(geometry) if geometry.robot.rods else ChainKinematics(geometry)
+@dataclass(frozen=True)
+class Kinematics:
+    """Kinematics of one geometry for many commands. All poses and derivatives are in the base frame.
 
+    Derivatives have six rows, for the TCP's position (m) and rotation vector (rad), then one row for the coordinate (rad or m)
+    of each of the robot's k measured joints (by default k = 0). Poses have these coordinates under ``joints``. Everywhere
+    ``q`` are (N, n) commands, m or rad, and ``poses`` the (N) poses at them. Frames and their twists are those of
+    :mod:`~gtpin.kinematics.placed`.
 
-def of_rods(kinematics: Kinematics) -> RodKinematics:
-    """The closures in arrays of a robot with rods.
-
-    Raises `ModelError` if the robot has no rods.
+    ``geometry``: the geometry.
     """
-    if not isinstance(kinematics, RodKinematics):
-        name = kinematics.geometry.robot.name
-        raise ModelError(f"{name} has no rods", hint="this analysis is of rods that hold a platform")
-    return kinematics
+
+    geometry: Geometry
+
+    @property
+    def robot(self) -> Chain:
+        """The robot, as its file describes it."""
+        return self.geometry.robot
+
+    @cached_property
+    def loops(self) -> LoopClosure:
+        """The closure equations."""
+        known: LoopClosure | None = self.robot.memo.get("loops")
+        if known is None:
+            known = self.robot.memo["loops"] = LoopClosure(self.robot)
+        return known
+
+    @cached_property
+    def placed(self) -> PlacedParts:
+        """Where this geometry places the parts."""
+        return placed_by(self.geometry)
+
+    @cached_property
+    def moves(self) -> Moves:
+        """What the parameters of the geometry move."""
+        return moves_of(self.geometry, self.placed)
+
+    def placed_at(self, q: Floats) -> PlacedParts:
+        """Where the parts are at commands q."""
+        return self.placed
+
+    def moves_at(self, q: Floats) -> Moves:
+        """What the parameters move at commands q."""
+        return self.moves
+
+    def travel(self, q: Floats) -> Floats:
+        """(N, n) travel of the actuators, m or rad: commands times the drives' scales."""
+        return q * self.geometry.scale if self.moves.scales else q
+
+    # ------------------------------------------------------------------------------------------- poses
+
+    def forward(self, q: Floats, start: Poses | None = None) -> Poses:
+        """Poses (N) at commands, in the assembly mode of home; NaN where the loops can't be closed.
+
+        ``start``: poses (N) of a similar geometry at the same commands, from which the solver starts; None: it finds a start
+        itself.
+
+        Raises `ModelError` if q is not (N, n). `ClosureError` if the loops of the robot's own file are open at home.
+        """
+        self.robot.check_commands(q)
+        X = np.full((len(q), self.robot.model.nq), np.nan)
+        T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
+        near = None if start is None else start.configuration
+        if near is None and self.loops.count:
+            near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
+        guess = self._guess if near is None and self.loops.count and len(q) >= MANY else None
+        lost = []
+        for rows in _chunks(np.arange(len(q))):
+            placed = self.placed_at(q[rows])
+            here, reached = self._first(q[rows], placed, None if near is None else near[rows], guess)
+            if here is not None:
+                self._write(here, placed, reached, rows, X, T, R)
+            lost.append(rows[~reached])
+        for rows in _chunks(np.concatenate([*lost, np.zeros(0, dtype=int)])):
+            placed = self.placed_at(q[rows])
+            try:
+                here, reached = self._from_home(self.travel(q[rows]), placed)
+            except ClosureError:
+                if self._is_plain:
+                    raise  # the URDF is wrong, not the commands
+                break
+            self._write(here, placed, reached, rows, X, T, R)
+        return self._poses(X, T, R)
+
+    def known(self, q: Floats) -> Floats:
+        """(N, nq) configurations of a robot with loops at commands; NaN where the loops can't be closed.
+
+        Postures of similar geometries are found from these: so they do not depend on what was computed before.
+        """
+        kept, place = self._kept, q.tobytes()
+        X = kept.get(place)
+        if X is None:
+            X = self.forward(q).configuration
+            assert X is not None
+            while len(kept) >= KEPT:
+                kept.pop(next(iter(kept), b""), None)
+            if len(q) <= LONGEST_KEPT:
+                kept[place] = X
+        return X
+
+    @property
+    def _kept(self) -> dict[bytes, Floats]:
+        kept: dict[bytes, Floats] = self.robot.memo.setdefault("known", {})
+        return kept
+
+    def displaced(self, q: Floats, plain: Poses, commands: Floats, twists: Mapping[int, Floats]) -> Poses:
+        """Poses (N) at other ``commands`` (N, n), with displaced frames; exact; NaN where the loops open.
+
+        ``plain``: the poses at q. ``twists``: by index of a frame, (N, 6) twists in its own axes, m and rad.
+        """
+        plain = self._with_configurations(q, plain)
+        assert plain.configuration is not None
+        X = np.full((len(q), self.robot.model.nq), np.nan)
+        T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
+        for rows in _chunks(np.arange(len(q))):
+            placed, moved = self.placed_at(q[rows]), {f: twist[rows] for f, twist in twists.items()}
+            here, reached, placed = self._moved(q[rows], plain.configuration[rows], commands[rows], placed, moved)
+            self._write(here, placed, reached, rows, X, T, R)
+        return self._poses(X, T, R)
+
+    @cached_property
+    def home(self) -> Poses:
+        """(1) pose at the home commands, base frame."""
+        return self.forward(self.robot.home_q[None])
+
+    # ------------------------------------------------------------------------------------------- derivatives
+
+    def motion(self, q: Floats, poses: Poses) -> FrameMotion:
+        """First-order motion by commands and by displaced frames."""
+        placed = self.placed_at(q)
+        X = self._with_configurations(q, poses).configuration
+        assert X is not None
+        return FrameMotion(self.loops, self.loops.at(X, placed), placed)
+
+    def command_jacobian(self, q: Floats, poses: Poses, at: FrameMotion | None = None) -> Floats:
+        """(N, 6 + k, n) derivative of the poses by the commands; ``at``: the motion at q, where it is known."""
+        moved = (self.motion(q, poses) if at is None else at).by_commands
+        return moved * self.geometry.scale if self.moves.scales else moved
+
+    def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
+        """(N, 6 + k, p) derivative of the poses by the parameters of the geometry."""
+        count = len(self.geometry.parameters)
+        found = np.empty((len(q), self.robot.motion_size, count))
+        for rows in _chunks(np.arange(len(q))):
+            found[rows] = self.motion(q[rows], poses[rows]).by_parameters(self.moves_at(q[rows]), count, q[rows])
+        return found
+
+    def rod_ends(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
+        """(N, k, 3) joints of the k rods on the platform and on their carriers, base frame, m."""
+        X = self._with_configurations(q, poses).configuration
+        assert X is not None
+        return rod_ends(self.robot, self.loops.at(X, self.placed_at(q)))
+
+    @property
+    def tcp(self) -> pin.SE3:
+        """The TCP of this geometry on the joint that carries it."""
+        return pin.SE3(rotation(self.placed.tcp), self.placed.tcp[9:])
+
+    def axis(self, actuator: int) -> Floats:
+        """(3,) unit vector along or about which an actuator moves, in the placement frame of its joint."""
+        joint = self.robot.actuators[actuator]
+        twist = joint_axis(self.robot.model, joint.joint_id)
+        return twist[3:] if joint.revolute else twist[:3]
+
+    def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Loads:
+        """Static loads from gravity, a ``force`` (N, 3) on the tool, base frame, N, and a ``payload`` (N,) at the TCP, kg."""
+        placed = self.placed_at(q)
+        X = self._with_configurations(q, poses).configuration
+        assert X is not None
+        return loads(self.loops, self.loops.at(X, placed), placed, force, payload)
+
+    def urdf(self) -> str:
+        """The URDF of the robot with the geometry, as far as a URDF can represent it.
+
+        Raises `ModelError` if the loops don't close at home.
+        """
+        if not self.home.reached.all():
+            raise ModelError(f"the loops of {self.robot.name} don't close at home", hint="check the geometry's values")
+        return to_urdf(self.geometry, self.placed.placements, self.placed.anchors, (self.home.T[0], self.home.R[0]))
+
+    # ------------------------------------------------------------------------------------------- closing
+
+    def follow(self, start: Here, q0: Floats, q: Floats, placed: PlacedParts) -> tuple[Here, Mask, Floats]:
+        """Postures at the end of the straight lines of travel from q0 (N, n) to q (N, n); see ``LoopClosure.follow``."""
+
+        def line(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
+            return q0[rows] + s[:, None] * (q[rows] - q0[rows]), placed.take(rows)
+
+        return self.loops.follow(start, line, self._largest)
+
+    @cached_property
+    def at_home(self) -> Here:
+        """(1) the closed posture at home.
+
+        Raises `UnreachableError` if the loops don't close there. `AssemblyModeError` if the loops of the robot's own file close
+        far from the home that it gives.
+        """
+        loops, robot, q = self.loops, self.robot, self.travel(self.robot.home_q[None])
+        placed = self.placed_at(self.robot.home_q[None])
+        plain = self._is_plain
+        begin = robot.assembly.configuration[None] if plain else nominal(robot).at_home.X
+        closing = loops.newton(loops.commanded(begin, q), placed, contraction=1.0)
+        if not closing.closed.all():
+            if plain:
+                raise _open_at_home(robot)
+            raise UnreachableError(f"the loops of {robot.name} don't close at home", hint="check the geometry's values")
+        if plain:
+            _check_declared_home(robot, closing.here)
+        return closing.here
+
+    @property
+    def _is_plain(self) -> bool:
+        return not self.geometry.deviation.any()
+
+    @cached_property
+    def _largest(self) -> float:
+        loops = self.loops
+        return SINGULAR * float(loops.amplification(loops.inverse(loops.equations(self.at_home).D))[0])
+
+    def _first(
+        self, q: Floats, placed: PlacedParts, near: Floats | None, guess: FirstGuess | None
+    ) -> tuple[Here | None, Mask]:
+        """Postures at commands (N, n) closed at once, from those nearby or from a guess, and whether they were reached."""
+        loops, travel = self.loops, self.travel(q)
+        if not loops.count:
+            here = loops.at(loops.commanded(np.tile(self.robot.neutral, (len(q), 1)), travel), placed)
+            return here, np.ones(len(q), dtype=bool)
+        if near is not None:
+            closing = loops.newton(loops.commanded(near, travel), placed)
+            return closing.here, closing.closed
+        if guess is not None:
+            begin = loops.commanded(guess(travel), travel)
+            closing = loops.newton(begin, placed)
+            off = np.abs(closing.here.X - begin).max(axis=1)
+            return closing.here, closing.closed & (off <= TRUSTED * guess.error + 1e-9)
+        return None, np.zeros(len(q), dtype=bool)
+
+    def _from_home(self, q: Floats, placed: PlacedParts) -> tuple[Here, Mask]:
+        """Postures at travels (N, n) along straight lines from home, or by other ways where these are blocked."""
+        home, q_home = self.at_home, self.travel(self.robot.home_q[None])
+        found, reached, _ = self.follow(_tiled(home, len(q)), np.tile(q_home, (len(q), 1)), q, placed)
+        lost = np.flatnonzero(~reached)
+        if not lost.size:
+            return found, reached
+        lost = lost[self.loops.can_close(self.loops.commanded(found.X[lost], q[lost]), placed.take(lost))]
+        ways = _ways_round(self.robot, q_home[0], q[lost])
+        if not lost.size or not len(ways):
+            return found, reached
+        corners, rows = np.concatenate(ways), np.tile(lost, len(ways))
+
+        def polyline(s: Floats, some: Ints) -> tuple[Floats, PlacedParts]:
+            last = corners.shape[1] - 1
+            piece = np.minimum((s * last).astype(int), last - 1)
+            one, two, w = corners[some, piece], corners[some, piece + 1], (s * last - piece)[:, None]
+            return one + w * (two - one), placed.take(rows[some])
+
+        ends, there, _ = self.loops.follow(_tiled(home, len(rows)), polyline, self._largest)
+        first = np.unique(rows[there], return_index=True)[1]
+        found.put(rows[there][first], ends.take(np.flatnonzero(there)[first]))
+        reached[rows[there]] = True
+        return found, reached
+
+    def _moved(
+        self, q: Floats, X: Floats, commands: Floats, placed: PlacedParts, twists: Mapping[int, Floats]
+    ) -> tuple[Here, Mask, PlacedParts]:
+        """Postures with displaced frames at other commands; near those X (N, nq) at q."""
+        loops, robot, goal = self.loops, self.robot, self.travel(commands)
+        moved = twisted(robot, placed, twists)
+        closing = loops.newton(loops.commanded(X, goal), moved)
+        here, reached = closing.here, closing.closed
+        rows = np.flatnonzero(~reached & np.isfinite(X).all(axis=1))
+        if loops.count and rows.size:
+            start, begin = self.travel(q[rows]), loops.at(X[rows], placed.take(rows))
+
+            def path(s: Floats, some: Ints) -> tuple[Floats, PlacedParts]:
+                at, w = rows[some], s[:, None]
+                part = twisted(robot, placed.take(at), {f: w * twist[at] for f, twist in twists.items()})
+                return start[some] + w * (goal[at] - start[some]), part
+
+            again, found, _ = loops.follow(begin, path, self._largest)
+            here.put(rows, again)
+            reached[rows] = found
+        return here, reached, moved
+
+    def _write(
+        self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, X: Floats, T: Floats, R: Floats
+    ) -> None:
+        """Write the postures that were reached, of some rows, into arrays of all."""
+        carrier = here.oMi[reached, self.robot.tcp_joint]
+        tcp = placed.tcp if placed.tcp.ndim == 1 else placed.tcp[reached]
+        turn, rows = rotation(carrier), rows[reached]
+        X[rows] = here.X[reached]
+        T[rows] = (turn @ tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
+        R[rows] = turn @ rotation(tcp)
+
+    def _poses(self, X: Floats, T: Floats, R: Floats) -> Poses:
+        joints = {joint.name: joint.coordinates(X) for joint in self.robot.measured_joints}
+        return Poses(T, R, joints, X if self.loops.count else None)
+
+    def _with_configurations(self, q: Floats, poses: Poses) -> Poses:
+        if not self.loops.count:
+            travel = self.travel(q)
+            X = self.loops.commanded(np.tile(self.robot.neutral, (len(q), 1)), travel)
+            return Poses(poses.T, poses.R, poses.joints, X)
+        return poses if poses.configuration is not None else self.forward(q)
+
+    @cached_property
+    def _guess(self) -> FirstGuess | None:
+        plain = nominal(self.robot)
+        if plain is not self:
+            return plain._guess
+        return FirstGuess.fit(self.robot, self.at_home.X[0], self.known)
+
+
+def nominal(robot: Chain) -> Kinematics:
+    """The kinematics of a robot as its file describes it; they keep what does not depend on a geometry."""
+    known: Kinematics | None = robot.memo.get("kinematics")
+    if known is None:
+        known = robot.memo["kinematics"] = Kinematics(Geometry(robot, (), np.zeros(0)))
+    return known
 
 
 def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
@@ -48,39 +376,52 @@ def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
     return poses
 
 
-def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
-    """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
+def _chunks(rows: Ints) -> Iterator[Ints]:
+    """The rows in parts that are closed at once."""
+    for a in range(0, len(rows), CHUNK):
+        yield rows[a : a + CHUNK]
 
-    Parameters
-    ----------
-    posture
-        A posture of the robot whose URDF has this geometry.
-    geometry
-        Its p parameters. For a robot with rods their values must be nominal.
 
-    Raises
-    ------
-    ModelError
-        If the geometry is not that of the posture's robot, or has shared rod lengths or measured tracks, which a URDF can't
-        have.
+def _tiled(here: Here, n: int) -> Here:
+    """A posture n times."""
+    return here.take(np.zeros(n, dtype=int))
 
-    Examples
-    --------
-    >>> import gtpin
-    >>> robot = gtpin.load_robot("gantry_tau")
-    >>> gtpin.geometry_jacobian(gtpin.home(robot), gtpin.Geometry.nominal(robot)).shape
-    (6, 48)
-    """
-    robot = posture.robot
-    if robot.description.xml != geometry.robot.description.xml or robot.tcp_frame != geometry.robot.tcp_frame:
-        raise ModelError("the geometry is another robot's", hint="load both from one URDF")
-    if robot.rods and np.any(geometry.deviation != 0.0):
-        raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
-    if geometry.reduced or any(track is not None for track in geometry.tracks):
-        raise ModelError(
-            "shared rods and measured tracks are not in the URDF", hint="use RodKinematics.geometry_jacobian"
+
+def _open_at_home(robot: Chain) -> UnreachableError:
+    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
+    gap = robot.assembly.gap
+    if not declared and gap > NEAR:
+        what += f": {gap:.3g} m is the smallest gap found between their anchors"
+    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
+    return UnreachableError(what, hint=hint)
+
+
+def _check_declared_home(robot: Chain, here: Here) -> None:
+    declared = robot.description.home
+    if declared is None:
+        return
+    carrier = here.oMi[0, robot.home_joint]
+    there = pin.SE3(rotation(carrier), carrier[9:]) * robot.home_placement
+    off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
+    turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
+    if off > HOME_OFF or turned > HOME_TURNED:
+        far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
+        raise AssemblyModeError(
+            f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
         )
-    pose = Poses(posture.T[None], posture.R[None])
-    jacobian = kinematics(geometry).geometry_jacobian(posture.q[None], pose)[0, :6]
-    jacobian.flags.writeable = False
-    return jacobian
+
+
+def _ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:
+    """Other ways from home to commands (N, n) than the straight line: corners (N, n + 2, n) of polylines.
+
+    The same angle within half a turn of home, for actuators without limits; then the actuators one after the other, in their
+    order and in the reverse order.
+    """
+    turns, count = 2.0 * np.pi, robot.n_actuators
+    endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
+    near = np.where(endless, q - turns * np.round((q - home_q) / turns), q)
+    orders = [np.zeros(count, dtype=int)] if (near != q).any() else []
+    if count > 1:
+        orders += [np.arange(count), np.arange(count)[::-1]]
+    moved = [[order < stop for stop in range(count + 1)] + [np.ones(count, dtype=bool)] for order in orders]
+    return [np.stack([np.where(there, near, home_q) for there in way], axis=1) for way in moved]

@@ -32,6 +32,9 @@ class Poses(Shown):
     joints
         By name, (N,) coordinates, rad or m, of the robot's measured joints at these poses; empty where it has none: see
         :meth:`~gtpin.robot.chain.Chain.measuring`.
+    configuration
+        (N, nq) Pinocchio configurations, of the robot's own joints, of poses that kinematics computed; None where they are not
+        known.
 
     Examples
     --------
@@ -47,6 +50,7 @@ class Poses(Shown):
     T: Floats
     R: Floats
     joints: Mapping[str, Floats] = field(default_factory=dict)
+    configuration: Floats | None = None
 
     @staticmethod
     def unknown(count: int, joints: Iterable[str] = ()) -> Poses:
@@ -64,19 +68,39 @@ class Poses(Shown):
             return found
 
         joints = {name: whole(x, others.joints[name]) for name, x in some.joints.items()}
-        return Poses(whole(some.T, others.T), whole(some.R, others.R), joints)
+        one, two = some.configuration, others.configuration
+        configuration = None if one is None or two is None else whole(one, two)
+        return Poses(whole(some.T, others.T), whole(some.R, others.R), joints, configuration)
 
     def __len__(self) -> int:
         return len(self.T)
 
     def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
         """The poses that a mask, indices or a slice select."""
-        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()})
+        configuration = None if self.configuration is None else self.configuration[rows]
+        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()}, configuration)
 
     def followed_by(self, others: Poses) -> Poses:
         """These poses, followed by the poses ``others``."""
         joints = {name: np.concatenate([x, others.joints[name]]) for name, x in self.joints.items()}
-        return Poses(np.vstack([self.T, others.T]), np.concatenate([self.R, others.R]), joints)
+        one, two = self.configuration, others.configuration
+        configuration = None if one is None or two is None else np.vstack([one, two])
+        return Poses(np.vstack([self.T, others.T]), np.concatenate([self.R, others.R]), joints, configuration)
+
+    def copy(self) -> Poses:
+        """The same poses in arrays of their own."""
+        joints = {name: x.copy() for name, x in self.joints.items()}
+        return Poses(
+            self.T.copy(), self.R.copy(), joints, None if self.configuration is None else self.configuration.copy()
+        )
+
+    def put(self, rows: npt.NDArray[np.generic] | slice, some: Poses) -> None:
+        """Write other poses into some rows of these arrays."""
+        self.T[rows], self.R[rows] = some.T, some.R
+        for name, x in self.joints.items():
+            x[rows] = some.joints[name]
+        if self.configuration is not None and some.configuration is not None:
+            self.configuration[rows] = some.configuration
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:

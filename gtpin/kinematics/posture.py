@@ -1,41 +1,25 @@
-"""A closed posture: forward kinematics and its derivatives, from Pinocchio."""
+"""A closed posture: one command's configuration with Pinocchio's own data, Jacobians and constraint Jacobian."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import AssemblyModeError, ClosureError, SingularityError, UnreachableError, check_kind
-from gtpin.kinematics import newton
-from gtpin.robot.assembly import NEAR, closest
+from gtpin.errors import ModelError, SingularityError, UnreachableError, check_kind
+from gtpin.kinematics.closing import Here
+from gtpin.kinematics.frames import frame_of
+from gtpin.kinematics.kinematics import Kinematics, nominal
+from gtpin.kinematics.poses import Poses
 from gtpin.robot.chain import Chain
-from gtpin.robot.constraints import constraint_jacobian
+from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
-HOME_OFF = 0.1
-"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
-HOME_TURNED = 0.2
-"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
-and smaller than the difference of assembly modes."""
-MOST_KEPT = 2_000
-"""Most postures that are kept of those that were reached from a home: 6 MB of a five-bar, 33 MB of a Gantry-Tau with its
-derivatives, for each geometry."""
-MOST_FOUND = 50_000
-"""Most commands whose configurations are kept of a nominal robot: 20 MB of a five-bar."""
-SMALLEST_STEP = 1.0 / 4096.0
-"""Smallest step as a fraction of the line to the target; where a smaller one is needed, the target is given up. A line of 1 rad
-that passes a limit of a five-bar of 1 m at a distance of 1 um needs no smaller ones."""
-DISPLACED = 100.0
-"""Such a ratio of a robot with displaced joints, above which the nominal robot's posture is not used to start from. Assumed."""
-AIM = 0.7 * newton.CHANGE
-"""Change of the closures' derivative that a step aims at."""
-SINGULAR = 1e3
-"""Ratio of a posture's amplification to that of home, above which it counts as near a singularity. Assumed."""
+NEARLY_SINGULAR = 10.0
+"""Ratio of a posture's amplification to that of home, above which a path that ends there is told as near a singularity."""
 
 
 class ClosedPosture:
@@ -51,13 +35,9 @@ class ClosedPosture:
         (n,) commands, m or rad. Of a continuous joint, q may be more than one turn; the configuration does not count turns.
     configuration
         (nq,) Pinocchio configuration at which the loops are closed.
-    jacobian
-        (m, nv) constraint Jacobian (not the property :attr:`jacobian`) at this configuration or within a Newton step of it. It
-        identifies the assembly mode and predicts the next posture.
-    reference
-        The home posture, whose assembly mode this posture has; None for the home posture itself.
-    steps
-        Number of Newton steps that closed the loops.
+    frame
+        The name of the link, or of another frame of Pinocchio's model, that takes the place of the TCP in what this posture
+        gives; None: the TCP.
 
     Examples
     --------
@@ -68,25 +48,10 @@ class ClosedPosture:
     (6, 3)
     """
 
-    def __init__(
-        self,
-        robot: Chain,
-        q: Floats,
-        configuration: Floats,
-        jacobian: Floats,
-        reference: ClosedPosture | None,
-        steps: int,
-    ) -> None:
-        self.robot = robot
-        self.steps = steps
-        self._q = _frozen(q.copy())
-        self._configuration = configuration.copy()
-        self._configuration.flags.writeable = False
-        self._nearby = jacobian
-        self._home = self if reference is None else reference
-        self._nominal: ClosedPosture | None = None
-        self._reached: dict[bytes, ClosedPosture | ClosureError] = {}
-        self._found: dict[bytes, Floats | None] = {}
+    def __init__(self, robot: Chain, q: Floats, configuration: Floats, frame: str | None = None) -> None:
+        self.robot, self.frame = robot, frame
+        self._carrier, self._placement = frame_of(robot, frame)
+        self._q, self._configuration = _frozen(q.copy()), _frozen(configuration.copy())
 
     @property
     def configuration(self) -> Floats:
@@ -98,6 +63,30 @@ class ClosedPosture:
         """(n,) commands, m or rad, read-only."""
         return self._q
 
+    @cached_property
+    def data(self) -> Any:
+        """``pinocchio.Data`` of this posture alone, with the joints' placements and Jacobians, and the frames' placements.
+
+        It belongs to ``robot.model``. What a caller computes with it stays in it.
+        """
+        data = self.robot.model.createData()
+        pin.computeJointJacobians(self.robot.model, data, self._configuration)
+        pin.updateFramePlacements(self.robot.model, data)
+        return data
+
+    @cached_property
+    def constraint_data(self) -> Any:
+        """``pinocchio.StdVec_ConstraintData`` for ``robot.constraint_models`` at this posture, as Pinocchio takes it."""
+        found = pin.StdVec_ConstraintData()
+        for constraint in self.robot.constraint_models:
+            found.append(constraint.createData())
+            constraint.calc(self.robot.model, self.data, found[-1])
+        return found
+
+    def of(self, frame: str | None) -> ClosedPosture:
+        """The same posture, with ``T``, ``R``, ``tcp`` and the derivatives of another frame; see ``frame`` above."""
+        return ClosedPosture(self.robot, self.q, self.configuration, frame)
+
     @property
     def tcp(self) -> Any:
         """The TCP frame in the base frame, a ``pinocchio.SE3`` (m). A copy: changing it does not change the posture."""
@@ -105,7 +94,7 @@ class ClosedPosture:
 
     @cached_property
     def _tcp(self) -> Any:
-        return self.placement(self.robot.tcp_joint) * self.robot.tcp_placement
+        return self.placement(self._carrier) * self._placement
 
     @property
     def T(self) -> Floats:
@@ -119,25 +108,23 @@ class ClosedPosture:
 
     def placement(self, joint_id: int) -> Any:
         """Placement (``pinocchio.SE3``, m) of a Pinocchio joint in the base frame at this posture."""
-        pin.forwardKinematics(self.robot.model, self.robot.data, self._configuration)
-        return self.robot.data.oMi[joint_id].copy()
-
-    def refresh(self) -> Any:
-        """The robot's ``pinocchio.Data``, with the joint placements and joint Jacobians of this posture.
-
-        All postures of a robot share it: a call for another posture overwrites it.
-        """
-        pin.computeJointJacobians(self.robot.model, self.robot.data, self._configuration)
-        return self.robot.data
+        return self.data.oMi[joint_id].copy()
 
     @cached_property
     def constraint_jacobian(self) -> Floats:
         """(m, nv) derivative of the m loop equations by Pinocchio velocities.
 
         A loop equation is a component of the gap between a loop's two anchors, in metres, in the frame of the first anchor.
+        It is ``pinocchio.getConstraintsJacobian`` for ``robot.constraint_models``; of a planar loop, two components in its
+        plane. The column of a joint that other joints follow (``<mimic>``) includes the motion of these joints.
         """
-        self.refresh()
-        return _frozen(constraint_jacobian(self.robot))
+        robot = self.robot
+        if not robot.constraints:
+            return _frozen(np.zeros((0, robot.model.nv)))
+        J = np.asarray(
+            pin.getConstraintsJacobian(robot.model, self.data, robot.constraint_models, self.constraint_data)
+        )
+        return _frozen(robot.closing(robot.folded(J.reshape(-1, robot.model.nv))))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:
@@ -145,11 +132,9 @@ class ClosedPosture:
 
         The column of a joint that other joints follow (``<mimic>``) includes the motion of these joints.
         """
-        data = self.refresh()
-        frame = pin.getFrameJacobian(
-            self.robot.model, data, self.robot.tcp_joint, self.robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED
-        )
-        return _frozen(self.robot.folded(np.reshape(np.array(frame), (6, self.robot.model.nv))))
+        robot = self.robot
+        frame = pin.getFrameJacobian(robot.model, self.data, self._carrier, self._placement, pin.LOCAL_WORLD_ALIGNED)
+        return _frozen(robot.folded(np.reshape(np.array(frame), (6, robot.model.nv))))
 
     @cached_property
     def passive_response(self) -> Floats:
@@ -164,17 +149,11 @@ class ClosedPosture:
 
     @cached_property
     def passive_inverse(self) -> Floats:
-        """(n_passive, m) inverse of the constraint Jacobian's passive columns; the pseudoinverse if they are not square."""
-        return _frozen(newton.Passive(self.constraint_jacobian[:, self.robot.passive], self.robot.rank).inverse)
-
-    @cached_property
-    def _passive(self) -> newton.Passive:
-        return newton.Passive(self._nearby[:, self.robot.passive], self.robot.rank)
-
-    @property
-    def amplification(self) -> float:
-        """Frobenius norm of :attr:`passive_inverse`, to within a Newton step: infinite at a singularity."""
-        return self._passive.amplification
+        """(n_passive, m) inverse of the constraint Jacobian's passive columns; the pseudoinverse of its rank."""
+        left, sizes, rows = np.linalg.svd(self.constraint_jacobian[:, self.robot.passive], full_matrices=False)
+        rank = self.robot.rank
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return _frozen(np.asarray((rows[:rank].T / sizes[:rank]) @ left[:, :rank].T))
 
     def moved_to(self, q: npt.ArrayLike) -> ClosedPosture:
         """Move the actuators to ``q`` along the straight line of commands, and close the loops there.
@@ -197,101 +176,38 @@ class ClosedPosture:
         SingularityError
             If the line comes too near a singularity.
         """
-        target = _commands(self.robot, q)
-        if self is not self._home:
-            return self._along(target)
-        # Poses and their derivatives are computed at the same commands, one after the other.
-        place = target.tobytes()
-        if place not in self._reached:
-            if len(self._reached) >= MOST_KEPT:
-                self._reached.clear()
-            try:
-                self._reached[place] = self._from_home(target)
-            except ClosureError as error:
-                self._reached[place] = error
-        found = self._reached[place]
-        if isinstance(found, ClosureError):
-            raise found
-        return found
+        target, kinematics = _commands(self.robot, q), nominal(self.robot)
+        if self._is_home(kinematics):
+            poses = kinematics.forward(target[None])
+            if poses.reached.all():
+                configuration = poses.configuration
+                if configuration is None:  # of a tree, which has no loops to close
+                    configuration = self.robot.with_commands(self.robot.neutral, target)[None]
+                return ClosedPosture(self.robot, target, configuration[0], self.frame)
+        loops, placed = kinematics.loops, kinematics.placed
+        if not loops.count:
+            return ClosedPosture(self.robot, target, self.robot.with_commands(self._configuration, target), self.frame)
+        start = loops.at(self._configuration[None], placed)
+        last, reached, done = kinematics.follow(start, self.q[None], target[None], placed)
+        if not reached.all():
+            self._give_up(kinematics, target, last, float(done[0]))
+        return ClosedPosture(self.robot, target, last.X[0], self.frame)
 
-    def _from_home(self, target: Floats) -> ClosedPosture:
-        """As :meth:`moved_to`, from home to valid commands."""
-        known = None if self._nominal is None else self._nominal._configuration_at(target)
-        if known is not None:
-            # From the posture of the nominal robot: its assembly mode, without the way from home.
-            trial = self._closed_at(target, newton.close(self.robot, known, change=newton.CHANGE))
-            if trial is not None and trial.amplification <= DISPLACED * self.amplification:
-                return trial
-        try:
-            return self._along(target)
-        except ClosureError:
-            # For a displaced robot the nominal one was asked for other ways.
-            if known is None and (self._nominal is not None or not self._can_close(target)):
-                raise
-            for way in _ways_round(self.robot, target):
-                try:
-                    posture = self
-                    for stop in way:
-                        posture = posture._along(stop)
-                except ClosureError:
-                    continue
-                configuration = self.robot.with_commands(posture.configuration, target)
-                return ClosedPosture(self.robot, target, configuration, posture._nearby, self, posture.steps)
-            raise
-
-    def _configuration_at(self, target: Floats) -> Floats | None:
-        """(nq,) configuration at commands that are reached from this home; None where they are not."""
-        place = target.tobytes()
-        if place not in self._found:
-            if len(self._found) >= MOST_FOUND:
-                self._found.clear()
-            try:
-                self._found[place] = self._from_home(target).configuration
-            except ClosureError:
-                self._found[place] = None
-        return self._found[place]
-
-    def _can_close(self, target: Floats) -> bool:
-        """Whether the loops nearly close at commands in any assembly mode that is found from home."""
-        start = self.robot.with_commands(self._configuration, target)
-        return closest(self.robot, start, tolerance=1e-4)[1] <= 1e-3 * self.robot.size
-
-    def _along(self, target: Floats) -> ClosedPosture:
-        """To valid commands along the straight line."""
-        posture, way = self, target - self.q
-        done, stride = 0.0, 1.0
-        while done < 1.0:
-            reach = min(1.0, done + stride)
-            goal = target if reach == 1.0 else self.q + reach * way
-            closing = newton.close(self.robot, posture._ahead(goal), posture._passive, change=newton.CHANGE)
-            trial = self._closed_at(goal, closing)
-            # The change grows with the step.
-            share = AIM / max(closing.change, 1e-3)
-            if trial is not None:
-                posture, done, stride = trial, reach, min(max(share, 0.5), 4.0) * stride
-            elif (stride := min(max(share, 0.1), 0.5) * stride) < SMALLEST_STEP:
-                posture._give_up(target)
-        return posture
-
-    def _closed_at(self, q: Floats, closing: newton.Closing) -> ClosedPosture | None:
-        """The posture of a result of Newton's method; None where the loops are open or it is near a singularity."""
-        if not closing.closed:
-            return None
-        found = ClosedPosture(self.robot, q, closing.configuration, closing.jacobian, self._home, closing.steps)
-        return found if found.amplification <= SINGULAR * self._home.amplification else None
-
-    def _ahead(self, q: Floats) -> Floats:
-        """(nq,) configuration at other commands, with passive coordinates to first order: the next start of Newton's method."""
-        robot = self.robot
-        gaps = self._nearby[:, robot.driven] @ (q - self.q)
-        velocity = robot.velocity(q - self.q, -self._passive.inverse @ gaps)
-        return robot.with_commands(pin.integrate(robot.model, self._configuration, velocity), q)
-
-    def _give_up(self, target: Floats) -> None:
-        where = (
-            f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(self.q)},"
+    def _is_home(self, kinematics: Kinematics) -> bool:
+        return bool(np.array_equal(self.q, self.robot.home_q)) and (
+            not kinematics.loops.count or bool(np.array_equal(self._configuration, kinematics.at_home.X[0]))
         )
-        if self.amplification > 10.0 * self._home.amplification:
+
+    def _give_up(self, kinematics: Kinematics, target: Floats, last: Here, done: float) -> None:
+        loops = kinematics.loops
+        here, home = (
+            float(loops.amplification(loops.inverse(loops.equations(x).D))[0]) for x in (last, kinematics.at_home)
+        )
+        stopped = self.q + done * (target - self.q)
+        where = (
+            f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(stopped)},"
+        )
+        if here > NEARLY_SINGULAR * home:
             raise SingularityError(f"{where} it comes too near a singularity", hint="stay on this side of it")
         raise UnreachableError(f"{where} the loops open", hint="stay inside the workspace")
 
@@ -317,52 +233,40 @@ def home(robot: Chain) -> ClosedPosture:
     ((3,), (3, 3))
     """
     check_kind(robot, Chain)
-    nominal = _nominal_home(robot.nominal) if robot.nominal is not robot else None
-    start = robot.assembly.configuration if nominal is None else nominal.configuration
-    closing = newton.close(robot, start, contraction=1.0)
-    if not closing.closed:
-        raise _open_at_home(robot)
-    posture = ClosedPosture(robot, robot.home_q, closing.configuration, closing.jacobian, None, closing.steps)
-    posture._nominal = nominal
-    declared = robot.description.home
-    if declared is not None:
-        there = posture.placement(robot.home_joint) * robot.home_placement
-        off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
-        turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
-        if off > HOME_OFF or turned > HOME_TURNED:
-            far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
-            raise AssemblyModeError(
-                f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
-            )
-    return posture
+    return ClosedPosture(robot, robot.home_q, nominal(robot).at_home.X[0])
 
 
-@lru_cache(maxsize=4)
-def _nominal_home(robot: Chain) -> ClosedPosture:
-    """The home posture of a nominal robot, which keeps the configurations from which displaced copies are closed."""
-    return home(robot)
+def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
+    """(6, p) derivative of the TCP's pose by geometric parameters: position (m) and rotation vector (rad), base frame.
 
+    Parameters
+    ----------
+    posture
+        A posture of the robot whose URDF has this geometry.
+    geometry
+        Its p parameters, at their nominal values.
 
-def _open_at_home(robot: Chain) -> UnreachableError:
-    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
-    gap = robot.assembly.gap
-    if not declared and gap > NEAR:
-        what += f": {gap:.3g} m is the smallest gap found between their anchors"
-    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
-    return UnreachableError(what, hint=hint)
+    Raises
+    ------
+    ModelError
+        If the geometry is not that of the posture's robot.
 
-
-def _ways_round(robot: Chain, target: Floats) -> Iterator[list[Floats]]:
-    """Other ways from home to commands than the straight line: lists of stops, each reached on a straight line."""
-    home_q, turns = robot.home_q, 2.0 * np.pi
-    endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
-    wrapped = np.where(endless, target - turns * np.round((target - home_q) / turns), target)
-    if (wrapped != target).any():
-        yield [wrapped]
-    count = robot.n_actuators
-    for order in (range(count), range(count)[::-1]) if count > 1 else ():
-        moved = [np.isin(np.arange(count), order[: i + 1]) for i in range(count)]
-        yield [np.where(there, wrapped, home_q) for there in moved]
+    Examples
+    --------
+    >>> import gtpin
+    >>> robot = gtpin.load_robot("gantry_tau")
+    >>> gtpin.geometry_jacobian(gtpin.home(robot), gtpin.Geometry.nominal(robot)).shape
+    (6, 48)
+    """
+    robot = posture.robot
+    if robot.description.xml != geometry.robot.description.xml or robot.tcp_frame != geometry.robot.tcp_frame:
+        raise ModelError("the geometry is another robot's", hint="load both from one URDF")
+    if type(geometry) is not Geometry:
+        raise ModelError("shared rods and measured tracks are not in the URDF", hint="use the model's kinematics")
+    if np.any(geometry.deviation != 0.0):
+        raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
+    poses = Poses(posture.T[None], posture.R[None], configuration=posture.configuration[None])
+    return _frozen(Kinematics(geometry).geometry_jacobian(posture.q[None], poses)[0, :6])
 
 
 def _commands(robot: Chain, q: npt.ArrayLike) -> Floats:

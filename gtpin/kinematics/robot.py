@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from gtpin.errors import ClosureError, ModelError
+from gtpin.kinematics.arguments import like, rows_of, wanted
+from gtpin.kinematics.dynamics import Forces
+from gtpin.kinematics.frames import Moving, frame_of
 from gtpin.kinematics.inverse import out_of_reach, solved
-from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot import library
 from gtpin.robot.chain import Chain
-from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 
@@ -58,26 +59,28 @@ class Robot(Chain):
 
     @cached_property
     def _kinematics(self) -> Kinematics:
-        return kinematics(Geometry.nominal(self))
+        return nominal(self)
 
-    def forward(self, q: npt.ArrayLike) -> Any:
-        """The pose of the TCP at commands: forward kinematics.
+    def forward(self, q: npt.ArrayLike, frame: str | None = None) -> Any:
+        """The pose of the TCP, or of another frame, at commands: forward kinematics.
 
         Parameters
         ----------
         q
             (n,) commands, or (N, n) for N poses at once, m or rad.
+        frame
+            The name of a link, or of another frame of :attr:`model`; None: the TCP.
 
         Returns
         -------
         posture or poses
-            Of one command, the :class:`ClosedPosture`: ``T`` (3,) position, m, and ``R`` (3, 3) rotation from the TCP frame to
+            Of one command, the :class:`ClosedPosture`: ``T`` (3,) position, m, and ``R`` (3, 3) rotation from the frame to
             the base frame; ``tcp`` is both as ``pinocchio.SE3``. Of many, the :class:`Poses`: ``T`` (N, 3) and ``R`` (N, 3, 3).
 
         Raises
         ------
         ModelError
-            If q has another shape, or is not of finite numbers.
+            If q has another shape, or is not of finite numbers; if there is no such frame.
         ClosureError
             If the loops can't be closed at these commands; of many, the message has the index of the first such row.
 
@@ -90,15 +93,22 @@ class Robot(Chain):
         ((3,), (10, 3))
         """
         commands = self._commands(q)
-        return self._home.moved_to(commands) if commands.ndim == 1 else self._poses(commands)
+        if commands.ndim == 1:
+            return self._home.of(frame).moved_to(commands)
+        if frame is None:
+            return self._poses(commands)
+        moving = self._moving(commands)
+        return Poses(*moving.poses(frame_of(self, frame)), configuration=moving.X if self.constraints else None)
 
-    def jacobian(self, q: npt.ArrayLike) -> Floats:
-        """The derivative of the TCP's pose by the commands.
+    def jacobian(self, q: npt.ArrayLike, frame: str | None = None) -> Floats:
+        """The derivative of the pose of the TCP, or of another frame, by the commands.
 
         Parameters
         ----------
         q
             (n,) commands, or (N, n), m or rad.
+        frame
+            As for :meth:`forward`.
 
         Returns
         -------
@@ -113,8 +123,140 @@ class Robot(Chain):
         """
         commands = self._commands(q)
         if commands.ndim == 1:
-            return self._home.moved_to(commands).jacobian.copy()
+            return self._home.of(frame).moved_to(commands).jacobian.copy()
+        if frame is not None:
+            return self._moving(commands).jacobian(frame_of(self, frame))
         return self._kinematics.command_jacobian(commands, self._poses(commands))[:, :6]
+
+    def velocity(self, q: npt.ArrayLike, v: npt.ArrayLike, frame: str | None = None) -> Floats:
+        """The velocity of the TCP, or of another frame, at velocities of the commands.
+
+        Parameters
+        ----------
+        q, v
+            (n,) or (N, n) commands, m or rad, and their velocities, m/s or rad/s; (n,) velocities are those at all N.
+        frame
+            As for :meth:`forward`.
+
+        Returns
+        -------
+        velocity
+            (6,) or (N, 6): of the frame's origin, m/s, then angular, rad/s, in the axes of the base frame.
+
+        Raises
+        ------
+        ModelError, ClosureError
+            As :meth:`forward`.
+        """
+        return like(q, self._moving(q).velocity(frame_of(self, frame), self._with(q, v)))
+
+    def acceleration(self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, frame: str | None = None) -> Floats:
+        """The acceleration of the TCP, or of another frame, at velocities and accelerations of the commands.
+
+        It is ``jacobian(q, frame) a`` plus the drift, the time derivative of this Jacobian times v, which a = 0 gives alone.
+
+        Parameters
+        ----------
+        q, v, a
+            (n,) or (N, n) commands, m or rad, their velocities and accelerations; (n,) of the latter are those at all N.
+        frame
+            As for :meth:`forward`.
+
+        Returns
+        -------
+        acceleration
+            (6,) or (N, 6): of the frame's origin, m/s^2, then angular, rad/s^2, in the axes of the base frame: Pinocchio's
+            classical acceleration, in which the passive joints accelerate so that the loops stay closed.
+
+        Raises
+        ------
+        ModelError, ClosureError
+            As :meth:`forward`.
+        """
+        moving, rates = self._moving(q), (self._with(q, v), self._with(q, a))
+        V, A = moving.velocities(rates[0]), moving.accelerations(*rates)
+        return like(q, moving.acceleration([frame_of(self, frame)], V, A)[:, 0])
+
+    def inverse_dynamics(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        force: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+        moment: npt.ArrayLike | None = None,
+    ) -> Floats:
+        """The forces of the actuators that give a motion: inverse dynamics, with the masses of the robot's file.
+
+        Bodies are rigid and joints have no friction. At v = a = 0 these are the static forces.
+
+        Parameters
+        ----------
+        q, v, a
+            As for :meth:`acceleration`.
+        force, moment
+            (3,) or (N, 3) force, N, and moment, N m, on the tool at the TCP of the robot's file, base frame; None: zero.
+        payload
+            Point mass held at this TCP, kg, one number or (N,), with its weight and inertia; None: zero.
+
+        Returns
+        -------
+        forces
+            (n,) or (N, n) force, N, or torque, N m, that each actuator must apply, positive in the direction of its command.
+
+        Raises
+        ------
+        ModelError, ClosureError
+            As :meth:`forward`.
+
+        Examples
+        --------
+        >>> import gtpin
+        >>> robot = gtpin.load_robot("gantry_tau")
+        >>> robot.inverse_dynamics(robot.home_q, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]).shape
+        (3,)
+        """
+        return like(q, self._moving(q).actuator_forces(*self._loaded(q, v, a, force, moment, payload)))
+
+    def forces(
+        self,
+        q: npt.ArrayLike,
+        v: npt.ArrayLike,
+        a: npt.ArrayLike,
+        force: npt.ArrayLike | None = None,
+        payload: npt.ArrayLike | None = None,
+        moment: npt.ArrayLike | None = None,
+    ) -> Forces:
+        """As :meth:`inverse_dynamics`, with the constraint forces in the loops and the axial forces of the rods.
+
+        Raises
+        ------
+        ModelError, ClosureError
+            As :meth:`forward`; `ModelError` too if the loops are redundant, so that nothing determines their forces.
+        """
+        found = self._moving(q).forces(*self._loaded(q, v, a, force, moment, payload))
+        return Forces(*(like(q, part) for part in (found.actuators, found.loops, found.rods)))
+
+    def reflected_inertia(self, q: npt.ArrayLike) -> Floats:
+        """The inertia matrix at the actuators: G' M G, with Pinocchio's M and the derivative G of all joints by the commands.
+
+        Parameters
+        ----------
+        q
+            (n,) or (N, n) commands, m or rad.
+
+        Returns
+        -------
+        M
+            (n, n) or (N, n, n): the kinetic energy is v' M v / 2 at velocities v (n,) of the commands; kg where the two
+            actuators slide, kg m^2 where they turn, kg m where one slides and one turns.
+
+        Raises
+        ------
+        ModelError, ClosureError
+            As :meth:`forward`.
+        """
+        return like(q, self._moving(q).inertia())
 
     def inverse(self, T: Any, R: npt.ArrayLike | None = None, start: npt.ArrayLike | None = None) -> Floats:
         """Commands that bring the TCP to a pose: inverse kinematics, by Newton's method.
@@ -152,7 +294,7 @@ class Robot(Chain):
         >>> print(f"{np.abs(ur5.forward(q).T - pose.T).max():.6f} m")
         0.000000 m
         """
-        T, R = _wanted(T, R)
+        T, R = wanted(T, R)
         many, T = T.ndim == 2, np.atleast_2d(T)
         R = None if R is None else np.reshape(R, (-1, 3, 3))
         near = self.home_q if start is None else self._commands(start)
@@ -176,6 +318,26 @@ class Robot(Chain):
             raise ModelError(f"commands of {shape} for {self.name}", hint=f"give {n} finite numbers, or N rows of {n}")
         return commands
 
+    def _with(self, q: npt.ArrayLike, rates: npt.ArrayLike) -> Floats:
+        """Velocities or accelerations (N, n) for N commands q, of (N, n) or (n,) of all."""
+        return rows_of(self._commands(rates), (np.atleast_2d(np.asarray(q)).shape[0], self.n_actuators), "velocities")
+
+    def _loaded(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, *tool: npt.ArrayLike | None
+    ) -> list[Floats]:
+        """Velocities, accelerations, and force, moment and payload on the tool, of N commands."""
+        n = np.atleast_2d(np.asarray(q)).shape[0]
+        shapes = zip(tool, ((n, 3), (n, 3), (n,)), ("forces", "moments", "payloads"), strict=True)
+        loads = [rows_of(0.0 if given is None else given, shape, what) for given, shape, what in shapes]
+        return [self._with(q, v), self._with(q, a), *loads]
+
+    def _moving(self, q: npt.ArrayLike) -> Moving:
+        commands = np.atleast_2d(self._commands(q))
+        configuration = self._poses(commands).configuration
+        if configuration is None:  # of a tree
+            configuration = np.array([self.with_commands(self.neutral, row) for row in commands])
+        return Moving(self, configuration)
+
     def _poses(self, q: Floats) -> Poses:
         """Poses (N) at commands (N, n); `ClosureError` where one can't be reached."""
         poses = self._kinematics.forward(q)
@@ -186,29 +348,6 @@ class Robot(Chain):
                 raise type(error)(f"row {row}: {error.what}", hint=error.hint) from None
             raise out_of_reach(self.name, q[row], False, row=int(row))
         return poses
-
-
-def _wanted(T: Any, R: npt.ArrayLike | None) -> tuple[Floats, Floats | None]:
-    """Positions (3,) or (N, 3), and rotations or None, of what :meth:`Robot.inverse` takes."""
-    if R is None and isinstance(T, (ClosedPosture, Poses)):
-        return T.T, T.R
-    if R is None and isinstance(T, pin.SE3):
-        return np.array(T.translation), np.array(T.rotation)
-    try:
-        wanted, rotations = np.asarray(T, dtype=float), None if R is None else np.asarray(R, dtype=float)
-    except (TypeError, ValueError):
-        wanted, rotations = np.array(np.nan), None
-    if rotations is None and wanted.ndim in (2, 3) and wanted.shape[-2:] == (4, 4):
-        return wanted[..., :3, 3], wanted[..., :3, :3]
-    if wanted.ndim not in (1, 2) or wanted.shape[-1] != 3:
-        shape = f"of shape {wanted.shape}" if wanted.ndim else f"{type(T).__name__}"
-        raise ModelError(
-            f"wanted poses {shape}", hint="give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
-        )
-    if rotations is not None and rotations.shape != (*wanted.shape[:-1], 3, 3):
-        hint = "give one 3 x 3 matrix for each position"
-        raise ModelError(f"wanted rotations of shape {rotations.shape} for positions {wanted.shape}", hint=hint)
-    return wanted, rotations
 
 
 def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Robot:

@@ -15,9 +15,10 @@ from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, renamed
-from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
+from gtpin.paper.kinematics import kinematics_of
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -141,7 +142,7 @@ class Model:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The kinematics of the model's geometry, without effects, in the base frame."""
-        return kinematics(self.geometry)
+        return kinematics_of(self.geometry)
 
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.

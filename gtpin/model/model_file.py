@@ -11,8 +11,7 @@ from pydantic import Field, ValidationError
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import ModelError
 from gtpin.model.effect_record import EffectRecord, Finite, Positive, Record, Triple
-from gtpin.robot.geometry import Arm
-from gtpin.robot.parameters import Per
+from gtpin.paper.geometry import Arm, Per
 
 SCHEMA: Final = "gtpin-model/1"
 AGAIN = "write the model again"
@@ -26,7 +25,7 @@ class FrameRecord(Record):
 
 
 class TrackRecord(Record):
-    """A measured track; see :class:`~gtpin.robot.geometry.MeasuredTrack`."""
+    """A measured track; see :class:`~gtpin.paper.tracks.MeasuredTrack`."""
 
     q: list[Finite]
     path: list[Triple]

@@ -16,7 +16,6 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.effect import Effect
 from gtpin.errors import GtpinError, ModelError, check_kind
-from gtpin.kinematics.kinematics import kinematics
 from gtpin.model.effect_record import active_effect, record
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import FittedInstrument, Frame, Model
@@ -33,9 +32,11 @@ from gtpin.model.model_file import (
     read_model_file,
 )
 from gtpin.output.results import results_folder
+from gtpin.paper.geometry import PaperGeometry, nominal_geometry
+from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.geometry import Geometry, MeasuredTrack
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
 
@@ -108,6 +109,7 @@ def _listed(values: Floats | None) -> Any:
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     kinds = {p.kind: p.per for p in geometry.parameters}
+    tracks = geometry.tracks if isinstance(geometry, PaperGeometry) else ()
     return ModelFile(
         schema=SCHEMA,
         robot=geometry.robot.name,
@@ -115,10 +117,10 @@ def _content(model: Model) -> ModelFile:
         tcp=geometry.robot.tcp_frame,
         directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
         scale=kinds.get("scale"),  # type: ignore[arg-type]
-        arm="reduced" if geometry.reduced else "full",
+        arm="reduced" if geometry.positions_only else "full",
         tracks=[
             None if track is None else TrackRecord(**{key: _listed(values) for key, values in vars(track).items()})
-            for track in geometry.tracks
+            for track in tracks
         ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
@@ -223,7 +225,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:
     if not content.effects:
         return ()
-    solver, known, found = kinematics(geometry), {**effects_by_id(), **own}, []
+    solver, known, found = Model(geometry).kinematics, {**effects_by_id(), **own}, []
     for number, one in enumerate(content.effects):
         try:
             found.append(active_effect(one, solver, known))
@@ -238,7 +240,7 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     tracks = tuple(None if t is None else _track(t) for t in content.tracks)
     if tracks and len(tracks) != len(robot.rod_sites):
         raise ModelError(f"{len(tracks)} tracks for {len(robot.rod_sites)} rods")
-    full = Geometry.nominal(robot, directions=content.directions, scale=content.scale, arm=content.arm, tracks=tracks)
+    full = nominal_geometry(robot, directions=content.directions, scale=content.scale, arm=content.arm, tracks=tracks)
     unknown = sorted(set(content.parameters) - set(full.names))
     if unknown:
         raise ModelError(f"no parameter is called {unknown[0]!r}")
@@ -246,7 +248,7 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
     parameters = tuple(replace(p, tolerance=tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
-    geometry = Geometry(robot, parameters, values, tracks)
+    geometry = replace(full, parameters=parameters, values=values)
     _check_values(geometry)
     return geometry
 
@@ -259,7 +261,7 @@ def _check_values(geometry: Geometry) -> None:
         if abs(deviation) > largest[parameter.unit]:
             what = f"{value:g} {parameter.unit}, where {parameter.nominal:g} is nominal"
             raise ModelError(what, column=f"parameters.{parameter.name}")
-    if geometry.robot.constraints and moved.any() and not kinematics(geometry).home.reached.all():
+    if geometry.robot.constraints and moved.any() and not Model(geometry).kinematics.home.reached.all():
         i = int(np.argmax(np.abs(moved) / geometry.tolerance))
         most = geometry.parameters[i]
         what = f"the loops don't close at home; farthest from nominal, {most.nominal:g}, is this value, {geometry.values[i]:g}"

@@ -21,7 +21,7 @@ def predict(model: Model, commands: Commands) -> Poses:
     """
     robot = model.robot
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
-    outside = np.flatnonzero(model.geometry.outside_tracks(commands.q))
+    outside = np.flatnonzero(model.geometry.outside(commands.q))
     if outside.size:
         raise ModelError(
             f"pose {commands.pose[outside[0]]} leaves the range in which the tracks were measured",

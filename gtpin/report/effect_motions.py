@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.chain_motions import beam, joint_frame, of_body, of_carried, tip_to_joint
+from gtpin.effects.chain_motions import beam, cart_load, joint_frame, of_body, of_carried, tip_to_joint
 from gtpin.effects.displacement import Displacement, along_track, of_lengths
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at, tracks, turning_joint
@@ -26,17 +26,19 @@ SMALLEST = 1e-9
 class Carried:
     """The load that does work along a displaced quantity.
 
-    ``what``: the part on which it acts, and its direction, in words. ``indices``, ``way``: indices of the frames that carry it,
-    as in :class:`~gtpin.kinematics.protocol.Bodies`, and (6,) the direction as a twist in these frames.
+    ``what``: the part on which it acts, and its direction, in words. ``place``, ``way``: the index of the frame that carries
+    it, or the site of a cart, and (6,) the direction as a twist in this frame.
     """
 
     what: str
-    indices: tuple[int, ...]
+    place: int | str
     way: Floats
 
     def at(self, at: OperatingPoints) -> Floats:
         """(N,) the load, N or N m."""
-        return np.asarray(at.joint_loads[:, self.indices].sum(axis=1) @ self.way)
+        if isinstance(self.place, str):
+            return np.asarray(np.concatenate(cart_load(at, self.place), axis=1) @ self.way)
+        return np.asarray(at.joint_loads[:, self.place] @ self.way)
 
     @property
     def words(self) -> str:
@@ -101,17 +103,18 @@ def _own_load(at: OperatingPoints, site: str) -> Carried:
     """The load about a joint's axis or along it; on a cart the force along its track."""
     frame, still, turning = joint_frame(at, site), np.zeros(3), turning_joint(at.robot, site)
     what = f"{site} {'about' if turning else 'along'} its {'track' if tracks(at.robot) else 'axis'}"
-    return Carried(what, frame.indices, np.concatenate([still, frame.axis] if turning else [frame.axis, still]))
+    way = np.concatenate([still, frame.axis] if turning else [frame.axis, still])
+    return Carried(what, site if frame.on_cart else frame.index, way)
 
 
 def _of_carrier(at: OperatingPoints, site: str, basis: Displacement) -> list[Motion]:
     frame = joint_frame(at, site) if basis.placements and site in at.robot.sites else None
-    if frame is None or not frame.indices:
+    if frame is None or not frame.on_cart:
         return []
     nearest = np.abs(frame.across).argmax(axis=1)  # base axes
     across = [f"towards {'−' if way[k] < 0.0 else '+'}{'xyz'[k]}" for k, way in zip(nearest, frame.across, strict=True)]
     places = ["along its track", *(f"across its track, {a}" for a in across)]
-    if len(frame.indices) > 1:
+    if frame.turns:
         places += ["about its track (roll)", *(f"about an axis {a}" for a in across)]
     ways = np.kron(np.eye(2), np.vstack([frame.axis, frame.across]))  # rows: three unit shifts, three unit turns
     moved, found = of_carried(at, site, basis), []
@@ -136,7 +139,7 @@ def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Moti
         for place, way in ways:
             motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
             tcp = at.bodies.by_twist(index, (moved @ way)[:, :, None])[:, :, 0]
-            columns, carried = np.einsum("nim,i->nm", own, way), Carried(f"{owner} {place}", (frame,), way)
+            columns, carried = np.einsum("nim,i->nm", own, way), Carried(f"{owner} {place}", frame, way)
             found.append(Motion(f"{motion} of {owner} {place}", unit, columns, tcp, carried=carried))
 
     def at_tcp(motion: Motion) -> float:

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from gtpin.kinematics.bodies import bodies, index_of
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.placed import frame_of_anchor, frame_of_joint, frame_of_tcp
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
-from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.moving_links import moving_links
 from gtpin.typing import Floats
 
@@ -84,17 +84,15 @@ def skeleton(model: Model, q: Floats | None = None) -> Skeleton | None:
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
     if not robot.rod_sites:
-        return _of_chain(kinematics.robot, q, up)
+        return _of_chain(kinematics, q, up)
     pose = kinematics.forward(q[None])
     if not pose.reached.all():
         return None
-    d, RP = kinematics.rod_vectors(q[None], pose)
-    joints = RP[0] + pose.T[0]
-    seats = joints - d[0]
+    joints, seats = (ends[0] for ends in kinematics.rod_ends(q[None], pose))
     lines = [Line("rod", site, np.stack(pair)) for site, *pair in zip(robot.rod_sites, seats, joints, strict=True)]
     spots, on_base = [], set(range(len(seats)))
     for j, actuator in enumerate(robot.actuators):
-        carried = list(kinematics.carried(j))
+        carried = list(robot.rods_on(j))
         if not carried:
             continue
         site, middle = actuator.site, seats[carried].mean(axis=0)
@@ -121,30 +119,33 @@ def standing(model: Model) -> Floats:
     return np.asarray(middle) if known and kinematics.forward(middle[None]).reached.all() else robot.home_q
 
 
-def _of_chain(robot: Chain, q: Floats, up: Floats) -> Skeleton | None:
-    at = bodies(robot, q[None])
-    R, T = at.R[0], at.T[0]
-    if not np.isfinite(T).all():
+def _of_chain(kinematics: Kinematics, q: Floats, up: Floats) -> Skeleton | None:
+    robot, pose = kinematics.robot, kinematics.forward(q[None])
+    if not pose.reached.all():
         return None
+    motion, J = kinematics.motion(q[None], pose), frame_of_tcp(robot)
+    T = np.array([motion.frame(index)[1][0] for index in range(J + 1 + len(robot.anchors))])
     spots = []
-    for actuator in robot.actuators:
-        twist, index = joint_axis(robot.model, actuator.joint_id), index_of(actuator.joint_id)
-        spots.append(Spot(actuator.site, T[index], R[index] @ (twist[3:] if actuator.revolute else twist[:3])))
-    links = [Line("link", link.name, T[[index_of(link.joint_id), link.tip]]) for link in moving_links(robot)]
+    for number, actuator in enumerate(robot.actuators):
+        index = frame_of_joint(actuator.joint_id)
+        spots.append(Spot(actuator.site, T[index], motion.frame(index)[0][0] @ kinematics.axis(number)))
+    links = [Line("link", link.name, T[[frame_of_joint(link.joint_id), link.tip]]) for link in moving_links(robot)]
     drawn = {(tuple(line.ends[0]), tuple(line.ends[1])) for line in links}
     fixed = [Line("fixed", "", ends) for ends in _bones(robot, T) if (tuple(ends[0]), tuple(ends[1])) not in drawn]
     nothing = np.empty((0, 3))
-    return Skeleton((*links, *fixed), tuple(spots), nothing, nothing, T[-1], up)
+    return Skeleton((*links, *fixed), tuple(spots), nothing, nothing, T[J], up)
 
 
 def _bones(robot: Chain, T: Floats) -> Iterator[Floats]:
-    """(2, 3) lines from each joint's parent to the joint, from the last joint to the TCP, and from joints to loops."""
-    parents = [int(robot.model.parents[j]) for j in range(1, robot.model.njoints)]
-    ends = [(parent, T[j]) for j, parent in enumerate(parents)]
-    # The links that a loop joins: Pinocchio's data hold the posture of the only command.
-    anchors = [(joint, np.array((robot.data.oMi[joint] * place).translation)) for joint, place in robot.anchors]
-    for parent, end in [*ends, (int(robot.tcp_joint), T[-1]), *anchors]:
-        yield np.stack([T[index_of(parent)] if parent else np.zeros(3), end])
+    """(2, 3) lines from each joint's parent to the joint, from the last joint to the TCP, and from joints to loops.
+
+    ``T``: (F, 3) origins of all frames.
+    """
+    ends = [(int(robot.model.parents[j]), T[frame_of_joint(j)]) for j in range(1, robot.model.njoints)]
+    # The links that a loop joins.
+    anchors = [(joint, T[frame_of_anchor(robot, a)]) for a, (joint, _) in enumerate(robot.anchors)]
+    for parent, end in [*ends, (int(robot.tcp_joint), T[frame_of_tcp(robot)]), *anchors]:
+        yield np.stack([T[frame_of_joint(parent)] if parent else np.zeros(3), end])
 
 
 @dataclass(frozen=True)

@@ -227,7 +227,7 @@ def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[n
     """Configuration with some of the passive coordinates, a mask (p,), moved by x."""
     passive = np.zeros(robot.n_passive)
     passive[which] = x
-    turned: Floats = pin.integrate(robot.model, configuration, robot.velocity(None, passive))
+    turned: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(None, passive))
     return turned
 
 

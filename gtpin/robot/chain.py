@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.commanded import with_actuators
@@ -28,14 +27,17 @@ class Chain(ConstrainedModel):
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
     measured_joints : tuple of MeasuredJoint
         Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
+    assembly : Assembly
+        The assembly at home: see :func:`~gtpin.robot.assembly.assemble`.
     """
 
     def __init__(self, description: RobotDescription, tcp: str | None = None) -> None:
         super().__init__(description, tcp)
         self.rods: tuple[Rod, ...] = rods(self)
         self.measured_joints: tuple[MeasuredJoint, ...] = ()
-        self._nominal: Chain | None = None
-        self._assembly: Assembly | None = None
+        self.assembly: Assembly = assemble(self)
+        self.memo: dict[str, Any] = {}
+        """What the kinematics keep of this robot: see :func:`~gtpin.kinematics.kinematics.nominal`."""
 
     @classmethod
     def from_urdf(cls, path: str | Path, tcp: str | None = None) -> Self:
@@ -46,22 +48,9 @@ class Chain(ConstrainedModel):
         return cls(with_actuators(RobotDescription.read(Path(path)), ()), tcp)
 
     @property
-    def nominal(self) -> Chain:
-        """The robot as its URDF describes it: itself, or the one whose joints :meth:`with_placements` displaced."""
-        return self._nominal or self
-
-    @property
     def rank(self) -> int:
         """Number of passive motions that the loops determine: ``n_passive`` for most robots."""
         return self.n_passive - int(self.assembly.free.shape[1])
-
-    @property
-    def assembly(self) -> Assembly:
-        """The assembly at home of the nominal robot; displaced copies share it: see :func:`~gtpin.robot.assembly.assemble`."""
-        nominal = self.nominal
-        if nominal._assembly is None:
-            nominal._assembly = assemble(nominal)
-        return nominal._assembly
 
     @property
     def home_coordinates(self) -> dict[str, float]:
@@ -74,6 +63,19 @@ class Chain(ConstrainedModel):
                 both = configuration[at : at + int(model.nqs[joint])]
                 found[str(model.names[joint])] = float(both[0] if len(both) == 1 else np.arctan2(both[1], both[0]))
         return found
+
+    def rod(self, index: int) -> Rod:
+        """The rod with an index: see :class:`~gtpin.robot.rods.Rod`."""
+        return self.rods[index]
+
+    def rods_on(self, actuator: int) -> tuple[int, ...]:
+        """Indices of the rods whose joints are on an actuator's carrier."""
+        return tuple(i for i, rod in enumerate(self.rods) if rod.carrier == actuator)
+
+    @property
+    def rod_seats(self) -> tuple[int, ...]:
+        """By rod, the index of its anchor on the carrier."""
+        return tuple(rod.seat for rod in self.rods)
 
     @property
     def rod_sites(self) -> tuple[str, ...]:
@@ -154,56 +156,15 @@ class Chain(ConstrainedModel):
         if names == tuple(joint.name for joint in self.measured_joints):
             return self
         other = copy.copy(self)
-        other._nominal = self.nominal
+        other.memo = {}
         other.measured_joints = tuple(measured_joint(self, name) for name in names)
         return other
 
-    def with_placements(self, twists: Floats, platform: Floats | None = None, anchors: Floats | None = None) -> Self:
-        """A copy of the robot with displaced joints, TCP and loops' anchors.
+    def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[str, ...]]:
+        return type(self), (self.description, self.tcp_frame), tuple(joint.name for joint in self.measured_joints)
 
-        Each joint's placement is multiplied from the right by the exponential of its twist: ``twists`` is (njoints, 6),
-        position (m) then rotation (rad), by Pinocchio joint. ``platform`` (6,) is the twist of the TCP on the body that
-        carries it. ``anchors`` (2 L, 3) are displacements, m, of the anchors of L loops, in the frames of their links. None:
-        zero.
-        """
-        other = copy.copy(self)
-        other._nominal = self.nominal
-        other.model = self.model.copy()
-        if platform is not None:
-            other.tcp_placement = self.tcp_placement * pin.exp6(platform)
-        for joint_id in range(1, self.model.njoints):
-            other.model.jointPlacements[joint_id] = self.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
-        if anchors is not None:
-            placed = zip(self.anchors, self.anchor_axes, anchors, strict=True)
-            other.place_anchors([(joint, pin.SE3(M.rotation, M.translation + R @ d)) for (joint, M), R, d in placed])
-        other.data = other.model.createData()
-        other.prepare_constraints()
-        return other
-
-    def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[list[Any], tuple[str, ...]]]:
-        return (
-            type(self),
-            (self.description, self.tcp_frame),
-            (self._placed(), tuple(j.name for j in self.measured_joints)),
-        )
-
-    def __setstate__(self, state: tuple[list[Any], tuple[str, ...]]) -> None:
-        # Displaced placements and measured joints are not in the URDF.
-        placed, joints = state
-        if placed != self._placed():
-            self._nominal = type(self)(self.description, self.tcp_frame)
-        count = self.model.njoints
-        for joint_id, placement in enumerate(placed[:count]):
-            self.model.jointPlacements[joint_id] = placement
-        self.tcp_placement = placed[count]
-        carriers = (joint for joint, _ in self.anchors)
-        self.place_anchors(list(zip(carriers, placed[count + 1 :], strict=True)))
+    def __setstate__(self, joints: tuple[str, ...]) -> None:
         self.measured_joints = tuple(measured_joint(self, name) for name in joints)
-
-    def _placed(self) -> list[Any]:
-        """Placements (``pinocchio.SE3``) of every joint, of the TCP on its body, then of the loops' anchors."""
-        moved = (*self.model.jointPlacements, self.tcp_placement, *(placement for _, placement in self.anchors))
-        return [pin.SE3(placement) for placement in moved]
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

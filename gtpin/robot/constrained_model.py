@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.planar_loops import in_planes, normal_of, postures
+from gtpin.robot.planar_loops import axes_of, in_planes, normal_of, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
 
@@ -71,6 +71,8 @@ class ConstrainedModel:
     model : pinocchio.Model
     constraints : tuple of pinocchio.PointAnchorConstraintModel
         In the order of the loops.
+    constraint_models : pinocchio.StdVec_ConstraintModel
+        The same, as ``pinocchio.getConstraintsJacobian`` takes them.
     anchors : tuple of (int, pinocchio.SE3)
         For each of the 2 L anchors of L loops, the joint that carries it and its placement on this joint.
     actuators : tuple of Actuator
@@ -109,7 +111,7 @@ class ConstrainedModel:
         self.model: Any = moving_model(description, [element.joint for element in elements])
         self.model.gravity.linear = np.array(description.gravity)
         self.data: Any = self.model.createData()
-        """Scratch memory of the kinematics, for one thread at a time."""
+        """Scratch memory for the time in which the robot is built."""
         self.neutral: Floats = neutral(self.model, description)
         self.followers = followers(self.model, description.tree.mimics)
         pin.computeJointJacobians(self.model, self.data, self.neutral)
@@ -122,7 +124,7 @@ class ConstrainedModel:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self._led = [
+        self.led = [
             (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
         ]
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
@@ -143,28 +145,26 @@ class ConstrainedModel:
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
         self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
-        self.place_anchors([self._placement(anchor) for anchor in self._anchor_elements])
+        self.anchors = tuple(self._placement(anchor) for anchor in self._anchor_elements)
+        self._close()
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_size()
         self._check_home()
         self.planes = self._planes()
         self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
+        self.plane_axes: tuple[Floats | None, ...] = tuple(None if n is None else axes_of(n) for n in self.planes)
 
-    def place_anchors(self, anchors: Sequence[tuple[int, Any]]) -> None:
-        """Set where the loops' anchors are: the joint that carries each, and its placement (``pinocchio.SE3``) on this joint.
-
-        Their order: the first and the second anchor of the first loop, then those of the next loop.
-        """
-        self.anchors = tuple(anchors)
+    def _close(self) -> None:
+        """Make the constraint models, and scratch memory for the time in which the robot is built."""
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self.prepare_constraints()
-
-    def anchor_point(self, index: int) -> Floats:
-        """(3,) position of an anchor, base frame, m, at the posture that ``data`` hold."""
-        joint, placement = self.anchors[index]
-        return np.asarray((self.data.oMi[joint] * placement).translation)
+        self.constraint_pairs = tuple((constraint, constraint.createData()) for constraint in self.constraints)
+        self.constraint_models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+        for constraint in self.constraints:
+            self.constraint_models.append(pin.ConstraintModel(constraint))
+            data.append(self.constraint_models[-1].createData())
+        self.constraint_vectors = (self.constraint_models, data)
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -175,16 +175,6 @@ class ConstrainedModel:
         """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
         frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
         return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
-
-    def prepare_constraints(self) -> None:
-        """Make scratch memory for the constraints, in the two forms that Pinocchio asks for."""
-        self.constraint_pairs = tuple((constraint, constraint.createData()) for constraint in self.constraints)
-        models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-        for constraint in self.constraints:
-            models.append(pin.ConstraintModel(constraint))
-            data.append(models[-1].createData())
-        self.constraint_vectors = (models, data)
-        self.constraint_elements = tuple(zip(models, data, strict=True))
 
     @property
     def n_actuators(self) -> int:
@@ -240,11 +230,11 @@ class ConstrainedModel:
         changed[self._index_q] = q
         for i in self._continuous:
             put(changed, self._index_q[i], q[i], True)
-        for i, follower in self._led:
+        for i, follower in self.led:
             follower.put(changed, q[i])
         return changed
 
-    def velocity(self, commands: Floats | None, passive: Floats) -> Floats:
+    def tree_velocity(self, commands: Floats | None, passive: Floats) -> Floats:
         """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
         velocity = np.zeros(self.model.nv)
         if commands is not None:
@@ -353,7 +343,7 @@ class ConstrainedModel:
         found = []
         for configuration in postures(self.model, self.neutral):
             pin.computeJointJacobians(self.model, self.data, configuration)
-            for constraint, data in self.constraint_elements:
+            for constraint, data in zip(*self.constraint_vectors, strict=True):
                 constraint.calc(self.model, self.data, data)
             jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
             found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])

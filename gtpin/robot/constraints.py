@@ -48,7 +48,7 @@ def constraint_jacobian(robot: ConstrainedModel) -> Floats:
     """(m, nv) derivative of :func:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
-    for constraint, data in robot.constraint_elements:
+    for constraint, data in zip(*robot.constraint_vectors, strict=True):
         constraint.calc(robot.model, robot.data, data)
     jacobian = np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
     return robot.closing(robot.folded(jacobian.reshape(-1, robot.model.nv)))

@@ -16,67 +16,36 @@ from gtpin.robot.mjcf_values import exact_text
 from gtpin.typing import Floats
 
 
-def to_urdf(geometry: Geometry, P: Floats, C0: Floats, L0: Floats, v: Floats, home: tuple[Floats, Floats]) -> str:
-    """URDF of a robot with rods, with the positions of its joints from a geometry.
+def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home: tuple[Floats, Floats]) -> str:
+    """URDF of a robot with the places of its joints, of its loops' anchors and of its TCP from a geometry.
 
     Every link keeps its name, shape and inertia. Where the URDF's zero configuration was the home posture, it is so again. A
-    URDF can't hold drive scales, and has one direction for each carrier: the mean of those of its rods.
+    URDF can't hold drive scales. The TCP's displacement is written into the fixed joint of its link. Where its link has no
+    fixed joint, the TCP gets a new link, which ``<platform>`` names.
 
-    ``geometry``: what to write. ``P``, ``C0``, ``L0``, ``v``: of the k rods: joints on the platform (k, 3), TCP frame, m;
-    carrier joints (k, 3), base frame, commands zero, m; lengths (k,), m; unit directions of their carriers (k, 3), base
-    frame. They are attributes of :class:`~gtpin.kinematics.rod_kinematics.RodKinematics`. ``home``: the TCP's position
-    (3,), m, and rotation (3, 3) at the home commands, base frame.
+    ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.Placed` has them.
+    ``home``: the TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
     """
     robot = geometry.robot
     root = parse_xml(robot.description.xml, robot.description.source)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    placed = () if placements is None else enumerate(placements, 1)
+    for joint_id, moved in placed:
+        own = robot.model.jointPlacements[joint_id]
+        placement = pin.SE3(moved[:9].reshape(3, 3).T, moved[9:])
+        if placement != own:
+            # The URDF's origin is relative to the parent link, Pinocchio's placement to the parent joint; fixed links between.
+            element = joints[robot.model.names[joint_id]]
+            _set_origin(element, _parent_placement(robot, element).inverse() * placement)
     loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
-    pin.forwardKinematics(robot.model, robot.data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
-    for a, actuator in enumerate(robot.actuators):
-        carried = [i for i, rod in enumerate(robot.rods) if rod.carrier == a]
-        if carried:
-            frame = robot.data.oMi[actuator.joint_id].rotation
-            mean = v[carried].mean(axis=0)
-            _axis(joints[actuator.joint]).set("xyz", exact_text(frame.T @ (mean / np.linalg.norm(mean))))
-    for i, rod in enumerate(robot.rods):
-        loop = robot.description.loops[rod.loop]
-        own, other = (loop.anchor1, loop.anchor2) if rod.rod_end == 0 else (loop.anchor2, loop.anchor1)
-        element = loops[loop.name]
-        own_element = _child(element, "link1" if rod.rod_end == 0 else "link2")
-        other_element = _child(element, "link2" if rod.rod_end == 0 else "link1")
-        stretched = np.array(own.xyz) + (L0[i] - rod.L) * _own_direction(robot, own.link, own.xyz, rod.joint_id)
-        own_element.set("xyz", exact_text(stretched))
-        other_element.set("xyz", exact_text(_link_placement(robot, other.link).actInv(C0[i])))
-        _hang(robot, joints[robot.model.names[rod.joint_id]], rod.joint_id, P[i])
-    _rehome(robot, root, joints, home)
-    _name_what_was_found(robot, root)
-    indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-
-
-def placements_to_urdf(geometry: Geometry) -> str:
-    """URDF of a robot without rods, with the placements of its joints, its anchors and its TCP from a geometry.
-
-    The TCP's displacement is written into the fixed joint of its link. Where its link has no fixed joint, the TCP gets a new
-    link, which ``<platform>`` names.
-    """
-    robot = geometry.robot
-    root = parse_xml(robot.description.xml, robot.description.source)
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    twists = geometry.deviations("placement", "joint", (robot.model.njoints, 6))
-    for joint_id in robot.moving_joints:
-        element = joints[robot.model.names[joint_id]]
-        # The URDF's origin is relative to the parent link, Pinocchio's placement to the parent joint; fixed links are between.
-        parent = _parent_placement(robot, element)
-        moved = parent.inverse() * robot.model.jointPlacements[joint_id] * pin.exp6(twists[joint_id])
-        _set_origin(element, moved)
-    loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
-    for index, moved_by in enumerate(geometry.anchors):
-        loop = robot.description.loops[index // 2]
-        if moved_by.any():
+    for index, (at, (_, own)) in enumerate(zip(anchors, robot.anchors, strict=True)):
+        loop, shift = robot.description.loops[index // 2], robot.anchor_axes[index].T @ (at - own.translation)
+        if shift.any():
             anchor = (loop.anchor1, loop.anchor2)[index % 2]
             element = _child(loops[loop.name], f"link{index % 2 + 1}")
-            element.set("xyz", exact_text(np.array(anchor.xyz) + moved_by))
+            element.set("xyz", exact_text(np.array(anchor.xyz) + shift))
+    if placements is not None and robot.constraints:
+        _rehome(robot, root, joints, home, geometry.platform)
     _name_what_was_found(robot, root)
     platform = geometry.platform
     if platform.any():
@@ -127,23 +96,11 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
         # Of the link that the TCP's joint moves: the TCP itself may be displaced on it.
         bodies = (frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY)
         link = next(frame for frame in bodies if frame.parentJoint == robot.tcp_joint)
-        at = home_attributes(robot.nominal, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
+        at = home_attributes(robot, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
         own.append(Element("home", at, link=str(link.name)))
     for name, normal in planes.items():
         if name not in description.planes:
             own.append(Element("plane", loop=name, normal=exact_text(normal)))
-
-
-def _own_direction(robot: Chain, link: str, xyz: tuple[float, ...], root: int) -> Floats:
-    """Unit vector along a rod, from its joint on the platform to its own end, in its link's frame."""
-    placement = _link_placement(robot, link)
-    along = placement.act(np.array(xyz)) - robot.data.oMi[root].translation
-    return np.asarray(placement.rotation.T @ (along / np.linalg.norm(along)))
-
-
-def _link_placement(robot: Chain, link: str) -> pin.SE3:
-    frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
-    return robot.data.oMi[frame.parentJoint] * frame.placement
 
 
 def _parent_placement(robot: Chain, joint: Element) -> pin.SE3:
@@ -152,27 +109,26 @@ def _parent_placement(robot: Chain, joint: Element) -> pin.SE3:
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
-def _hang(robot: Chain, joint: Element, joint_id: int, P: Floats) -> None:
-    """Move a rod's joint on the platform to P (TCP frame, m); its axes keep their directions."""
-    parent = _parent_placement(robot, joint)
-    placement = robot.model.jointPlacements[joint_id]
-    moved = pin.SE3(placement.rotation, robot.tcp_placement.act(P))
-    _set_origin(joint, parent.inverse() * moved)
+def _rehome(
+    robot: Chain, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats], displaced: Floats
+) -> None:
+    """Write the new home pose. A floating platform whose zero was at the home pose is moved to the new one.
 
-
-def _rehome(robot: Chain, root: Element, joints: dict[str, Element], home: tuple[Floats, Floats]) -> None:
-    """Write the new home pose. A floating platform whose zero was at the home pose is moved to the new one."""
+    ``displaced``: (6,) twist of the TCP on its body.
+    """
     own = root.find("gtpin")
     element = None if own is None else own.find("home")
     if element is None or robot.description.home is None:
         return
-    platform_pose = pin.SE3(home[1], home[0]) * robot.tcp_placement.inverse()
+    platform_pose = pin.SE3(home[1], home[0]) * (robot.tcp_placement * pin.exp6(displaced)).inverse()
     pose = platform_pose * robot.home_placement
     element.set("tcp_xyz", exact_text(pose.translation))
     element.set("tcp_rotvec", exact_text(pin.log3(pose.rotation)))
     platform = robot.model.names[robot.tcp_joint]
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
     was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
-    now = robot.data.oMi[robot.tcp_joint] * robot.home_placement
+    now = data.oMi[robot.tcp_joint] * robot.home_placement
     if platform in joints and joints[platform].get("type") == "floating" and was.isApprox(now, 1e-6):
         _set_origin(joints[platform], platform_pose)
 
@@ -184,14 +140,6 @@ def _set_origin(joint: Element, placement: pin.SE3) -> None:
         joint.insert(0, origin)
     origin.set("xyz", exact_text(placement.translation))
     origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placement.rotation)))
-
-
-def _axis(joint: Element) -> Element:
-    axis = joint.find("axis")
-    if axis is None:  # URDF's default, which is not written
-        axis = Element("axis")
-        joint.append(axis)
-    return axis
 
 
 def _child(element: Element, tag: str) -> Element:

@@ -33,10 +33,10 @@ class MeasuredJoint:
     turns: bool
     continuous: bool
 
-    def coordinate(self, configuration: Floats) -> float:
-        """Its coordinate, rad or m, in a Pinocchio configuration (nq,)."""
-        here = configuration[self.index_q]
-        return float(np.arctan2(configuration[self.index_q + 1], here)) if self.continuous else float(here)
+    def coordinates(self, X: Floats) -> Floats:
+        """(N,) its coordinate, rad or m, in Pinocchio configurations X (N, nq)."""
+        here = X[:, self.index_q]
+        return np.asarray(np.arctan2(X[:, self.index_q + 1], here) if self.continuous else here.copy())
 
 
 def readable(robot: ConstrainedModel) -> tuple[str, ...]:

@@ -24,6 +24,8 @@ MOST = 300
 """Largest number of elements that may be nested: bodies, frames, default classes."""
 REFUSED = ("replicate", "attach", "composite", "flexcomp")
 """Elements of a body tree that gtpin does not read."""
+FLOATING = ["slide", "slide", "slide", "ball"]
+"""Joints of a body that floats: `gtpin.export` writes them on the base, where MuJoCo takes no ``<freejoint>``."""
 TCP_MARK = "gtpin_tcp"
 """Name of the ``<custom><text>`` that names the body or site that is the TCP. `gtpin.export` writes it."""
 
@@ -180,11 +182,13 @@ class _UrdfWriter:
         parts = list(self.values.parts(body, body.get("childclass", part.inherited)))
         joints = [one for one in parts if one.element.tag in ("joint", "freejoint")]
         joints = [one for one in joints if one.element.get("name") not in self.added]
+        kinds = [self._kind(joint) for joint in joints]
+        if kinds == FLOATING:
+            joints, kinds = joints[-1:], ["free"]
         before, above = pin.SE3(placement), parent
-        for number, joint in enumerate(joints):
+        for number, (joint, kind) in enumerate(zip(joints, kinds, strict=True)):
             given = self.values.attributes(joint.element, joint.inherited)
             called = given.get("name") or (f"{name}_joint" if len(joints) == 1 else f"{name}_joint{number + 1}")
-            kind = "free" if joint.element.tag == "freejoint" else given.get("type", "hinge")
             pos = joint.frame.act(self.values.numbers(given, "pos", "0 0 0", 3))
             last = number == len(joints) - 1 and (kind == "free" or not pos.any())
             child = link if last else self._free(f"{called}_frame")
@@ -197,6 +201,10 @@ class _UrdfWriter:
             self._joint(f"{name}_fixed", "fixed", above, link, before)
         self._mass(link, self.masses.inertia(name, parts))
         self._children(parts, link)
+
+    def _kind(self, joint: Part) -> str:
+        given = self.values.attributes(joint.element, joint.inherited)
+        return "free" if joint.element.tag == "freejoint" else given.get("type", "hinge")
 
     def _moving(
         self, name: str, given: dict[str, str], kind: str, frame: Floats, parent: str, child: str, origin: Any

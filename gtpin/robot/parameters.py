@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, cast
 
@@ -14,7 +14,6 @@ from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
 
 Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform", "anchor"]
-Per = Literal["actuator", "rod"]
 
 TOLERANCE: Mapping[str, float] = {
     "link_length": 1e-3,
@@ -97,82 +96,29 @@ def _carrier_kind(robot: Chain, rod: Rod) -> str:
     return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
 
 
-def rod_parameters(
-    robot: Chain,
-    tolerances: Mapping[str, float],
-    directions: Per,
-    scale: Per | None,
-    measured: Sequence[bool],
-    reduced: bool = False,
-) -> list[Parameter]:
-    """Parameters of a robot with rods: lengths, joints, directions and, if asked for or declared unknown, scales.
-
-    Rods whose track was measured (``measured``) have no scale. Their measured track is rotated as a whole by three angles: a,
-    b, and c about its own direction. Of a ``reduced`` arm the rods of a cart share one length, and their joints on the cart
-    move together.
-    """
-    found = _lengths_and_joints(robot, tolerances, reduced)
-    carriers = [(i, rod.carrier) for i, rod in enumerate(robot.rods) if rod.carrier is not None]
-    straight = [(i, carrier) for i, carrier in carriers if not measured[i]]
-    found += _directions(robot, tolerances, "actuator" if reduced else directions, straight, "ab")
-    found += _directions(robot, tolerances, "actuator", [pair for pair in carriers if measured[pair[0]]], "abc")
-    if reduced:
-        return found + _scales(robot, tolerances, scale and "actuator", straight)
-    driven = straight + [(i, rod.extension) for i, rod in enumerate(robot.rods) if rod.extension is not None]
-    return found + _scales(robot, tolerances, scale, driven)
-
-
-def _lengths_and_joints(robot: Chain, tolerances: Mapping[str, float], clusters: bool) -> list[Parameter]:
-    if clusters:
-        firsts = {rod.carrier: rod for rod in reversed(robot.rods) if rod.carrier is not None}
-        owners = [(a, robot.sites[a], firsts[a]) for a in sorted(firsts)]
-    else:
-        owners = [(i, rod.name, rod) for i, rod in enumerate(robot.rods)]
-    per: Per = "actuator" if clusters else "rod"
+def rod_parameters(robot: Chain, tolerances: Mapping[str, float], *, scale: bool) -> list[Parameter]:
+    """Parameters of a robot with rods: lengths, joints, directions and scales; only declared unknown ones without ``scale``."""
     found = [
-        Parameter(f"length[{n}]", "length", o, 0, per, "m", rod.L, tolerances["link_length"]) for o, n, rod in owners
+        Parameter(f"length[{rod.name}]", "length", i, 0, "rod", "m", rod.L, tolerances["link_length"])
+        for i, rod in enumerate(robot.rods)
     ]
-    joints: list[tuple[Kind, str]] = (
-        [("carrier_joint", "C")] if clusters else [("platform_joint", "P"), ("carrier_joint", "C")]
-    )
+    joints: tuple[tuple[Kind, str], ...] = (("platform_joint", "P"), ("carrier_joint", "C"))
     for kind, point in joints:
-        for owner, label, rod in owners:
+        for i, rod in enumerate(robot.rods):
             word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)
             for c, axis in enumerate("xyz"):
-                value = float(getattr(rod, point)[c])
-                tolerance = tolerances[f"{word}_{axis}"]
-                found.append(Parameter(f"{word}[{label}].{axis}", kind, owner, c, per, "m", value, tolerance))
+                value, name = float(getattr(rod, point)[c]), f"{word}[{rod.name}].{axis}"
+                found.append(Parameter(name, kind, i, c, "rod", "m", value, tolerances[f"{word}_{axis}"]))
+    for a in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
+        word = "arm_axis" if robot.actuators[a].revolute else "track_direction"
+        for c, axis in enumerate("ab"):
+            name = f"{word}[{robot.sites[a]}].{axis}"
+            found.append(Parameter(name, "direction", a, c, "actuator", "rad", 0.0, tolerances[word]))
+    for a in sorted({rod.driver for rod in robot.rods if rod.driver is not None}):
+        if scale or robot.actuators[a].scale_unknown:
+            name = f"scale[{robot.sites[a]}]"
+            found.append(Parameter(name, "scale", a, 0, "actuator", "m/m", 1.0, tolerances["scale"]))
     return found
-
-
-def _directions(
-    robot: Chain, tolerances: Mapping[str, float], per: Per, carriers: list[tuple[int, int]], components: str
-) -> list[Parameter]:
-    found = []
-    for owner, label, actuator in _owners(robot, per, carriers):
-        word = "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
-        for c, axis in enumerate(components):
-            tolerance = tolerances["track_roll" if axis == "c" else word]
-            found.append(Parameter(f"{word}[{label}].{axis}", "direction", owner, c, per, "rad", 0.0, tolerance))
-    return found
-
-
-def _scales(
-    robot: Chain, tolerances: Mapping[str, float], per: Per | None, driven: list[tuple[int, int]]
-) -> list[Parameter]:
-    if per is None:  # not asked for: only scales that the URDF declares unknown
-        per, driven = "actuator", [(i, a) for i, a in driven if robot.actuators[a].scale_unknown]
-    return [
-        Parameter(f"scale[{label}]", "scale", owner, 0, per, "m/m", 1.0, tolerances["scale"])
-        for owner, label, _ in _owners(robot, per, driven)
-    ]
-
-
-def _owners(robot: Chain, per: Per, driven: list[tuple[int, int]]) -> list[tuple[int, str, int]]:
-    """Index and label of each owner of a parameter of the drives, an actuator or a rod, and the index of its actuator."""
-    if per == "rod":
-        return [(i, robot.rods[i].name, actuator) for i, actuator in sorted(driven)]
-    return [(a, robot.sites[a], a) for a in sorted({actuator for _, actuator in driven})]
 
 
 def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[Parameter]:

@@ -33,12 +33,17 @@ def normal_of(motions: Floats) -> Floats | None:
     return np.asarray(directions[:, 2]) if planar else None
 
 
+def axes_of(normal: Floats) -> Floats:
+    """(2, 3) unit vectors that span the plane of a normal (3,)."""
+    return np.asarray(np.linalg.svd(normal[None])[2][1:])
+
+
 def in_planes(normals: list[Floats | None]) -> Floats:
     """(m, 3 k) matrix that gives the closure equations, from the vectors between the anchors of k loops.
 
     A planar loop, with a normal, has two equations, in its plane; any other loop has three.
     """
-    blocks = [np.eye(3) if normal is None else np.linalg.svd(normal[None])[2][1:] for normal in normals]
+    blocks = [np.eye(3) if normal is None else axes_of(normal) for normal in normals]
     found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
     row = 0
     for i, block in enumerate(blocks):

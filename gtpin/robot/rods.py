@@ -29,6 +29,8 @@ class Rod:
     - ``P``: (3,) position of the rod's joint on the platform, TCP frame, m.
     - ``C``: (3,) position of the carrier joint with all commands zero, base frame, m.
     - ``L``: length of the rod with all commands zero, m.
+    - ``along``: (3,) unit vector from the joint on the platform to the rod's end, in the frame of the joint that carries
+      this end.
     - ``carrier``: index of the actuator that moves the carrier joint, or None where this joint is fixed to the base.
     - ``extension``: index of the actuator that changes the rod's length, or None.
     - ``rod_end``: 0 or 1: index of the loop's anchor that is on the rod.
@@ -42,6 +44,7 @@ class Rod:
     P: Floats
     C: Floats
     L: float
+    along: Floats
     carrier: int | None
     extension: int | None
     rod_end: int
@@ -101,10 +104,12 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
     driven = {actuator.joint_id: number for number, actuator in enumerate(robot.actuators)}
     extension = None
     end = (placements[tip_joint] * tip).translation
-    local = tip  # becomes the rod's end relative to its joint on the platform: from placements alone, the same at any posture
+    # The rod's end relative to its joint on the platform: from placements alone, the same at any posture.
+    local = pin.SE3(tip)
     for joint in chain[:0:-1]:
         local = model.jointPlacements[joint] * local
     L = float(np.linalg.norm(local.translation))
+    along = tip.rotation @ local.rotation.T @ local.translation / L
     for joint in chain:
         if joint in driven:
             column = joint_jacobian(model, robot.data, joint)[:, model.idx_vs[joint]]
@@ -128,6 +133,7 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
         P=tcp.actInv(root),
         C=(placements[carrier_joint] * seat).translation,
         L=L,
+        along=np.asarray(along),
         carrier=driven[carriers[0]] if carriers else None,
         extension=extension,
         rod_end=rod_end,

@@ -12,10 +12,9 @@ import numpy.typing as npt
 from gtpin.compensation.compensate import machine_of
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.kinematics import Kinematics, kinematics
+from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 STEPS = 25
@@ -106,7 +105,7 @@ def commands_for_simulator(
     machine = machine_of(model)
     poses = machine.predict(commands, covariates)
     _all_there(poses, robot.name)
-    shown = kinematics(Geometry.nominal(robot)) if simulator is None else simulator.kinematics
+    shown = nominal(robot) if simulator is None else simulator.kinematics
     commands, simulated = _nearest(shown, commands, poses)
     _all_there(simulated, f"the simulated {robot.name}")
     inverse = np.swapaxes(simulated.R, 1, 2)

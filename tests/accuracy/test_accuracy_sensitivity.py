@@ -6,9 +6,9 @@ from accuracy_machines import LINKS, MODEL, NOMINAL, commands, drawn_measurement
 from scipy.spatial.transform import Rotation
 
 from gtpin.accuracy.sensitivity import STEP, sensitivity
+from gtpin.accuracy.small_errors import PARAMETERS
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_geometry import PARAMETERS
 from gtpin.kinematics.rotations import zyz, zyz_change, zyz_rates
 
 SIGMAS = np.array([2e-4, 1.7e-4, 1.6e-4, 8e-5, 7e-5, 9e-5])

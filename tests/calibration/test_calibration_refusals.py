@@ -8,7 +8,8 @@ from virtual_gantry import case, indices
 
 import gtpin
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
+from gtpin.paper.geometry import PaperGeometry, nominal_geometry
 
 COUNT = 80
 
@@ -48,10 +49,16 @@ def test_errors_in_a_third_of_the_poses_are_not_passed_over_in_silence(good):
         gtpin.calibrate(replace(good, position=position))
 
 
-@pytest.mark.parametrize("options", [{"directions": "cart"}, {"scale": "link"}, {"without": "lenght"}, {"arm": "half"}])
+@pytest.mark.parametrize("options", [{"scale": "link"}, {"scale": "rod"}, {"without": "lenght"}])
 def test_options_that_do_not_exist_are_refused(options):
     with pytest.raises(ModelError):
         gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"), **options)
+
+
+@pytest.mark.parametrize("options", [{"directions": "cart"}, {"scale": "link"}, {"without": "lenght"}, {"arm": "half"}])
+def test_options_of_the_paper_that_do_not_exist_are_refused(options):
+    with pytest.raises(ModelError):
+        nominal_geometry(gtpin.load_robot("gantry_tau"), **options)
 
 
 def test_one_name_may_be_left_out_without_a_list():
@@ -62,12 +69,12 @@ def test_one_name_may_be_left_out_without_a_list():
 def test_pinocchio_s_derivative_refuses_parameters_that_no_urdf_holds():
     robot = gtpin.load_robot("gantry_tau")
     with pytest.raises(ModelError):
-        gtpin.geometry_jacobian(gtpin.home(robot), gtpin.Geometry.nominal(robot, arm="reduced"))
+        gtpin.geometry_jacobian(gtpin.home(robot), PaperGeometry.nominal(robot, arm="reduced"))
 
 
 def test_observability_indices_are_those_of_the_whitened_derivative_down_to_what_the_data_hardly_see(good):
     found = gtpin.calibrate(good)
-    kinematics = RodKinematics(found.model.geometry)
+    kinematics = Kinematics(found.model.geometry)
     J = kinematics.geometry_jacobian(good.q, kinematics.forward(good.q)) * found.model.geometry.tolerance
     J /= np.array([1.5e-5] * 3 + [5e-5] * 3)[None, :, None]
     s = np.linalg.svd(J.reshape(-1, 48), compute_uv=False)

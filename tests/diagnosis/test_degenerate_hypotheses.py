@@ -24,7 +24,7 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import RackPeriodic
 from gtpin.instruments.readings import Readings
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.geometry import Geometry
 
 ROWS = 12
@@ -35,7 +35,7 @@ KINDS = ("none", "one_row", "equal", "multiple", "sum", "own", "large", "small")
 
 @cache
 def arm() -> Any:
-    return kinematics(Geometry.nominal(gtpin.load_robot("ur5")))
+    return Kinematics(Geometry.nominal(gtpin.load_robot("ur5")))
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,15 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import seats
 
 import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column, OperatingPoints, References
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.protocol import Kinematics
 
 Floats = np.ndarray
 EFFECTS = effects_by_id()
@@ -111,10 +112,11 @@ def moved(at: OperatingPoints, *effects: ActiveEffect) -> Floats:
 
 @dataclass(frozen=True)
 class Displaced:
-    """What an effect's coefficients do to its parts, pose by pose."""
+    """What an effect's coefficients do to its parts, pose by pose; ``seat_rate``: to first order."""
 
     command: Floats
     seat: Floats
+    seat_rate: Floats
     length: Floats
     twist: Floats
 
@@ -126,7 +128,8 @@ def displaced(at: OperatingPoints, name: str, site: str, coefficients: Floats) -
         command[:, found.command[0]] = found.command[1] @ coefficients
     return Displaced(
         command,
-        found.shifts(range(k)) @ coefficients if found.placements else np.zeros((n, k, 3)),
+        seats.displaced(at, found, coefficients),
+        seats.rates(at, found) @ coefficients,
         np.zeros((n, k)) if found.length is None else found.length @ coefficients,
         np.zeros((n, 6)) if found.twist is None else found.twist @ coefficients,
     )

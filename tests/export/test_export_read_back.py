@@ -14,7 +14,7 @@ from with_effects import OF_GANTRY, active
 import gtpin
 from gtpin.errors import GtpinWarning
 from gtpin.export import export
-from gtpin.kinematics.closures import halton
+from gtpin.kinematics.first_guess import halton
 from gtpin.robot.description import RobotDescription
 
 LINK = (

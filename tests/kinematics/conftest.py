@@ -7,7 +7,7 @@ from loaded_machines import load
 from urdfs import joint, loop, own, robot_of
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 
 NAMES = ("gantry_tau", *machines.MAKERS)
 
@@ -31,9 +31,9 @@ def at_home(robot: gtpin.Robot) -> gtpin.ClosedPosture:
 
 
 @pytest.fixture(scope="session")
-def arrays(robot: gtpin.Robot) -> RodKinematics:
+def arrays(robot: gtpin.Robot) -> Kinematics:
     """The nominal Gantry-Tau's closures in arrays."""
-    return RodKinematics(gtpin.Geometry.nominal(robot))
+    return Kinematics(gtpin.Geometry.nominal(robot))
 
 
 @pytest.fixture(scope="session", params=NAMES)
@@ -49,9 +49,9 @@ def loaded(machine: Closures) -> gtpin.Robot:
 
 
 @pytest.fixture(scope="session")
-def closures(loaded: gtpin.Robot) -> RodKinematics:
+def closures(loaded: gtpin.Robot) -> Kinematics:
     """Its closures in arrays, with every parameter that there is."""
-    return RodKinematics(gtpin.Geometry.nominal(loaded, scale="actuator"))
+    return Kinematics(gtpin.Geometry.nominal(loaded, scale="actuator"))
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from urdfs import crossing, joint, loop, own, robot_of, urdf
 import gtpin
 from gtpin.bench.simulator.simulate import TrueRobot
 from gtpin.errors import GtpinWarning
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
@@ -121,7 +121,7 @@ ASSEMBLIES = [(seed, knees) for seed in (1, 2) for knees in ((1, 1), (1, -1), (-
 def test_poses_are_in_home_s_assembly_and_all_straight_paths_are_followed(seed: int, knees: tuple[int, int]) -> None:
     made = FiveBar(100 * seed + 10 * knees[0] + knees[1], knees)
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (20, 2))
-    poses = kinematics(gtpin.Geometry.nominal(made.robot)).forward(q)
+    poses = Kinematics(gtpin.Geometry.nominal(made.robot)).forward(q)
     there = poses.reached
     assert np.abs(poses.T[there, :2] - made.tip(q[there], made.side)).max() < 1e-8
     free = made.straight(q)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.errors import AssemblyModeError
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.robot.description import RobotDescription
 
@@ -56,7 +56,7 @@ def other_modes(gantry: Closures) -> list[tuple[Floats, Floats]]:
 
 
 def test_the_closures_have_five_other_solutions_which_are_never_returned(
-    other_modes: list[tuple[Floats, Floats]], robot: gtpin.Robot, arrays: RodKinematics, at_home: gtpin.ClosedPosture
+    other_modes: list[tuple[Floats, Floats]], robot: gtpin.Robot, arrays: Kinematics, at_home: gtpin.ClosedPosture
 ) -> None:
     assert len(other_modes) == 5
     q = within_the_range(robot, 300, seed=5)
@@ -71,7 +71,7 @@ def test_the_closures_have_five_other_solutions_which_are_never_returned(
 
 
 def test_the_whole_range_is_reached_on_one_side_of_the_singularities(
-    gantry: Closures, robot: gtpin.Robot, arrays: RodKinematics
+    gantry: Closures, robot: gtpin.Robot, arrays: Kinematics
 ) -> None:
     q = within_the_range(robot, 5000, seed=6)
     poses = arrays.forward(q)
@@ -81,14 +81,14 @@ def test_the_whole_range_is_reached_on_one_side_of_the_singularities(
 
 
 def test_the_plate_turns_by_less_than_0_6_degrees_over_the_range(
-    gantry: Closures, robot: gtpin.Robot, arrays: RodKinematics
+    gantry: Closures, robot: gtpin.Robot, arrays: Kinematics
 ) -> None:
     turn = np.linalg.norm(log(arrays.forward(within_the_range(robot, 2000, seed=7)).R @ gantry.R.T), axis=1)
     assert 0.1 < np.degrees(turn).max() < 0.6
 
 
 def test_outside_the_range_a_pose_is_on_homes_side_of_the_singularities_or_there_is_none(
-    machine: Closures, closures: RodKinematics
+    machine: Closures, closures: Kinematics
 ) -> None:
     rng = np.random.default_rng(8)
     q = machine.q + rng.uniform(-1.0, 1.0, (2000, len(machine.q))) * 3.0 * machine.spread
@@ -103,14 +103,14 @@ def test_outside_the_range_a_pose_is_on_homes_side_of_the_singularities_or_there
 
 
 def test_starting_from_neighbouring_poses_ends_at_the_same_poses_as_starting_from_home(
-    robot: gtpin.Robot, arrays: RodKinematics
+    robot: gtpin.Robot, arrays: Kinematics
 ) -> None:
     rng = np.random.default_rng(9)
     nominal = gtpin.Geometry.nominal(robot)
     q = within_the_range(robot, 300, seed=10)
     known = arrays.forward(q)
     for _ in range(5):
-        moved = RodKinematics(nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(48)))
+        moved = Kinematics(nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(48)))
         difference = moved.forward(q, known).minus(moved.forward(q))
         assert np.abs(difference).max() <= 1e-12
 
@@ -124,7 +124,7 @@ def test_a_robot_whose_urdf_names_another_home_takes_that_mode(
     new = f'<home q="0 0 0" tcp_xyz="{T[0]} {T[1]} {T[2]}" tcp_rotvec="{rotvec[0]} {rotvec[1]} {rotvec[2]}"/>'
     other = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace(old, new)))
     np.testing.assert_allclose(gtpin.home(other).T, T, rtol=0, atol=1e-11)
-    poses = RodKinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
+    poses = Kinematics(gtpin.Geometry.nominal(other)).forward(np.zeros((1, 3)))
     np.testing.assert_allclose(poses.T[0], T, rtol=0, atol=1e-11)
 
 

@@ -11,7 +11,7 @@ from closures import Closures
 from loaded_machines import drawn
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import RobotDescription
@@ -30,7 +30,7 @@ def test_an_exported_robot_predicts_what_the_model_predicts(
     geometry = drawn(loaded, seed)
     again = gtpin.load_robot(written(geometry, tmp_path))
     q = machine.commands(200, seed=seed)
-    model, reloaded = RodKinematics(geometry).forward(q), RodKinematics(gtpin.Geometry.nominal(again)).forward(q)
+    model, reloaded = Kinematics(geometry).forward(q), Kinematics(gtpin.Geometry.nominal(again)).forward(q)
     assert model.reached.all()
     assert np.abs(model.T - reloaded.T).max() <= 1e-9
     assert np.abs(log(model.R @ np.swapaxes(reloaded.R, 1, 2))).max() <= 1e-9
@@ -114,7 +114,7 @@ def test_an_axis_that_went_without_saying_is_written(gantry: Closures, tmp_path:
     geometry = drawn(gtpin.Robot(RobotDescription.parse(bare)), 9)
     again = gtpin.load_robot(written(geometry, tmp_path))
     q = gantry.commands(20, seed=9)
-    difference = RodKinematics(geometry).forward(q).minus(RodKinematics(gtpin.Geometry.nominal(again)).forward(q))
+    difference = Kinematics(geometry).forward(q).minus(Kinematics(gtpin.Geometry.nominal(again)).forward(q))
     assert np.abs(difference).max() <= 1e-9
 
 

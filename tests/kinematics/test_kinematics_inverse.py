@@ -6,13 +6,13 @@ from closures import Closures
 
 import gtpin
 from gtpin.errors import ModelError, UnreachableError
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import exp, log
 
 
 @pytest.mark.slow
 def test_commands_come_back_from_positions_over_the_whole_range(
-    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: Kinematics
 ) -> None:
     q = machine.commands(500, seed=1)
     poses = closures.forward(q)
@@ -30,7 +30,7 @@ def test_commands_come_back_from_positions_over_the_whole_range(
 
 @pytest.mark.parametrize("machine", ["stewart"], indirect=True)
 def test_a_stewart_platform_reaches_positions_with_rotations(
-    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: Kinematics
 ) -> None:
     rng = np.random.default_rng(2)
     T = machine.T + rng.uniform(-0.05, 0.05, (200, 3))
@@ -45,7 +45,7 @@ def test_a_stewart_platform_reaches_positions_with_rotations(
 
 
 @pytest.mark.parametrize("machine", ["linear_delta"], indirect=True)
-def test_a_linear_delta_has_its_commands_in_closed_form(machine: Closures, closures: RodKinematics) -> None:
+def test_a_linear_delta_has_its_commands_in_closed_form(machine: Closures, closures: Kinematics) -> None:
     T = machine.T + np.random.default_rng(3).uniform(-0.08, 0.08, (200, 3))
     q, _ = gtpin.commands_for(closures, T)
     base, end = machine.C(np.zeros((1, 3)))[0, ::2], T[:, None] + machine.P[::2]
@@ -56,7 +56,7 @@ def test_a_linear_delta_has_its_commands_in_closed_form(machine: Closures, closu
 
 @pytest.mark.slow
 def test_positions_out_of_reach_raise_or_are_nan_and_the_others_are_right(
-    arrays: RodKinematics, at_home: gtpin.ClosedPosture
+    arrays: Kinematics, at_home: gtpin.ClosedPosture
 ) -> None:
     near, far = at_home.T + np.array([[0.1, 0.05, -0.05], [0.0, 3.0, 0.0]])
     with pytest.raises(UnreachableError, match="gantry_tau") as caught:
@@ -70,7 +70,7 @@ def test_positions_out_of_reach_raise_or_are_nan_and_the_others_are_right(
 
 
 def test_a_rotation_that_three_carts_can_not_give_is_out_of_reach(
-    at_home: gtpin.ClosedPosture, arrays: RodKinematics
+    at_home: gtpin.ClosedPosture, arrays: Kinematics
 ) -> None:
     R = exp(np.array([0.0, 0.0, 0.3])) @ at_home.R
     with pytest.raises(UnreachableError, match="rotation"):
@@ -79,7 +79,7 @@ def test_a_rotation_that_three_carts_can_not_give_is_out_of_reach(
     assert np.isnan(q).all()
 
 
-def test_wanted_poses_that_are_none_are_refused(at_home: gtpin.ClosedPosture, arrays: RodKinematics) -> None:
+def test_wanted_poses_that_are_none_are_refused(at_home: gtpin.ClosedPosture, arrays: Kinematics) -> None:
     with pytest.raises(ModelError):
         gtpin.reach(at_home, [0.0, 0.0])
     with pytest.raises(ModelError):
@@ -92,13 +92,13 @@ def test_wanted_poses_that_are_none_are_refused(at_home: gtpin.ClosedPosture, ar
         gtpin.commands_for(arrays, np.zeros((4, 3)), np.eye(3))
 
 
-def test_nothing_wanted_is_nothing_found(arrays: RodKinematics) -> None:
+def test_nothing_wanted_is_nothing_found(arrays: Kinematics) -> None:
     q, poses = gtpin.commands_for(arrays, np.zeros((0, 3)))
     assert q.shape == (0, 3)
     assert len(poses) == 0
 
 
-def test_start_is_only_where_the_search_begins(arrays: RodKinematics, robot: gtpin.Robot) -> None:
+def test_start_is_only_where_the_search_begins(arrays: Kinematics, robot: gtpin.Robot) -> None:
     rng = np.random.default_rng(4)
     q = rng.uniform(robot.lower, robot.upper, (100, 3))
     start = np.clip(q + rng.uniform(-0.1, 0.1, q.shape), robot.lower, robot.upper)

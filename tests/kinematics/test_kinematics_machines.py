@@ -1,14 +1,14 @@
-"""Four parallel machines through one code: arrays, Pinocchio and the tests' own closures agree."""
+"""Four parallel machines through one code: batches, single postures and the tests' own closures agree."""
 
 import numpy as np
 import pytest
 from closures import Closures
 from loaded_machines import differences, load
 from machines import MAKERS
-from pinocchio_rods import rods_jacobian
+from single_postures import Single
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 
 Floats = np.ndarray
@@ -30,7 +30,7 @@ def test_rods_are_found_by_their_own_ends_whatever_the_frames(machine: Closures,
     np.testing.assert_allclose([rod.L for rod in loaded.rods], machine.L(zero)[0], rtol=0, atol=1e-13)
 
 
-def test_forward_kinematics_follows_the_closures_from_home(machine: Closures, closures: RodKinematics) -> None:
+def test_forward_kinematics_follows_the_closures_from_home(machine: Closures, closures: Kinematics) -> None:
     q = machine.commands(300, seed=2)
     T, R = machine.follow(q)
     poses = closures.forward(q)
@@ -49,7 +49,7 @@ def one_pose(posture: gtpin.ClosedPosture) -> gtpin.Poses:
 
 
 def test_command_jacobian_is_the_derivative_of_pinocchios_solution(
-    machine: Closures, loaded: gtpin.Robot, closures: RodKinematics
+    machine: Closures, loaded: gtpin.Robot, closures: Kinematics
 ) -> None:
     q = machine.commands(4, seed=4)
     jacobians = closures.command_jacobian(q, closures.forward(q))
@@ -61,33 +61,29 @@ def test_command_jacobian_is_the_derivative_of_pinocchios_solution(
         np.testing.assert_allclose(jacobian, numeric[0], rtol=0, atol=1e-8 * scale)
 
 
-@pytest.mark.parametrize("per", ["actuator", "rod"])
-def test_geometry_jacobian_in_arrays_is_pinocchios(machine: Closures, loaded: gtpin.Robot, per: str) -> None:
-    geometry = gtpin.Geometry.nominal(loaded, directions=per, scale=per)  # type: ignore[arg-type]
-    arrays = RodKinematics(geometry)
-    q = machine.commands(10, seed=5)
-    for row, jacobian in zip(q, arrays.geometry_jacobian(q, arrays.forward(q)), strict=True):
-        by_pinocchio = rods_jacobian(gtpin.home(loaded).moved_to(row), geometry)
+def test_geometry_jacobian_of_a_batch_is_pinocchios_of_single_postures(
+    machine: Closures, loaded: gtpin.Robot, closures: Kinematics
+) -> None:
+    geometry, q = closures.geometry, machine.commands(10, seed=5)
+    for row, jacobian in zip(q, closures.geometry_jacobian(q, closures.forward(q)), strict=True):
+        by_pinocchio = Single.at(loaded, row).by_parameters(geometry)
         np.testing.assert_allclose(jacobian, by_pinocchio, rtol=0, atol=1e-11 * np.abs(jacobian).max())
     own = gtpin.geometry_jacobian(gtpin.home(loaded).moved_to(row), geometry)
     np.testing.assert_allclose(own, by_pinocchio, rtol=0, atol=1e-11 * np.abs(own).max())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("per", ["actuator", "rod"])
 @pytest.mark.parametrize("away", [0.0, 1.0])
-def test_geometry_jacobian_is_the_derivative_of_the_poses(
-    machine: Closures, loaded: gtpin.Robot, per: str, away: float
-) -> None:
-    nominal = gtpin.Geometry.nominal(loaded, directions=per, scale=per)  # type: ignore[arg-type]
+def test_geometry_jacobian_is_the_derivative_of_the_poses(machine: Closures, loaded: gtpin.Robot, away: float) -> None:
+    nominal = gtpin.Geometry.nominal(loaded, scale="actuator")
     rng = np.random.default_rng(6)
     values = nominal.values + away * nominal.tolerance * rng.standard_normal(len(nominal.values))
     q = machine.commands(2, seed=7)
 
     def predicted(values: Floats) -> gtpin.Poses:
-        return RodKinematics(nominal.with_values(values)).forward(q)
+        return Kinematics(nominal.with_values(values)).forward(q)
 
-    here = RodKinematics(nominal.with_values(values))
+    here = Kinematics(nominal.with_values(values))
     analytic = here.geometry_jacobian(q, here.forward(q))
     numeric = differences(predicted, values, 2e-4)
     np.testing.assert_allclose(analytic, numeric, rtol=0, atol=1e-8 * np.abs(analytic).max())
@@ -103,7 +99,7 @@ def test_parameters_of_other_machines_have_the_names_of_what_they_are() -> None:
 
 
 @pytest.mark.parametrize("machine", ["linear_delta"], indirect=True)
-def test_a_linear_delta_only_translates(closures: RodKinematics, machine: Closures) -> None:
+def test_a_linear_delta_only_translates(closures: Kinematics, machine: Closures) -> None:
     q = machine.commands(100, seed=9)
     np.testing.assert_allclose(closures.forward(q).R, np.tile(np.eye(3), (100, 1, 1)), rtol=0, atol=1e-12)
     # All carts up by the same travel lift the platform by just that.

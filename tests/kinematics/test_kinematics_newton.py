@@ -4,28 +4,24 @@ import numpy as np
 import pytest
 from closures import Closures
 from scipy.stats import qmc
+from single_postures import Single
 
 import gtpin
-from gtpin.kinematics import newton
-from gtpin.kinematics.closures import halton
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.first_guess import halton
+from gtpin.kinematics.kinematics import Kinematics
 
 
 @pytest.mark.slow
-def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(
-    robot: gtpin.Robot, at_home: gtpin.ClosedPosture
-) -> None:
-    rng = np.random.default_rng(1)
-    steps = []
-    for _ in range(1000):
-        q = rng.uniform(robot.lower + 0.05, robot.upper - 0.05)
-        posture = at_home.moved_to(q)
-        neighbour = q + 0.05 * rng.uniform(-1.0, 1.0, 3)
-        # From the neighbour's own coordinates, with nothing but the carts moved.
-        closing = newton.close(robot, robot.with_commands(posture.configuration, neighbour))
-        assert closing.closed
-        steps += [closing.steps, posture.moved_to(neighbour).steps]
-    assert max(steps) <= 4
+def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(robot: gtpin.Robot, arrays: Kinematics) -> None:
+    rng, loops = np.random.default_rng(1), arrays.loops
+    q = rng.uniform(robot.lower + 0.05, robot.upper - 0.05, (1000, 3))
+    poses, neighbour = arrays.forward(q), q + 0.05 * rng.uniform(-1.0, 1.0, q.shape)
+    # From the neighbour's own coordinates, with nothing but the carts moved.
+    assert poses.configuration is not None
+    closing = loops.newton(loops.commanded(poses.configuration, neighbour), arrays.placed)
+    assert closing.closed.all()
+    assert closing.steps.max() <= 4
+    np.testing.assert_allclose(closing.here.X, arrays.forward(neighbour).configuration, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -36,13 +32,12 @@ def test_a_solve_closes_the_loops_to_1e_14_of_their_size(
     for _ in range(300):
         q = rng.uniform(robot.lower, robot.upper)
         posture = at_home.moved_to(q)
-        posture.refresh()
-        assert np.abs(newton.constraint_error(robot)).max() <= 1e-14 * robot.size
+        assert np.abs(Single(robot, q, posture.configuration).gaps).max() <= 1e-14 * robot.size
         gap = gantry.residual(q[None], posture.T[None], posture.R[None])
         assert np.abs(gap).max() <= 1e-14 * robot.size
 
 
-def test_arrays_close_the_rods_to_1e_14_of_their_size(machine: Closures, closures: RodKinematics) -> None:
+def test_arrays_close_the_rods_to_1e_14_of_their_size(machine: Closures, closures: Kinematics) -> None:
     q = machine.commands(1000, seed=3)
     poses = closures.forward(q)
     size = np.abs(np.concatenate([machine.C(q).ravel(), poses.T.ravel(), machine.L(q).ravel()])).max()
@@ -57,9 +52,10 @@ def test_rotations_stay_orthogonal_over_long_paths(robot: gtpin.Robot, at_home: 
     np.testing.assert_allclose(posture.R @ posture.R.T, np.eye(3), rtol=0, atol=1e-14)
 
 
-def test_moving_nowhere_takes_no_step(at_home: gtpin.ClosedPosture) -> None:
+def test_moving_nowhere_takes_no_step(at_home: gtpin.ClosedPosture, arrays: Kinematics) -> None:
     there = at_home.moved_to([0.1, -0.2, 0.3])
-    assert there.moved_to(there.q).steps == 0
+    assert arrays.loops.newton(there.configuration[None], arrays.placed).steps.tolist() == [0]
+    np.testing.assert_allclose(there.moved_to(there.q).configuration, there.configuration, rtol=0, atol=2e-14)
 
 
 @pytest.mark.parametrize("coordinates", [1, 3, 6])

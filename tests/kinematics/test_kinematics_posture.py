@@ -13,7 +13,7 @@ from loaded_machines import load
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, to_quaternions
 
 READ_ONLY = (
@@ -88,7 +88,7 @@ def test_a_robot_with_another_tcp_pickles_with_it(gantry: Closures) -> None:
     assert pickle.loads(pickle.dumps(robot)).tcp_frame == "platform"
 
 
-def test_poses_seen_from_another_frame_are_moved_there(machine: Closures, closures: RodKinematics) -> None:
+def test_poses_seen_from_another_frame_are_moved_there(machine: Closures, closures: Kinematics) -> None:
     R, T = Rotation.from_rotvec([0.3, -0.2, 1.0]).as_matrix(), np.array([5.0, -1.0, 0.5])
     poses = closures.forward(machine.commands(5, seed=3))
     moved = poses.moved(T, R)

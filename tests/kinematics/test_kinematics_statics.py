@@ -8,7 +8,7 @@ from loaded_machines import drawn
 
 import gtpin
 from gtpin.errors import ModelError
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.description import RobotDescription
 
@@ -86,7 +86,7 @@ def test_forces_and_moments_on_the_plate_and_the_rods_are_in_balance(machine: Cl
         np.testing.assert_allclose(about_tcp, 0.0, atol=1e-10 * scale)
 
 
-def test_rods_forces_in_arrays_are_pinocchios(machine: Closures, loaded: gtpin.Robot, closures: RodKinematics) -> None:
+def test_rods_forces_in_arrays_are_pinocchios(machine: Closures, loaded: gtpin.Robot, closures: Kinematics) -> None:
     rng = np.random.default_rng(4)
     q = machine.commands(40, seed=5)
     force, payload = rng.normal(0.0, 100.0, (40, 3)), rng.uniform(0.0, 10.0, 40)
@@ -99,7 +99,7 @@ def test_rods_forces_in_arrays_are_pinocchios(machine: Closures, loaded: gtpin.R
 def test_without_rods_of_weight_the_plate_hangs_on_forces_along_the_rods(gantry: Closures) -> None:
     """The textbook's case: six axial forces that balance the plate's weight, solved here by hand."""
     light = gtpin.Robot(RobotDescription.parse(gantry.urdf.replace('<mass value="4.1"/>', '<mass value="0"/>')))
-    arrays = RodKinematics(gtpin.Geometry.nominal(light))
+    arrays = Kinematics(gtpin.Geometry.nominal(light))
     q = gantry.commands(20, seed=6)
     poses = arrays.forward(q)
     weight, centre = np.array([0.0, 0.0, -22.0 * 9.81]), np.array([-0.09, 0.0, 0.02])
@@ -143,7 +143,7 @@ def test_the_middle_of_a_rod_bears_half_its_weight_more_than_its_lower_end(
 
 def test_rods_forces_follow_the_geometry(robot: gtpin.Robot) -> None:
     geometry = drawn(robot, 7)
-    arrays = RodKinematics(geometry)
+    arrays = Kinematics(geometry)
     written = gtpin.Robot(RobotDescription.parse(calibrated_urdf(gtpin.Model(geometry))))
     q = np.random.default_rng(8).uniform(robot.lower, robot.upper, (10, 3))
     forces = gtpin.rod_forces(arrays, q, arrays.forward(q))

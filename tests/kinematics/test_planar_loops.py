@@ -1,4 +1,4 @@
-"""Loops that are no rods: five-bar and parallelogram, from simulation to an exported URDF."""
+"""LoopClosure that are no rods: five-bar and parallelogram, from simulation to an exported URDF."""
 
 from pathlib import Path
 

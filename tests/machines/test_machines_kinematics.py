@@ -9,7 +9,7 @@ import gtpin
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 
 CLOSE = 1e-10
@@ -34,7 +34,7 @@ def three_spheres(centres: np.ndarray, radii: np.ndarray, near: np.ndarray) -> n
 
 
 def forward(name: str, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    poses = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot(name))).forward(q)
+    poses = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot(name))).forward(q)
     assert poses.reached.all()
     return poses.T, poses.R
 
@@ -171,7 +171,7 @@ def test_sites_are_the_machine_s_own_parts(name: str) -> None:
 def test_a_drive_s_error_is_a_leg_s_error_in_length(name: str) -> None:
     """The leg's length by its ends, with the error, is the length without it and the error."""
     closures, rng = nominal(name), np.random.default_rng(0)
-    kinematics = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot(name)))
+    kinematics = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot(name)))
     q = closures.in_range(rng, 40)
     session = np.array([f"day{i % 2}" for i in range(len(q))], dtype=object)
     at = OperatingPoints(kinematics, q, kinematics.forward(q), {"session": session})
@@ -190,7 +190,7 @@ def test_a_drive_s_error_is_a_leg_s_error_in_length(name: str) -> None:
 
 def test_an_arm_s_error_is_an_angle() -> None:
     closures = nominal("tau")
-    kinematics = RodKinematics(gtpin.Geometry.nominal(gtpin.load_robot("tau")))
+    kinematics = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot("tau")))
     q = closures.in_range(np.random.default_rng(1), 40)
     at = OperatingPoints(kinematics, q, kinematics.forward(q), {})
     known = effects_by_id()["encoder_scale"]

@@ -13,6 +13,7 @@ from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.statics import rod_forces
 
 NAMES = sorted(set(gtpin.robot_names()) - {"gantry_tau"})
@@ -67,7 +68,10 @@ def test_forces_are_those_of_the_package_s_statics_where_masses_are_nominal(name
     machine = RodMachine(geometry, float(plate.mass), np.array(plate.lever), np.array(masses))
     plant = Response(machine, plan(machine, 40, 5, SimulatedConditions(push=100.0), np.random.default_rng(2)), STATION)
     visits = plant.visits
-    expected = rod_forces(machine.kinematics, visits.q, plant.ideal.poses, visits.force, visits.payload)
+    own, there = Kinematics(geometry), plant.ideal.poses
+    poses = own.forward(visits.q)
+    np.testing.assert_allclose(there.T, poses.T, rtol=0, atol=1e-11)
+    expected = rod_forces(own, visits.q, poses, visits.force, visits.payload)
     np.testing.assert_allclose(plant.ideal.forces, expected, rtol=1e-7, atol=1e-6)
 
 

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 from scripts import load
 
-from gtpin import Dataset, Geometry
+from gtpin import Dataset
 from gtpin.calibration.calibrate import calibrate_geometry
-from gtpin.calibration.paper_models import model_geometry
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import PaperKinematics
+from gtpin.paper.models import model_geometry
 
 if not (Path(__file__).parents[2] / "examples" / "dressler2010").is_dir():
     pytest.skip("the examples are not here", allow_module_level=True)
@@ -30,7 +31,7 @@ def poses_of(dataset: Dataset) -> Poses:
     return Poses(dataset.position, Rotation.from_quat(dataset.orientation.copy(), scalar_first=True).as_matrix())
 
 
-def fitted(dataset: Dataset) -> tuple[Geometry, np.ndarray]:
+def fitted(dataset: Dataset) -> tuple[PaperGeometry, np.ndarray]:
     """Model 3, and the cost of each rod."""
     at = dataset.q, poses_of(dataset)
     geometry = paper_closures.fit_closures(model_geometry(3, mm.ROBOT, dataset), *at)
@@ -48,7 +49,7 @@ def test_the_residual_is_the_papers_equation_5(dataset: Dataset):
     for i, c in enumerate(mm.CART):
         joint = mm.C0[i] + Q[:, [c]] * mm.AXES[c]
         wanted[:, i] = mm.L0[i] ** 2 - ((poses.T + poses.R @ mm.P0[i] - joint) ** 2).sum(axis=1)
-    found = paper_closures.closure_residual(RodKinematics(Geometry.nominal(mm.ROBOT)), Q, poses)
+    found = paper_closures.closure_residual(PaperKinematics(PaperGeometry.nominal(mm.ROBOT)), Q, poses)
     assert np.allclose(found, wanted, rtol=0, atol=1e-12)
 
 
@@ -56,7 +57,7 @@ def test_the_residual_of_the_reduced_arm_is_equation_1_whatever_the_measured_ori
     geometry, poses = model_geometry(1, mm.ROBOT, dataset), poses_of(dataset)
     R = Rotation.from_matrix(poses.R).mean().as_matrix()
     turned = Poses(poses.T, Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix() @ poses.R)
-    residual = paper_closures.closure_residual(RodKinematics(geometry), Q, turned)
+    residual = paper_closures.closure_residual(PaperKinematics(geometry), Q, turned)
     for c in range(3):
         rods = c == mm.CART
         centre = (mm.C0 - mm.P0 @ R.T)[rods].mean(axis=0) + Q[:, [c]] * mm.AXES[c]

@@ -4,9 +4,10 @@ import model_machines as mm
 import numpy as np
 import pytest
 
-from gtpin import Dataset, Geometry
-from gtpin.calibration.paper_models import model_geometry
-from gtpin.kinematics.rod_kinematics import RodKinematics
+from gtpin import Dataset
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import PaperKinematics
+from gtpin.paper.models import model_geometry
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 30 + c)) for c in range(3))
 TURNS = tuple(mm.bent(np.array([2e-4, -1e-4, 3e-4]), mm.wavy(3e-4, 40 + c)) for c in range(3))
@@ -20,7 +21,7 @@ def dataset() -> Dataset:
 
 
 @pytest.fixture(scope="module", params=MODELS, ids=lambda p: f"model{p[0]}{'-turning' if p[1] else ''}")
-def geometry(request: pytest.FixtureRequest, dataset: Dataset) -> Geometry:
+def geometry(request: pytest.FixtureRequest, dataset: Dataset) -> PaperGeometry:
     """A model's geometry with every parameter a tolerance or so off."""
     number, orientations = request.param
     nominal = model_geometry(number, mm.ROBOT, dataset, orientations=orientations)
@@ -29,15 +30,15 @@ def geometry(request: pytest.FixtureRequest, dataset: Dataset) -> Geometry:
     )
 
 
-def moved(geometry: Geometry, column: int, step: float) -> RodKinematics:
+def moved(geometry: PaperGeometry, column: int, step: float) -> PaperKinematics:
     values = geometry.values.copy()
     values[column] += step
-    return RodKinematics(geometry.with_values(values))
+    return PaperKinematics(geometry.with_values(values))
 
 
 @pytest.mark.slow
-def test_pose_derivatives_by_every_parameter_are_those_of_differences(geometry: Geometry):
-    rods = RodKinematics(geometry)
+def test_pose_derivatives_by_every_parameter_are_those_of_differences(geometry: PaperGeometry):
+    rods = PaperKinematics(geometry)
     poses = rods.forward(Q)
     J = rods.geometry_jacobian(Q, poses)
     for column, name in enumerate(geometry.names):
@@ -48,8 +49,8 @@ def test_pose_derivatives_by_every_parameter_are_those_of_differences(geometry: 
         assert np.allclose(J[:, :, column], difference, rtol=0, atol=1e-6 * size), name
 
 
-def test_command_derivatives_are_those_of_differences_between_measured_points(geometry: Geometry):
-    rods = RodKinematics(geometry)
+def test_command_derivatives_are_those_of_differences_between_measured_points(geometry: PaperGeometry):
+    rods = PaperKinematics(geometry)
     h = 1e-5
     between = Q[(np.abs(Q[:, :, None] - mm.POINTS).min(axis=(1, 2)) > 2.0 * h)]
     poses = rods.forward(between)

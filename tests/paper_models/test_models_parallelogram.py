@@ -6,10 +6,9 @@ import pytest
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
-import gtpin
-from gtpin.calibration.paper_models import model_geometry
-from gtpin.kinematics.rod_kinematics import RodKinematics
-from gtpin.robot.parallelogram import parallelogram
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import PaperKinematics
+from gtpin.paper.models import model_geometry, parallelogram
 
 Q = mm.commands(60, seed=4, reach=0.65)
 TILTED = Rotation.from_rotvec([0.01, -0.02, 0.005]).as_matrix() @ mm.HOME_R
@@ -17,7 +16,7 @@ TILTED = Rotation.from_rotvec([0.01, -0.02, 0.005]).as_matrix() @ mm.HOME_R
 
 @pytest.mark.parametrize("R", [mm.HOME_R, TILTED])
 def test_its_plate_never_turns(R: np.ndarray):
-    rods = RodKinematics(gtpin.Geometry.nominal(parallelogram(mm.ROBOT, R), arm="reduced", scale="actuator"))
+    rods = PaperKinematics(PaperGeometry.nominal(parallelogram(mm.ROBOT, R), arm="reduced", scale="actuator"))
     poses = rods.forward(Q)
     assert poses.reached.all()
     assert np.abs(poses.R - R).max() < 1e-10
@@ -28,13 +27,13 @@ def test_its_plate_never_turns_whatever_its_parameters_are():
     off = nominal.with_values(
         nominal.values + nominal.tolerance * np.random.default_rng(2).standard_normal(len(nominal.values))
     )
-    poses = RodKinematics(off).forward(Q)
+    poses = PaperKinematics(off).forward(Q)
     assert poses.reached.all()
     assert np.abs(poses.R - poses.R[0]).max() < 1e-10
 
 
 def test_it_is_where_three_spheres_meet():
-    rods = RodKinematics(gtpin.Geometry.nominal(parallelogram(mm.ROBOT, mm.HOME_R), arm="reduced"))
+    rods = PaperKinematics(PaperGeometry.nominal(parallelogram(mm.ROBOT, mm.HOME_R), arm="reduced"))
     centres = np.array([(mm.C0 - mm.P0 @ mm.HOME_R.T)[c == mm.CART].mean(axis=0) for c in range(3)])
     lengths = np.array([mm.L0[c == mm.CART].mean() for c in range(3)])
     for q, T in zip(Q[:10], rods.forward(Q[:10]).T, strict=True):
@@ -46,7 +45,7 @@ def test_it_is_where_three_spheres_meet():
 def test_its_constant_orientation_is_the_mean_of_those_measured():
     dataset = mm.Machine.nominal().dataset(Q, 1e-5, 5e-5, 0)
     measured = Rotation.from_quat(dataset.orientation.copy(), scalar_first=True)
-    R = RodKinematics(model_geometry(1, mm.ROBOT, dataset)).home.R[0]
+    R = PaperKinematics(model_geometry(1, mm.ROBOT, dataset)).home.R[0]
     # The mean rotation is that from which rotation vectors sum to zero, to second order in the millirads they are.
     left = (measured * Rotation.from_matrix(R).inv()).as_rotvec()
     assert np.abs(left.mean(axis=0)).max() < 1e-3 * np.abs(left).max()

@@ -9,9 +9,9 @@ import pytest
 
 import gtpin
 from gtpin import Commands, Dataset, Model
-from gtpin.calibration.paper_models import model_geometry
 from gtpin.errors import DatasetError, GtpinWarning, ModelError
 from gtpin.model.predict import predict
+from gtpin.paper.models import model_geometry
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 50 + c)) for c in range(3))
 TURNS = tuple(mm.bent(np.zeros(3), mm.wavy(2e-4, 60 + c)) for c in range(3))
@@ -73,11 +73,11 @@ def test_a_model_on_disk_is_the_same_model(number: int, orientations: bool, tmp_
     gtpin.write_model(before, tmp_path)
     after = gtpin.read_model(tmp_path)
     assert after.geometry.names == before.geometry.names
-    assert after.geometry.reduced == before.geometry.reduced == (number < 3)
+    assert after.geometry.positions_only == before.geometry.positions_only == (number < 3)
     q = 0.9 * Q
     difference = after.predict(q).minus(before.predict(q))
     assert np.abs(difference).max() < 1e-12
-    assert (after.geometry.outside_tracks(2.0 * Q) == before.geometry.outside_tracks(2.0 * Q)).all()
+    assert (after.geometry.outside(2.0 * Q) == before.geometry.outside(2.0 * Q)).all()
 
 
 def test_the_turning_of_carts_is_refused_where_no_track_is_measured():

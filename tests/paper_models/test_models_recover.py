@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.calibration.calibrate import calibrate_geometry
-from gtpin.calibration.paper_models import model_geometry
+from gtpin.paper.models import model_geometry
 
 pytestmark = pytest.mark.slow
 

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError, ModelError
-from gtpin.robot.geometry import MeasuredTrack
+from gtpin.paper.tracks import MeasuredTrack, measured_tracks
 
 PATHS = tuple(mm.bent(mm.AXES[c], mm.wavy(1e-4, 10 + c)) for c in range(3))
 FRAMES = [Rotation.identity(), *Rotation.random(6, rng=np.random.default_rng(1))]

@@ -22,7 +22,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
-from gtpin.kinematics.chain_kinematics import ChainKinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.effect_curves import curves
 from gtpin.report.effect_motions import placements
@@ -122,7 +122,8 @@ def test_the_curve_is_the_joints_angle_over_the_moment_that_it_carries(found: Di
     slope = np.polyfit(line.points_x.astype(float), line.points_y, 1)[0]
     assert slope == pytest.approx(COMPLIANCE, rel=0.02)
     poses = residuals.poses
-    arms = np.linalg.norm(poses.T - residuals.at(found.dataset.q, found.dataset.covariates).bodies.T[:, 1], axis=1)
+    at = residuals.at(found.dataset.q, found.dataset.covariates)
+    arms = np.linalg.norm(poses.T - at.bodies.frame(1)[1], axis=1)
     assert curve.lever is not None
     assert 0.3 * arms.mean() < curve.lever <= arms.max()
 
@@ -219,7 +220,7 @@ def test_an_arm_has_a_still_image(found: Diagnosis, folder: Path, tmp_path: Path
 
 @pytest.mark.parametrize("site", ["arm", "left", "right"])
 def test_the_motions_of_a_link_s_tip_sum_to_the_effect(site: str) -> None:
-    kinematics = ChainKinematics(gtpin.Geometry.nominal(gtpin.load_robot(str(FIVE_BAR))))
+    kinematics = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot(str(FIVE_BAR))))
     q = np.random.default_rng(0).uniform(-0.4, 0.4, (5, 2))
     told = {"payload": np.linspace(0.0, 1.0, 5), "fy": np.linspace(-4.0, 5.0, 5)}
     at = OperatingPoints(kinematics, q, kinematics.forward(q), told)

@@ -9,6 +9,7 @@ import urllib.request
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import closures
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -205,26 +206,26 @@ def test_rods_without_shapes_become_cylinders_from_end_to_end():
     data = robot.model.createData()
     placed = found.createData()
     pin.updateGeometryPlacements(robot.model, data, found, placed, posture.configuration)
-    ends = NOMINAL.kinematics.ends(robot.home_q[None])
-    joints = ends.P @ posture.R.T + posture.T
+    own = closures.nominal("gantry_tau")
+    joints, seats = own.P @ posture.R.T + posture.T, own.C(robot.home_q[None])[0]
     for i, (shape, M) in enumerate(zip(found.geometryObjects, placed.oMg, strict=True)):
         half = M.rotation @ np.array([0.0, 0.0, shape.geometry.halfLength])
         both = np.array([M.translation - half, M.translation + half])
-        np.testing.assert_allclose(both, np.array([joints[i], ends.C[0, i]]), atol=1e-9)
+        np.testing.assert_allclose(both, np.array([joints[i], seats[i]]), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["gantry_tau", "tau", "stewart"])
 def test_every_cart_or_arm_every_rod_and_the_platform_has_its_name_once_where_it_is(name):
     robot = load_robot(name)
-    model, posture, data = Model(Geometry.nominal(robot)), gtpin.home(robot), robot.model.createData()
+    posture, data = gtpin.home(robot), robot.model.createData()
     pin.forwardKinematics(robot.model, data, posture.configuration)
     where = {part.name: part.place(data) for part in parts(robot)}
     assert len(parts(robot)) == len(where)
     assert set(where) == {"platform", *robot.sites, *robot.rod_sites}
     np.testing.assert_allclose(where["platform"], posture.T, atol=1e-9)
-    ends = model.kinematics.ends(robot.home_q[None])
-    joints = np.reshape(ends.P, (-1, 3))[-len(robot.rods) :] @ posture.R.T + posture.T
-    for site, joint, seat in zip(robot.rod_sites, joints, ends.C[0], strict=True):
+    own = closures.nominal(name)
+    joints, seats = own.P @ posture.R.T + posture.T, own.C(robot.home_q[None])[0]
+    for site, joint, seat in zip(robot.rod_sites, joints, seats, strict=True):
         off = where[site] - joint
         assert np.linalg.norm(np.cross(off, seat - joint)) < 1e-9  # on the rod
         assert 0.0 < off @ (seat - joint) < (seat - joint) @ (seat - joint)

@@ -7,7 +7,7 @@ from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.errors import RobotError
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.commanded import with_actuators
 
 MASS = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -55,7 +55,7 @@ def test_derivatives_by_commands_and_by_placements_hold_what_the_followers_do() 
     geometry = geometry.with_values(
         geometry.values + 1e-3 * np.random.default_rng(2).standard_normal(geometry.values.size)
     )
-    here, q = kinematics(geometry), np.array([[0.3, -0.8]])
+    here, q = Kinematics(geometry), np.array([[0.3, -0.8]])
     poses, step = here.forward(q), 1e-5
 
     def slopes(poses_at: object, x: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def test_derivatives_by_commands_and_by_placements_hold_what_the_followers_do() 
     np.testing.assert_allclose(
         here.command_jacobian(q, poses)[0], slopes(lambda x: here.forward(x[None]), q[0]), rtol=0, atol=1e-8
     )
-    by_values = slopes(lambda x: kinematics(geometry.with_values(x)).forward(q), geometry.values)
+    by_values = slopes(lambda x: Kinematics(geometry.with_values(x)).forward(q), geometry.values)
     np.testing.assert_allclose(here.geometry_jacobian(q, poses)[0], by_values, rtol=0, atol=1e-8)
 
 

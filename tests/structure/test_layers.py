@@ -24,7 +24,7 @@ LAYERS = (
     ("data",),
     ("robot",),
     ("kinematics",),
-    ("effects", "noise"),
+    ("effects", "noise", "paper"),
     ("model",),
     ("instruments",),
     ("calibration",),

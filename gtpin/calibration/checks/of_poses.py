@@ -51,7 +51,7 @@ def usable_poses(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Dataset
     plausible = plausible_rows(whole.take(usable), nominal, poses)
     usable[usable] = plausible
     kept = whole.take(usable)
-    return whole, usable, replace(kept, orientation=None) if nominal.geometry.reduced else kept, poses[plausible]
+    return whole, usable, replace(kept, orientation=None) if nominal.geometry.positions_only else kept, poses[plausible]
 
 
 def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:

@@ -44,7 +44,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     ``poses``: those of ``nominal`` at the rows' commands, base frame.
     """
     robot, geometry = nominal.robot, nominal.geometry
-    outside = geometry.outside_tracks(dataset.q)
+    outside = geometry.outside(dataset.q)
     if outside.any():
         warn(f"set aside, outside the measured tracks: poses {', '.join(dataset.names_of(outside))}")
         if outside.all():
@@ -52,7 +52,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
                 "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
             )
         poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
-    if geometry.reduced:
+    if geometry.positions_only:
         dataset = replace(dataset, orientation=None)
     inside, seen = dataset.take(~outside), poses[~outside]
     check_mixed_units(inside, seen)

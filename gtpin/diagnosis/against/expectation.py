@@ -108,7 +108,7 @@ def _usable_poses(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:
     _check_count(kept, len(kept))
     kept = kept.take(plausible_rows(kept, geometry, geometry.kinematics.forward(kept.q))).in_order()
     _check_count(kept, len(kept))
-    return kept, Readings.of(replace(kept, orientation=None) if model.geometry.reduced else kept, model.robot)
+    return kept, Readings.of(replace(kept, orientation=None) if model.geometry.positions_only else kept, model.robot)
 
 
 def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]:

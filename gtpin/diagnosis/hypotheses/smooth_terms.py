@@ -88,7 +88,7 @@ def _aside(at: OperatingPoints, site: str, waves: Floats, size: Floats, priors: 
         *[priors.smooth_turn] * 2,
         priors.smooth_shift if turning else priors.smooth_turn,
     ]
-    w = 2 if len(frame.indices) == 1 and at.bodies.response.shape[3] == 3 else 5
+    w = 5 if frame.turns else 2
     columns = np.broadcast_to(waves[:, None, :], (len(at), w, waves.shape[1]))
     return of_joint(at, site, ways[:, :w], columns, np.outer(sizes[:w], size).ravel())
 

@@ -47,9 +47,8 @@ def fit_together(
     deviation = start.geometry.deviation / start.geometry.tolerance
     first = problem.calibration.first
     x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
-    inexact = len(first) if start.robot.joint_sites else problem.size
     try:
-        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT, inexact=inexact)
+        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT, inexact=len(first))
     except ConvergenceError as error:
         raise ConvergenceError(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
@@ -144,18 +143,17 @@ class JointProblem:
         """(M, c, size) derivative of the whitened prediction by x, for some rows.
 
         The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
-        hardly known turns far in one step. For robots without rods it is also taken at the commands with the deviations of
-        the travel, and so is the derivative by the coefficients; for robots with rods the latter is linearised without effects.
+        hardly known turns far in one step. It is also taken at the commands with the deviations of the travel, and so is the
+        derivative by the coefficients.
         """
         displaced = replace(point, poses=self._displaced(point, rows))
         at = self.observed.take(rows).operating_points(point.model, self.references, point.poses[rows])
         bases = [cause.basis(at) for cause in self.causes]
         problem = self.calibration
-        if at.robot.joint_sites:
-            q = self.observed.measured.q.copy()
-            q[rows] = self._travelled(at.q, bases, point.x)
-            problem = problem.at_commands(q)
-            at = replace(at, q=q[rows], poses=displaced.poses[rows])
+        q = self.observed.measured.q.copy()
+        q[rows] = self._travelled(at.q, bases, point.x)
+        problem = problem.at_commands(q)
+        at = replace(at, q=q[rows], poses=displaced.poses[rows])
         moved = [basis.displacement(at) * size for basis, size in zip(bases, self.sizes, strict=True)]
         columns = [problem.columns(point, J, rows, weight) for J in moved]
         return np.concatenate([problem.jacobian(displaced, rows, weight), *columns], axis=2)
@@ -174,12 +172,9 @@ class JointProblem:
         some, poses = self.observed.take(rows), point.poses
         effects = self.active(point.x, np.zeros((self.size, self.size)))
         moved = with_effects(point.model.kinematics, some.measured.q, some.covariates, effects, poses[rows])
-        T, R = poses.T.copy(), poses.R.copy()
-        joints = {name: x.copy() for name, x in poses.joints.items()}
-        T[rows], R[rows] = moved.T, moved.R
-        for name, x in joints.items():
-            x[rows] = moved.joints[name]
-        return Poses(T, R, joints)
+        found = poses.copy()
+        found.put(rows, moved)
+        return found
 
     def joint_covariance(self, covariance: Floats) -> Floats:
         """(p + m, p + m) covariance of the p geometric parameters and m coefficients, from the covariance of x (size, size)."""

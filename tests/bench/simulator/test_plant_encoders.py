@@ -19,7 +19,7 @@ from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.cli import app
 from gtpin.instruments.readings import Readings, single
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 
 pytestmark = pytest.mark.slow
@@ -60,7 +60,7 @@ def five_bar() -> gtpin.Robot:
 def true_kinematics(case: InstrumentCase, robot: gtpin.Robot | None = None):
     """The package's kinematics of the machine's true geometry, without effects."""
     nominal = gtpin.Geometry.nominal(robot or five_bar())
-    return kinematics(nominal.with_values(nominal.values + np.array([case.geometry[name] for name in nominal.names])))
+    return Kinematics(nominal.with_values(nominal.values + np.array([case.geometry[name] for name in nominal.names])))
 
 
 def turned(difference: Floats) -> Floats:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from pinocchio_rods import PinocchioRods
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -20,7 +19,7 @@ from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.instruments.instrument import up_of
 from gtpin.instruments.readings import Readings, single
-from gtpin.kinematics.kinematics import kinematics
+from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 
 EXACT = 1e-9
@@ -113,7 +112,7 @@ def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geomet
     written = Written(simulate_measured(nominal, robot, ALL, poses=24, seed=5, held_out=3), tmp_path)
     geometry = gtpin.Geometry.nominal(nominal)
     off = np.array([written.truth["geometry"][name] for name in geometry.names])
-    true = (PinocchioRods if nominal.rods else kinematics)(geometry.with_values(geometry.values + off))
+    true = Kinematics(geometry.with_values(geometry.values + off))
     for kind in ALL:
         poses = true.forward(written.commands(TABLES[kind]))
         assert np.abs(misses(written, kind, poses, up_of(nominal))).max() < EXACT, kind
@@ -241,7 +240,7 @@ def test_held_out_readings_are_without_noise_and_have_their_ids_in_turn() -> Non
     assert set(case.held) == {"tracker", "camera", "wire", "level", "ballbar"}
     geometry = gtpin.Geometry.nominal(gtpin.load_robot("ur5"))
     off = np.array([case.geometry[name] for name in geometry.names])
-    poses = kinematics(geometry.with_values(geometry.values + off)).forward(case.commands.q)
+    poses = Kinematics(geometry.with_values(geometry.values + off)).forward(case.commands.q)
     hidden = case.hidden
     target = np.array([hidden[f"wire.target.{axis}"] for axis in "xyz"])
     for i, station in enumerate("ABCDABCDA"):
@@ -269,7 +268,7 @@ def test_a_ball_bar_goes_round_circles_both_ways_and_approach_and_speed_follow(r
     np.testing.assert_allclose(there, back[::-1])
     np.testing.assert_allclose(speed[:points], -speed[points : 2 * points][::-1])
     # The nominal target stays at one distance from the pivot, and moves along the circle at the feed.
-    nominal, step = kinematics(gtpin.Geometry.nominal(gtpin.load_robot(robot))), 1e-3
+    nominal, step = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot(robot))), 1e-3
     target, pivot = np.array(read.described["target"]), np.array(read.described["stations"]["pivot"])
     here, before, after = (nominal.forward(q + s * step * speed) for s in (0.0, -1.0, 1.0))
     arms, ways = here.T + here.R @ target - pivot, after.T + after.R @ target - before.T - before.R @ target

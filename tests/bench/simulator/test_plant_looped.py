@@ -14,13 +14,12 @@ from gtpin.bench.simulator.simulate import TrueRobot
 from gtpin.bench.simulator.situation import ArmSituation
 from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.errors import UnreachableError
-from gtpin.kinematics.chain_kinematics import ChainKinematics
-from gtpin.kinematics.statics import joint_loads
+from gtpin.kinematics.kinematics import Kinematics
 
 NAMES = tuple(ROBOTS)
 
 
-def by_pinocchio(machine: ArmMachine) -> ChainKinematics:
+def by_pinocchio(machine: ArmMachine) -> Kinematics:
     """The package's kinematics of the same geometry."""
     geometry = gtpin.Geometry.nominal(gtpin_robot(machine))
     places = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
@@ -30,7 +29,7 @@ def by_pinocchio(machine: ArmMachine) -> ChainKinematics:
         twists[name.rpartition(".")[0]][["x", "y", "z", "rx", "ry", "rz"].index(name.rpartition(".")[2])]
         for name in geometry.names
     ]
-    return ChainKinematics(geometry.with_values(np.array(values)))
+    return Kinematics(geometry.with_values(np.array(values)))
 
 
 def gtpin_robot(machine: ArmMachine) -> gtpin.Robot:
@@ -43,7 +42,7 @@ def test_a_machine_without_effects_has_all_deviations_of_its_geometry(name: str)
     drawn = geometry.tolerance * np.random.default_rng(1).standard_normal(len(geometry.values))
     geometry = geometry.with_values(geometry.values + drawn)
     q = a_plant(name).visits.q[:4]
-    assert off(TrueRobot(geometry).predict(q), ChainKinematics(geometry).forward(q)) < 1e-9
+    assert off(TrueRobot(geometry).predict(q), Kinematics(geometry).forward(q)) < 1e-9
 
 
 def off(found: VirtualPoses, expected: object) -> float:
@@ -114,7 +113,8 @@ def test_loads_of_the_joints_are_the_package_s_by_recursive_newton_and_euler(nam
     robot, arm = nominal(name)
     machine, visits = ArmMachine.of(arm), a_plant(name).visits
     now = ArmSituation.of(machine, visits)
-    theirs = joint_loads(robot, visits.q, visits.force, visits.payload)
+    kinematics = Kinematics(gtpin.Geometry.nominal(robot))
+    theirs = kinematics.loads(visits.q, kinematics.forward(visits.q), visits.force, visits.payload).joints
     for j, joint in enumerate(arm.joints):
         force, moment = now.carried_by(j)
         expected = theirs[:, robot.model.getJointId(joint.name) - 1]

@@ -7,12 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.cart_tracks import measured_tracks
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.paper.kinematics import RodEnds, places
+from gtpin.paper.tracks import MeasuredTrack, measured_tracks
 from gtpin.robot.chain import Chain
-from gtpin.robot.geometry import Geometry, MeasuredTrack
-from gtpin.robot.parallelogram import parallelogram
+from gtpin.robot.description import RobotDescription
+from gtpin.robot.export import to_urdf
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import all_tolerances
 from gtpin.typing import Floats
 
@@ -25,7 +28,7 @@ PAPERS_CHOICE = (False, True, True, False, False, False)
 """Rods whose track model 5 takes as measured: 2a and 2b."""
 
 
-def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations: bool = False) -> Geometry:
+def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations: bool = False) -> PaperGeometry:
     """Nominal geometry and parameters of one of the paper's models.
 
     ``number``: 1: reduced arm, straight tracks. 2: reduced arm, measured tracks. 3: full arm, a straight path for each rod,
@@ -45,8 +48,8 @@ def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations:
     if number in REDUCED:
         tolerances = _wide(all_tolerances(robot, dataset.tolerance))
         ideal = parallelogram(robot, _mean_orientation(robot, dataset))
-        return Geometry.nominal(ideal, arm="reduced", scale="actuator", tracks=tracks, tolerance=tolerances)
-    return Geometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
+        return PaperGeometry.nominal(ideal, arm="reduced", scale="actuator", tracks=tracks, tolerance=tolerances)
+    return PaperGeometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
 
 
 def _mean_orientation(robot: Chain, dataset: Dataset) -> Floats:
@@ -78,3 +81,34 @@ def _tracks(number: int, robot: Chain, dataset: Dataset, orientations: bool) -> 
 def _wide(tolerances: Mapping[str, float]) -> dict[str, float]:
     """Tolerances of the reduced arm: one of its joints replaces several, whose deviations differ. The factor 5 is assumed."""
     return dict(tolerances) | {kind: 5.0 * tolerances[kind] for kind in ("link_length", "cart_joint")}
+
+
+def parallelogram(robot: Chain, R: Floats) -> Chain:
+    """The robot with a plate of constant orientation: the rods of a cart are equal and parallel (Dressler et al. 2010, eqs. 1
+    to 3).
+
+    ``R``: (3, 3) the plate's constant rotation, base frame.
+    """
+    P = np.array([rod.P for rod in robot.rods])
+    carrier = np.array(robot.rod_carriers)
+    # Each rod is moved in parallel so that its joint on the platform is the TCP.
+    joints = np.array([rod.C for rod in robot.rods]) - P @ R.T
+    C = np.array([joints[carrier == i].mean(axis=0) for i in range(robot.n_actuators)])
+    L = np.array([np.mean([rod.L for rod in robot.rods if rod.carrier == i]) for i in range(robot.n_actuators)])
+    ends = RodEnds(P, (C[carrier] + P @ R.T)[None], L[carrier])
+    placed = places(robot, np.zeros((1, robot.n_actuators)), ends)
+    xml = to_urdf(Geometry(robot, (), np.zeros(0)), placed.placements, placed.anchors[0], (_meet(robot, C, L), R))
+    return Chain(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
+
+
+def _meet(robot: Chain, C: Floats, L: Floats) -> Floats:
+    """(3,) TCP of the reduced arm at commands 0, base frame, m: the point near the nominal home at which its rods meet."""
+    home = robot.description.home
+    T = np.zeros(3) if home is None else np.array(home.tcp_xyz)
+    for _ in range(50):
+        d = T - C
+        step = np.linalg.lstsq(d, (L**2 - (d**2).sum(axis=1)) / 2.0, rcond=None)[0]
+        T = T + step
+        if np.abs(step).max() < 1e-14:
+            break
+    return np.asarray(T)

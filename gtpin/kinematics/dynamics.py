@@ -1,0 +1,223 @@
+"""Forces of a robot with closed loops: inverse dynamics, the forces in its loops and rods, and the loads on its joints.
+
+The balance of the passive velocities gives the forces lambda in the loops, with tau the generalized forces of the tree by
+Pinocchio's ``rnea``, less those of the tool: sum over the loops of J' lambda = tau, passive rows. The balance of the driven
+velocities then gives the actuators' forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+import pinocchio as pin
+
+from gtpin.errors import ModelError
+from gtpin.kinematics.closing import Here, LoopClosure, cross
+from gtpin.kinematics.copies import copies
+from gtpin.kinematics.placed import PlacedParts, own_placements, rotation
+from gtpin.robot.chain import Chain
+from gtpin.typing import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Static loads at N postures.
+
+    ``loops``: (N, L, 3) force of each loop on the body of its second anchor, base frame, N. ``rod_forces``: (N, k) axial force
+    at each rod's middle, N, tension positive. ``actuators``: (N, n) force, N, or torque, N m, of each actuator, positive in the
+    direction of its command.
+    """
+
+    loops: Floats
+    rod_forces: Floats
+    actuators: Floats
+    _joints: Callable[[], Floats]
+
+    @cached_property
+    def joints(self) -> Floats:
+        """(N, J + 1, 6) force, N, and moment, N m, that the bodies beyond each joint exert on it.
+
+        About the origin of the joint's placement frame and in its axes; then those on the TCP, in its axes.
+        """
+        return self._joints()
+
+
+@dataclass(frozen=True)
+class Forces:
+    """The forces of a robot at rest or in motion; of N postures, all arrays have N rows.
+
+    ``actuators``: (n,) force, N, or torque, N m, that each actuator must apply, positive in the direction of its command.
+    ``loops``: (L, 3) constraint force in each of the L loops, of the second anchor's body on the first anchor's body, base
+    frame, N. ``rods``: (k,) axial force at the middle of each of k uniform rods, N, tension positive.
+    """
+
+    actuators: Floats
+    loops: Floats
+    rods: Floats
+
+
+def loads(
+    loops: LoopClosure,
+    here: Here,
+    placed: PlacedParts,
+    force: Floats | None = None,
+    payload: Floats | None = None,
+    moment: Floats | None = None,
+    V: Floats | None = None,
+    A: Floats | None = None,
+    outer: Floats | None = None,
+) -> Loads:
+    """The loads at postures, by gravity, by a ``force`` (N, 3), N, and ``moment`` (N, 3), N m, on the tool, base frame, and by
+    a ``payload`` (N,), kg, at the TCP of the robot's file; with velocities and accelerations V, A (N, nv), those of motion too.
+
+    ``outer``: (N, k, 3) gravity less the acceleration of the outer half of each rod, m/s^2; None: of rods at rest. A payload's
+    inertia is not in it: give it as a force.
+
+    Raises `ModelError` if the loops are redundant, so that statics alone does not give their forces.
+    """
+    robot, n = loops.robot, len(here)
+    if loops.count and len(loops.loop_of) != len(loops.solved):
+        wrong = "are redundant" if len(loops.loop_of) > len(loops.solved) else "leave motions free"
+        raise ModelError(
+            f"the loops of {robot.name} {wrong}",
+            hint="statics gives as many forces as there are passive coordinates",
+        )
+    tool = np.zeros((n, 3)) if force is None else force.copy()
+    if payload is not None:
+        tool += payload[:, None] * robot.model.gravity.linear
+    carrier = here.oMi[:, robot.tcp_joint]
+    at = rotation(carrier) @ np.asarray(robot.load_placement.translation) + carrier[:, 9:]
+    on_tool = np.concatenate([tool, np.cross(at, tool) + (0.0 if moment is None else moment)], axis=1)
+    tau, carried = copies(robot).inverse_dynamics(here.X, V, A, placed.placements)
+    tau = tau - np.einsum("nvi,ni->nv", here.J, on_tool) * loops.tcp
+    tau = tau @ loops.fold if loops.follows else tau
+    pulled = constraint_forces(loops, here, tau) if loops.count else np.zeros((n, 0, 3))
+    wrenches = np.concatenate([pulled, np.cross(here.p.transpose(2, 0, 1), pulled)], axis=2)
+    by_loops = np.einsum("lv,nvi,nli->nv", loops.S, here.J, wrenches, optimize=True)
+    by_loops = by_loops @ loops.fold if loops.follows else by_loops
+    actuators = (tau - by_loops)[:, loops.driven]
+    joints = partial(_on_joints, loops, here, placed, carried, wrenches, on_tool)
+    return Loads(pulled, _axial(robot, here, pulled, outer), actuators, joints)
+
+
+def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
+    """(N, L, 3) force of each loop on the body of its second anchor, base frame, N, from generalized forces tau (N, nv)."""
+    equations = loops.equations(here)
+    d, inverse = equations.d, loops.inverse(equations.D)
+    found = np.zeros((loops.count, 3, len(here)))
+    passive = tau[:, loops.solved]
+    if loops.reduced:
+        found = _by_private(loops, equations.private, tau)
+        along = found.transpose(2, 0, 1)
+        wrenches = np.concatenate([along, np.cross(here.p.transpose(2, 0, 1), along)], axis=2)
+        columns = here.J[:, loops.solved]
+        passive = passive - np.einsum("lv,nvi,nli->nv", loops.S[:, loops.solved], columns, wrenches, optimize=True)
+    f = np.einsum("nve,nv->en", inverse, passive)
+    for e, loop in enumerate(loops.loop_of):
+        found[loop] += d[e] * f[e]
+    return found.transpose(2, 0, 1)
+
+
+def _by_private(loops: LoopClosure, a: Floats, tau: Floats) -> Floats:
+    """(L, 3, N) the part of each loop's force that holds its two private velocities."""
+    normal = cross(a[:, 0], a[:, 1])
+    sign = loops.S[np.arange(loops.count), loops.private[:, 0]][:, None]
+    held = tau[:, loops.private].transpose(1, 2, 0) * (sign / (normal * normal).sum(axis=1))[:, None]
+    return np.asarray(held[:, 0, None] * cross(a[:, 1], normal) + held[:, 1, None] * cross(normal, a[:, 0]))
+
+
+def _on_joints(
+    loops: LoopClosure, here: Here, placed: PlacedParts, carried: Floats, pulled: Floats, on_tool: Floats
+) -> Floats:
+    """See :class:`Loads`; ``carried`` (N, J, 6): Pinocchio's forces without loops and tool, own axes; the others are wrenches
+    about the base frame's origin."""
+    robot = loops.robot
+    model, n = robot.model, len(here)
+    found = np.empty((n, model.njoints, 6))
+    placements = own_placements(robot) if placed.placements is None else placed.placements
+    for j in range(1, model.njoints):
+        own = here.oMi[:, j]
+        R = rotation(own)
+        F, M = -(R @ carried[:, j - 1, :3, None])[..., 0], -(R @ carried[:, j - 1, 3:, None])[..., 0]
+        M += np.cross(own[:, 9:], F)
+        beyond = np.einsum("l,nli->ni", loops.signs[:, j], pulled)
+        if loops.moves_tcp[j]:
+            beyond = beyond + on_tool
+        F, M = F + beyond[:, :3], M + beyond[:, 3:]
+        parent = here.oMi[:, int(model.parents[j])]
+        local = placements[..., j - 1, :]
+        frame, up = rotation(parent) @ rotation(local), rotation(parent)
+        T = (up @ local[..., 9:, None])[..., 0] + parent[:, 9:]
+        found[:, j - 1, :3] = np.einsum("nji,nj->ni", frame, F)
+        found[:, j - 1, 3:] = np.einsum("nji,nj->ni", frame, M - np.cross(T, F))
+    carrier = here.oMi[:, robot.tcp_joint]
+    frame = rotation(carrier) @ rotation(placed.tcp)
+    T = (rotation(carrier) @ placed.tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
+    found[:, -1, :3] = np.einsum("nji,nj->ni", frame, on_tool[:, :3])
+    found[:, -1, 3:] = np.einsum("nji,nj->ni", frame, on_tool[:, 3:] - np.cross(T, on_tool[:, :3]))
+    return found
+
+
+def rod_ends(robot: Chain, here: Here) -> tuple[Floats, Floats]:
+    """(N, k, 3) joints of the rods on the platform, and (N, k, 3) those on their carriers, base frame, m."""
+    count, n = len(robot.rods), len(here)
+    roots = np.array([rod.joint_id for rod in robot.rods], dtype=int)
+    seats = np.array([rod.loop for rod in robot.rods], dtype=int)
+    on_platform = here.oMi[:, roots, 9:].reshape(n, count, 3)
+    return on_platform, here.p.transpose(2, 0, 1)[:, seats].reshape(n, count, 3)
+
+
+def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Floats:
+    """(N, k) axial force at the middle of each rod, N, tension positive; ``outer``: see :func:`loads`."""
+    pull = np.tile(robot.model.gravity.linear, (len(here), len(robot.rods), 1)) if outer is None else outer
+    roots, tips = rod_ends(robot, here)
+    along = tips - roots
+    length = np.linalg.norm(along, axis=2)
+    u = along / np.where(length > 0.0, length, 1.0)[..., None]
+    found = np.zeros(length.shape)
+    for i, rod in enumerate(robot.rods):
+        on_rod = pulled[:, rod.loop] if rod.rod_end else -pulled[:, rod.loop]
+        stretch = np.zeros(len(here))
+        if rod.extension is not None:
+            stretch = here.X[:, robot.actuators[rod.extension].index_q]
+        # Between the carrier joint and the middle, the axial force changes by the weight that the carrier supports.
+        held = _rod_mass(robot, i).on_carrier(stretch, length[:, i])
+        found[:, i] = np.einsum("ni,ni->n", on_rod, u[:, i]) + held * np.einsum("ni,ni->n", u[:, i], pull[:, i])
+    return found
+
+
+@dataclass(frozen=True)
+class _RodMass:
+    """A rod's mass, kg, its first moment about the joint on the platform, kg m, and the mass that slides in a variable leg,
+    kg."""
+
+    mass: float
+    moment: float
+    sliding: float
+
+    def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
+        """The part of its mass, kg, that the carrier supports when the leg is extended by ``stretch`` to a length, m."""
+        return np.asarray((self.moment + self.sliding * stretch) / length)
+
+
+def _rod_mass(robot: Chain, rod_index: int) -> _RodMass:
+    rod = robot.rods[rod_index]
+    model = robot.model
+    tip, end = robot.anchors[rod.tip]
+    chain = list(model.supports[tip])
+    chain = chain[chain.index(rod.joint_id) :]
+    placements = [pin.SE3.Identity()]
+    for joint in chain[1:]:
+        placements.append(placements[-1] * model.jointPlacements[joint])
+    along = (placements[-1] * end).translation / rod.L
+    extension = None if rod.extension is None else robot.actuators[rod.extension].joint_id
+    mass = moment = sliding = 0.0
+    for joint, placement in zip(chain, placements, strict=True):
+        inertia = model.inertias[joint]
+        mass += inertia.mass
+        moment += inertia.mass * float(placement.act(inertia.lever) @ along)
+        sliding += inertia.mass if extension is not None and joint >= extension else 0.0
+    return _RodMass(mass, moment, sliding)

@@ -1,0 +1,170 @@
+"""First-order motion of the TCP and the measured joints by commands, and by twists of the robot's frames, at many postures."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from gtpin.kinematics.closing import Here, LoopClosure
+from gtpin.kinematics.placed import Moves, PlacedParts, longer_rods, own_placements, rotation
+from gtpin.kinematics.rotations import skew
+from gtpin.typing import Floats, Ints
+
+
+class FrameMotion:
+    """Motion by displaced frames, and by commands, at N postures whose loops stay closed.
+
+    Frames and their indices are those of :mod:`~gtpin.kinematics.placed`. Motions are of the TCP (position,
+    m, rotation vector, rad; base frame), then of the coordinates of the robot's k measured joints (rad or m).
+
+    With dx = -D^-1 b of the passive velocities, where b is the change of the closure equations, a twist moves the TCP by its
+    own motion and by H b, H = -J_tcp D^-1.
+    """
+
+    def __init__(self, loops: LoopClosure, here: Here, placed: PlacedParts) -> None:
+        self._loops, self._placed, self._oMi, self._p = loops, placed, here.oMi, here.p
+        robot, n = loops.robot, len(here)
+        self._J = robot.model.njoints - 1
+        tcp = here.oMi[:, robot.tcp_joint]
+        self._R_tcp, self._T_tcp = _times(tcp, placed.tcp)
+        J_tcp = np.swapaxes(here.J * loops.tcp[:, None], 1, 2)
+        if loops.follows:
+            J_tcp = J_tcp @ loops.fold
+        J_tcp[:, :3] -= skew(self._T_tcp) @ J_tcp[:, 3:]
+        driven = J_tcp[:, :, loops.driven]
+        if loops.count:
+            equations = loops.equations(here)
+            self._F, inverse = equations.F, loops.inverse(equations.D)
+            self._H = -J_tcp[:, :, loops.solved] @ inverse
+            if robot.measured_joints:
+                own = [int(np.flatnonzero(loops.solved == loops.passive[j.passive])[0]) for j in robot.measured_joints]
+                self._H = np.concatenate([self._H, -inverse[:, own]], axis=1)
+                driven = np.concatenate([driven, np.zeros((n, len(own), driven.shape[2]))], axis=1)
+            driven = driven + self._H @ loops.by_velocities(here, self._F, loops.driven)
+        self.by_commands: Floats = driven
+        """(N, 6 + k, n) motion by each command."""
+        self._rows: dict[int, tuple[Floats, Floats]] = {}
+
+    def __len__(self) -> int:
+        return len(self._oMi)
+
+    @property
+    def size(self) -> int:
+        """6 + k: number of components of a motion."""
+        return self._loops.robot.motion_size
+
+    def frame(self, index: int) -> tuple[Floats, Floats]:
+        """Rotations (N, 3, 3) and origins (N, 3), m, of a frame in the base frame, before its own joint's motion."""
+        if index == self._J:
+            return self._R_tcp, self._T_tcp
+        if index > self._J:
+            anchor = index - self._J - 1
+            carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
+            return self._rotation(index), (rotation(carrier) @ at)[..., 0] + carrier[:, 9:]
+        placements = self._own if self._placed.placements is None else self._placed.placements
+        return _times(self._oMi[:, self._parents[index + 1]], placements[..., index, :])
+
+    def _rotation(self, index: int) -> Floats:
+        """(N, 3, 3) rotation of a frame."""
+        if index <= self._J:
+            return self.frame(index)[0]
+        anchor = index - self._J - 1
+        axes = self._loops.robot.anchor_axes[anchor]
+        R = rotation(self._oMi[:, self._loops.carriers[anchor]])
+        return R if np.array_equal(axes, np.eye(3)) else R @ axes
+
+    @cached_property
+    def _parents(self) -> list[int]:
+        return [int(parent) for parent in self._loops.robot.model.parents]
+
+    @cached_property
+    def _own(self) -> Floats:
+        return own_placements(self._loops.robot)
+
+    def by_twist(self, index: int, twist: Floats) -> Floats:
+        """(N, 6 + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
+        found = np.zeros((len(self), self.size, twist.shape[-1]))
+        equations = self._changed(index)
+        if len(equations):
+            found += self._H[:, :, equations] @ self._change(index, twist)
+        if self._moves_tcp(index):
+            found[:, :6] += self._carried(index) @ twist
+        return found
+
+    @cached_property
+    def by_rod_lengths(self) -> Floats:
+        """(N, 6 + k, r) motion by the length of each of r rods."""
+        found = np.empty((len(self), self.size, len(self._loops.robot.rods)))
+        for i, (frame, along) in enumerate(longer_rods(self._loops.robot)):
+            found[:, :, i] = self.by_twist(frame, along[:, None])[:, :, 0]
+        return found
+
+    def by_parameters(self, moves: Moves, count: int, q: Floats) -> Floats:
+        """(N, 6 + k, count) motion by the parameters of a geometry, at commands q (N, n)."""
+        if self._loops.count:
+            b = np.zeros((len(self), len(self._loops.loop_of), count))
+            for index, columns, twists in moves.frames:
+                some, changed = _slice(columns), self._change(index, twists)
+                for place, e in enumerate(self._changed(index)):
+                    b[:, e, some] += changed[:, place]
+            found = self._H @ b
+        else:
+            found = np.zeros((len(self), self.size, count))
+        for index, columns, twists in moves.frames:
+            if self._moves_tcp(index):
+                found[:, :6, columns] += self._carried(index) @ twists
+        for column, actuator in moves.scales:
+            found[:, :, column] += self.by_commands[:, :, actuator] * q[:, actuator, None]
+        return np.asarray(found)
+
+    def _moves_tcp(self, index: int) -> bool:
+        return index == self._J or (index < self._J and bool(self._loops.moves_tcp[index + 1]))
+
+    def _carried(self, index: int) -> Floats:
+        """(N, 6, 6) motion of the TCP by twists of a frame that carries it."""
+        R, T = self.frame(index)
+        moved = np.zeros((len(self), 6, 6))
+        moved[:, :3, :3] = moved[:, 3:, 3:] = R
+        if index != self._J:
+            moved[:, :3, 3:] = -skew(self._T_tcp - T) @ R
+        return moved
+
+    def _changed(self, index: int) -> Ints:
+        """The equations that a frame's twists change."""
+        return np.flatnonzero(self._signs(index))
+
+    def _signs(self, index: int) -> Floats:
+        """(E,) the S of a frame for each equation."""
+        loops, anchor = self._loops, index - self._J - 1
+        if not loops.count or index == self._J:
+            return np.zeros(len(loops.loop_of))
+        if anchor < 0:
+            return np.asarray(loops.signs[loops.loop_of, index + 1])
+        return np.where(loops.loop_of == anchor // 2, 1.0 if anchor % 2 else -1.0, 0.0)
+
+    def _change(self, index: int, twist: Floats) -> Floats:
+        """(N, c, m) change of these equations by twists (N, 6, m) or (6, m) of a frame."""
+        if index not in self._rows:
+            signs = self._signs(index)
+            some = np.flatnonzero(signs)
+            F = self._F[:, some] * signs[some, None] if len(some) < len(signs) else self._F * signs[:, None]
+            self._rows[index] = F, F[:, :, :3] @ self._rotation(index)
+        F, shifts = self._rows[index]
+        found = shifts @ twist[..., :3, :]
+        if index < self._J and twist[..., 3:, :].any():  # the rotation of an anchor moves nothing
+            R, T = self.frame(index)
+            found += ((F[:, :, 3:] - np.cross(T[:, None], F[:, :, :3])) @ R) @ twist[..., 3:, :]
+        return np.asarray(found)
+
+
+def _slice(columns: Ints) -> slice | Ints:
+    """Columns that follow each other as a slice, which NumPy takes without a copy."""
+    first, last = int(columns[0]), int(columns[-1])
+    return slice(first, last + 1) if np.array_equal(columns, np.arange(first, last + 1)) else columns
+
+
+def _times(placements: Floats, placement: Floats) -> tuple[Floats, Floats]:
+    """Rotation (N, 3, 3) and translation (N, 3) of placements (N, 12) times another, (12,) or (N, 12)."""
+    R, own = rotation(placements), rotation(placement)
+    return R @ own, (R @ placement[..., 9:, None])[..., 0] + placements[:, 9:]

@@ -1,0 +1,151 @@
+"""The paper's geometries: parameters that each rod has for itself, or that the rods of a cart share, and measured tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from gtpin.errors import ModelError
+from gtpin.paper.tracks import MeasuredTrack
+from gtpin.robot.chain import Chain
+from gtpin.robot.geometry import Geometry, without_names
+from gtpin.robot.parameters import Kind, Parameter, all_tolerances, rod_parameters
+from gtpin.typing import Floats, Mask
+
+Arm = Literal["full", "reduced"]
+Per = Literal["actuator", "rod"]
+
+
+@dataclass(frozen=True, repr=False)
+class PaperGeometry(Geometry):
+    """A geometry whose rods may each have a path of their own.
+
+    ``tracks``: one entry for each rod: the measured track of its cart, or None where the track is straight. Empty where all
+    are straight.
+    """
+
+    tracks: tuple[MeasuredTrack | None, ...] = ()
+
+    @staticmethod
+    def nominal(
+        robot: Chain,
+        *,
+        directions: Per = "actuator",
+        scale: Per | None = None,
+        arm: Arm = "full",
+        tracks: tuple[MeasuredTrack | None, ...] = (),
+        tolerance: Mapping[str, float] | None = None,
+        without: Iterable[str] = (),
+    ) -> PaperGeometry:
+        """The nominal geometry of a robot with rods, with the parameters that a calibration shall identify.
+
+        ``directions``: one track direction for each ``actuator``, or for each ``rod`` as in models 3 to 5. ``scale``: one drive
+        scale for each ``actuator`` or ``rod``; None: only those that the URDF declares unknown. ``arm``: ``full``: each rod has
+        its own length and joints; ``reduced``: the rods of a cart share one length, and their joints on the cart move
+        together. ``tolerance``, ``without``: see :meth:`~gtpin.robot.geometry.Geometry.nominal`.
+
+        Raises `ModelError` if an option has another value, or a kind of tolerance or a name is not known.
+        """
+        _check(directions, scale, arm)
+        core = rod_parameters(robot, all_tolerances(robot, tolerance or {}), scale=True)
+        measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
+        found = list(
+            _reduced(robot, core) if arm == "reduced" else [p for p in core if p.kind not in ("direction", "scale")]
+        )
+        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" else directions, "direction")
+        roll = all_tolerances(robot, tolerance or {})["track_roll"]
+        for a, p in ((p.owner, p) for p in core if p.kind == "direction"):
+            if any(measured[i] for i in robot.rods_on(a)):
+                # A measured track is rotated as a whole by three angles: a, b, and c about its own direction.
+                found += (
+                    [p] if p.component == 0 else [p, replace(p, name=p.name[:-1] + "c", component=2, tolerance=roll)]
+                )
+        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" and scale else scale, "scale")
+        parameters = without_names(found, without)
+        return PaperGeometry(robot, parameters, np.array([p.nominal for p in parameters]), tracks)
+
+    @property
+    def positions_only(self) -> bool:
+        """Whether the arm is reduced: the rods of a cart share one length, and the plate never turns."""
+        return any(p.kind == "length" and p.per == "actuator" for p in self.parameters)
+
+    def outside(self, q: Floats) -> Mask:
+        """(N,) True where commands q (N, n) are outside the range of a measured track."""
+        found = np.zeros(len(q), dtype=bool)
+        for rod, track in zip(self.robot.rods, self.tracks, strict=False):
+            if track is not None and rod.carrier is not None:
+                found |= (q[:, rod.carrier] < track.q[0]) | (q[:, rod.carrier] > track.q[-1])
+        return found
+
+    def of_rods(self, kind: Kind, components: int) -> Floats:
+        """(k, components) deviations of each rod from nominal: its own, and those that all rods of its actuator share."""
+        own = self.deviations(kind, "rod", (len(self.robot.rods), components))
+        shared = self.deviations(kind, "actuator", (self.robot.n_actuators, components))
+        drivers = [rod.driver for rod in self.robot.rods]
+        return np.asarray(own + [np.zeros(components) if a is None else shared[a] for a in drivers])
+
+    def moved_by(self, parameter: Parameter) -> list[int]:
+        """Indices of the rods that a parameter moves."""
+        if parameter.per == "rod":
+            return [parameter.owner]
+        rods = enumerate(self.robot.rods)
+        return [i for i, r in rods if (r.carrier if parameter.kind == "direction" else r.driver) == parameter.owner]
+
+
+def nominal_geometry(
+    robot: Chain,
+    *,
+    directions: Per = "actuator",
+    scale: Per | None = None,
+    arm: Arm = "full",
+    tracks: tuple[MeasuredTrack | None, ...] = (),
+    tolerance: Mapping[str, float] | None = None,
+    without: Iterable[str] = (),
+) -> Geometry:
+    """The nominal geometry with these parameters: the robot's own where it has them, else the paper's; see `PaperGeometry`."""
+    _check(directions, scale, arm)
+    if robot.rods and (directions == "rod" or scale == "rod" or arm == "reduced" or tracks):
+        options = {"directions": directions, "scale": scale, "arm": arm, "tracks": tracks}
+        return PaperGeometry.nominal(robot, **options, tolerance=tolerance, without=without)  # type: ignore[arg-type]
+    return Geometry.nominal(robot, scale="actuator" if scale else None, tolerance=tolerance, without=without)
+
+
+def _check(directions: str, scale: str | None, arm: str) -> None:
+    for option, value, allowed in (
+        ("directions", directions, ("actuator", "rod")),
+        ("scale", scale, (None, "actuator", "rod")),
+        ("arm", arm, ("full", "reduced")),
+    ):
+        if value not in allowed:
+            raise ModelError(f"{option}={value!r}", hint=f"use one of {', '.join(map(str, allowed))}")
+
+
+def _reduced(robot: Chain, core: list[Parameter]) -> Iterator[Parameter]:
+    """Lengths and joints on the carts that all rods of a cart share; their nominal values are those of its first rod."""
+    first = {rod.carrier: i for i, rod in reversed(list(enumerate(robot.rods))) if rod.carrier is not None}
+    for p in core:
+        if p.kind in ("length", "carrier_joint"):
+            actuator = robot.rods[p.owner].carrier
+            if actuator is not None and first[actuator] == p.owner:
+                name = p.name.replace(f"[{robot.rods[p.owner].name}]", f"[{robot.sites[actuator]}]")
+                yield replace(p, name=name, owner=actuator, per="actuator")
+
+
+def _of_drives(
+    robot: Chain, core: list[Parameter], measured: list[bool], per: Per | None, kind: Kind
+) -> list[Parameter]:
+    """Directions or scales of each rod or actuator, where no track was measured; None: only unknown scales."""
+    found = []
+    own = [p for p in core if p.kind == kind and (per or robot.actuators[p.owner].scale_unknown)]
+    if per == "rod":
+        for i, rod in enumerate(robot.rods):
+            for p in own:
+                if not measured[i] and p.owner == rod.driver:
+                    name = p.name.replace(f"[{robot.sites[p.owner]}]", f"[{rod.name}]")
+                    found.append(replace(p, name=name, owner=i, per="rod"))
+        return found
+    straight = {rod.driver for i, rod in enumerate(robot.rods) if not measured[i]}
+    return [p for p in own if p.owner in straight]
