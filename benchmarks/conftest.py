@@ -44,7 +44,8 @@ def neighbours() -> Floats:
 def by_fsolve(robot: gtpin.Robot) -> Callable[[Floats], Floats]:
     """SciPy's fsolve on the six closures, each posture from the one before: position and rotation vector."""
     P, C0, L = (np.array([getattr(rod, part) for rod in robot.rods]) for part in ("P", "C", "L"))
-    v = np.array([robot.actuators[rod.carrier].axis for rod in robot.rods])
+    carts = np.array([0, 1, 1, 2, 2, 2])
+    v = np.array([robot.actuators[cart].axis for cart in carts])
     home = gtpin.home(robot)
     start = np.concatenate([home.T, Rotation.from_matrix(home.R).as_rotvec()])
 
@@ -55,8 +56,6 @@ def by_fsolve(robot: gtpin.Robot) -> Callable[[Floats], Floats]:
         R = np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * (K @ K)
         d = x[:3] + P @ R.T - C
         return np.asarray((d * d).sum(axis=1) - L**2)
-
-    carts = np.array([0, 1, 1, 2, 2, 2])
 
     def solve(q: Floats) -> Floats:
         x, found = start, np.empty((len(q), 6))

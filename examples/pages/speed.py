@@ -28,7 +28,10 @@ RATIOS = {
         "test_fsolve_on_the_closures",
         "test_pinocchio_one_posture_after_the_other",
     ),
-    "a closed posture by `fsolve` over one of many in one call": ("test_fsolve_on_the_closures", "test_arrays_of_many_postures"),
+    "a closed posture by `fsolve` over one of many in one call": (
+        "test_fsolve_on_the_closures",
+        "test_arrays_of_many_postures",
+    ),
     "`least_squares` over the calibration of 61 poses": (
         "test_61_poses_with_60_parameters_by_least_squares",
         "test_61_poses_with_60_parameters",

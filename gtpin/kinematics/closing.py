@@ -12,13 +12,13 @@ a planar loop the two in its plane.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtpin.kinematics.copies import copies
 from gtpin.kinematics.placed import PlacedParts
+from gtpin.kinematics.postures import Closed, Equations, Here
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats, Ints, Mask
 
@@ -60,62 +60,6 @@ def cross(a: Floats, b: Floats) -> Floats:
     np.subtract(az * bx, ax * bz, out=out[..., 1, :])
     np.subtract(ax * by, ay * bx, out=out[..., 2, :])
     return out
-
-
-@dataclass(frozen=True)
-class Here:
-    """N postures: configurations X (N, nq), world twists J (N, nv, 6) of the velocities, placements oMi (N, J + 1, 12) of the
-    joints, second anchors p (L, 3, N), and gaps g (L, 3, N) from the first anchors to them, m."""
-
-    X: Floats
-    J: Floats
-    oMi: Floats  # noqa: N815 (Pinocchio's name)
-    p: Floats
-    g: Floats
-
-    def __len__(self) -> int:
-        return len(self.X)
-
-    def take(self, rows: Ints | Mask) -> Here:
-        """Some of the postures."""
-        return Here(self.X[rows], self.J[rows], self.oMi[rows], self.p[..., rows], self.g[..., rows])
-
-    def copy(self) -> Here:
-        """The same in arrays of its own."""
-        return Here(*(x.copy() for x in (self.X, self.J, self.oMi, self.p, self.g)))
-
-    def put(self, rows: Ints, some: Here) -> None:
-        """Write some postures into these arrays."""
-        for name in ("X", "J", "oMi"):
-            getattr(self, name)[rows] = getattr(some, name)
-        self.p[..., rows], self.g[..., rows] = some.p, some.g
-
-
-@dataclass(frozen=True)
-class Equations:
-    """The closure equations at N postures: directions d (E, 3, N), unit wrenches F (N, E, 6), their derivative D (N, E, e) by
-    the solved velocities, residuals r (N, E), m; and (L, 2, 3, N) the motions of the anchors by eliminated velocities."""
-
-    d: Floats
-    F: Floats
-    D: Floats
-    r: Floats
-    private: Floats
-
-    def take(self, rows: Ints | Mask) -> Equations:
-        """Those of some of the postures."""
-        return Equations(self.d[..., rows], self.F[rows], self.D[rows], self.r[rows], self.private[..., rows])
-
-
-@dataclass(frozen=True)
-class Closed:
-    """Result of Newton's method for N starts: the last iterates, (N,) whether their loops are closed and all steps contracted,
-    (N,) the number of steps, and D (N, E, e) at the start."""
-
-    here: Here
-    closed: Mask
-    steps: Ints
-    first: Floats
 
 
 class LoopClosure:
@@ -243,7 +187,7 @@ class LoopClosure:
             r = r + (self.by_velocities(here, equations.F, self.driven) @ dq[..., None])[..., 0]
         V[:, self.solved] = self._solve(equations.D, -r)
         if self.reduced:
-            self._close_private(here, equations.private, V)
+            self._close_private(here, equations.private, V, self._alike if dq is not None else self._alike_solved)
         return V @ self.fold.T if self.follows else V
 
     def _solve(self, D: Floats, right: Floats) -> Floats:
@@ -257,18 +201,26 @@ class LoopClosure:
     @cached_property
     def _alike(self) -> list[tuple[Ints, Ints, Floats]]:
         """The velocities that move the loops alike: columns, loops, and signs (l, 1, 1)."""
-        found, eliminated = [], np.isin(np.arange(self.S.shape[1]), self.private)
-        for sign in np.unique(self.S[:, ~eliminated], axis=1).T:
+        return self._in_groups(np.setdiff1d(np.arange(self.S.shape[1]), self.private))
+
+    @cached_property
+    def _alike_solved(self) -> list[tuple[Ints, Ints, Floats]]:
+        """The solved ones of them."""
+        return self._in_groups(self.solved)
+
+    def _in_groups(self, some: Ints) -> list[tuple[Ints, Ints, Floats]]:
+        found = []
+        for sign in np.unique(self.S[:, some], axis=1).T:
             loops = np.flatnonzero(sign)
             if loops.size:
-                columns = np.flatnonzero((sign[:, None] == self.S).all(axis=0) & ~eliminated)
+                columns = some[(self.S[:, some] == sign[:, None]).all(axis=0)]
                 found.append((columns, loops, sign[loops, None, None]))
         return found
 
-    def _close_private(self, here: Here, a: Floats, V: Floats) -> None:
+    def _close_private(self, here: Here, a: Floats, V: Floats, groups: list[tuple[Ints, Ints, Floats]]) -> None:
         """Write the private velocities that close what the other velocities V (N, nv) leave of the gaps."""
         w, normal = -here.g, cross(a[:, 0], a[:, 1])
-        for columns, loops, sign in self._alike:
+        for columns, loops, sign in groups:
             t = np.ascontiguousarray((V[:, None, columns] @ here.J[:, columns])[:, 0].T)
             w[loops] -= sign * (t[:3] + cross(t[3:], here.p[loops]))
         own = self.S[np.arange(self.count), self.private[:, 0]][:, None]

@@ -15,9 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closing import Here, LoopClosure, cross
+from gtpin.kinematics.closing import LoopClosure, cross
 from gtpin.kinematics.copies import copies
 from gtpin.kinematics.placed import PlacedParts, own_placements, rotation
+from gtpin.kinematics.postures import Here
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 

@@ -9,14 +9,15 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import AssemblyModeError, ClosureError, ModelError, UnreachableError
-from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
+from gtpin.errors import ClosureError, ModelError, UnreachableError
+from gtpin.kinematics.closing import SINGULAR, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
 from gtpin.kinematics.first_guess import FirstGuess
+from gtpin.kinematics.from_home import check_declared_home, open_at_home, ways_round
 from gtpin.kinematics.motion import FrameMotion
 from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, twisted
 from gtpin.kinematics.poses import Poses
-from gtpin.robot.assembly import NEAR
+from gtpin.kinematics.postures import Here
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.export import to_urdf
@@ -27,11 +28,6 @@ MANY = 1000
 """Number of poses from which a fitted first guess saves time."""
 CHUNK = 1024
 """Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
-HOME_OFF = 0.1
-"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
-HOME_TURNED = 0.2
-"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
-and smaller than the difference of assembly modes."""
 KEPT, LONGEST_KEPT = 8, 20_000
 """Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
 TRUSTED = 10.0
@@ -242,10 +238,10 @@ class Kinematics:
         closing = loops.newton(loops.commanded(begin, q), placed, contraction=1.0)
         if not closing.closed.all():
             if plain:
-                raise _open_at_home(robot)
+                raise open_at_home(robot)
             raise UnreachableError(f"the loops of {robot.name} don't close at home", hint="check the geometry's values")
         if plain:
-            _check_declared_home(robot, closing.here)
+            check_declared_home(robot, closing.here)
         return closing.here
 
     @property
@@ -283,7 +279,7 @@ class Kinematics:
         if not lost.size:
             return found, reached
         lost = lost[self.loops.can_close(self.loops.commanded(found.X[lost], q[lost]), placed.take(lost))]
-        ways = _ways_round(self.robot, q_home[0], q[lost])
+        ways = ways_round(self.robot, q_home[0], q[lost])
         if not lost.size or not len(ways):
             return found, reached
         corners, rows = np.concatenate(ways), np.tile(lost, len(ways))
@@ -385,43 +381,3 @@ def _chunks(rows: Ints) -> Iterator[Ints]:
 def _tiled(here: Here, n: int) -> Here:
     """A posture n times."""
     return here.take(np.zeros(n, dtype=int))
-
-
-def _open_at_home(robot: Chain) -> UnreachableError:
-    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
-    gap = robot.assembly.gap
-    if not declared and gap > NEAR:
-        what += f": {gap:.3g} m is the smallest gap found between their anchors"
-    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
-    return UnreachableError(what, hint=hint)
-
-
-def _check_declared_home(robot: Chain, here: Here) -> None:
-    declared = robot.description.home
-    if declared is None:
-        return
-    carrier = here.oMi[0, robot.home_joint]
-    there = pin.SE3(rotation(carrier), carrier[9:]) * robot.home_placement
-    off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
-    turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
-    if off > HOME_OFF or turned > HOME_TURNED:
-        far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
-        raise AssemblyModeError(
-            f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
-        )
-
-
-def _ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:
-    """Other ways from home to commands (N, n) than the straight line: corners (N, n + 2, n) of polylines.
-
-    The same angle within half a turn of home, for actuators without limits; then the actuators one after the other, in their
-    order and in the reverse order.
-    """
-    turns, count = 2.0 * np.pi, robot.n_actuators
-    endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
-    near = np.where(endless, q - turns * np.round((q - home_q) / turns), q)
-    orders = [np.zeros(count, dtype=int)] if (near != q).any() else []
-    if count > 1:
-        orders += [np.arange(count), np.arange(count)[::-1]]
-    moved = [[order < stop for stop in range(count + 1)] + [np.ones(count, dtype=bool)] for order in orders]
-    return [np.stack([np.where(there, near, home_q) for there in way], axis=1) for way in moved]

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.kinematics.closing import Here, LoopClosure
+from gtpin.kinematics.closing import LoopClosure
 from gtpin.kinematics.placed import Moves, PlacedParts, longer_rods, own_placements, rotation
+from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Ints
 
