@@ -121,7 +121,7 @@ def lengthened(at: OperatingPoints, site: str, strain: Floats, sigma: Floats) ->
 
 
 def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
-    """(N, 6, 6) matrices that transform a twist of the frame that ``Motion`` has at a link's tip to the link's placement
+    """(N, 6, 6) matrices that transform a twist of the frame that ``FrameMotion`` has at a link's tip to the link's placement
     frame."""
     R, T = _tip_from_joint(at, link)
     moved = np.zeros((len(R), 6, 6))
@@ -131,14 +131,14 @@ def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
 
 
 def _tip_from_joint(at: OperatingPoints, link: MovingLink) -> tuple[Floats, Floats]:
-    """(N, 3, 3) and (N, 3), m: the frame that ``Motion`` has at a link's tip, in the link's own placement frame."""
+    """(N, 3, 3) and (N, 3), m: the frame that ``FrameMotion`` has at a link's tip, in the link's own placement frame."""
     (R, T), (R_tip, T_tip) = at.bodies.frame(frame_of_joint(link.joint_id)), at.bodies.frame(link.tip)
     back = np.swapaxes(R, 1, 2)
     return back @ R_tip, np.einsum("nij,nj->ni", back, T_tip - T)
 
 
 def target_at(at: OperatingPoints, link: MovingLink) -> pin.SE3:
-    """Placement, in the frame of a link's tip, of the frame that ``Motion`` has there: loads and motions refer to it.
+    """Placement, in the frame of a link's tip, of the frame that ``FrameMotion`` has there: loads and motions refer to it.
 
     It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
     """
@@ -202,7 +202,7 @@ def tip_loads(at: OperatingPoints, link: MovingLink) -> Floats:
 def _carried(at: OperatingPoints, link: MovingLink) -> Floats:
     """(N, 6) load on a link without its own weight, N and N m, about the origin and in the axes of the frame at its tip.
 
-    That frame is the one that ``Motion`` has.
+    That frame is the one that ``FrameMotion`` has.
     """
     own, inertia = frame_of_joint(link.joint_id), at.robot.model.inertias[link.joint_id]
     R, T = _tip_from_joint(at, link)

@@ -83,6 +83,7 @@ class LoopClosure:
         self.moves_tcp = np.array([j in up[robot.tcp_joint] for j in frames])
         self.joint_of = np.repeat(np.arange(model.njoints), model.nvs)
         self.S, self.tcp = self.signs[:, self.joint_of], self.moves_tcp[self.joint_of].astype(float)
+        self.parents = [int(parent) for parent in model.parents]
         self.driven = np.array(robot.driven, dtype=int)
         self.passive = np.arange(model.nv)[robot.passive]
         self.fold = np.eye(model.nv)

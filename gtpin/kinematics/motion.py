@@ -64,20 +64,19 @@ class FrameMotion:
             carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
             return self._rotation(index), (rotation(carrier) @ at)[..., 0] + carrier[:, 9:]
         placements = self._own if self._placed.placements is None else self._placed.placements
-        return _times(self._oMi[:, self._parents[index + 1]], placements[..., index, :])
+        return _times(self._oMi[:, self._loops.parents[index + 1]], placements[..., index, :])
 
     def _rotation(self, index: int) -> Floats:
         """(N, 3, 3) rotation of a frame."""
-        if index <= self._J:
-            return self.frame(index)[0]
+        if index == self._J:
+            return self._R_tcp
+        if index < self._J:
+            placements = self._own if self._placed.placements is None else self._placed.placements
+            return rotation(self._oMi[:, self._loops.parents[index + 1]]) @ rotation(placements[..., index, :])
         anchor = index - self._J - 1
         axes = self._loops.robot.anchor_axes[anchor]
         R = rotation(self._oMi[:, self._loops.carriers[anchor]])
         return R if np.array_equal(axes, np.eye(3)) else R @ axes
-
-    @cached_property
-    def _parents(self) -> list[int]:
-        return [int(parent) for parent in self._loops.robot.model.parents]
 
     @cached_property
     def _own(self) -> Floats:

@@ -13,7 +13,7 @@ from gtpin.calibration.problem import Problem, measured_poses, rough_frame
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Frame, Model, in_frame
 from gtpin.noise.noise import Noise
-from gtpin.robot.geometry import Geometry
+from gtpin.paper.geometry import nominal_geometry
 
 SCALES = {"plain": {}, "sixty": {"directions": "rod", "scale": "rod"}}
 
@@ -27,7 +27,7 @@ def test_the_derivative_of_the_whole_problem_equals_finite_differences(options, 
     rng = np.random.default_rng(2)
     _, dataset = case(rng, 7, free=free, orientation=orientation)
     q = dataset.q
-    nominal = Model(Geometry.nominal(gtpin.load_robot("gantry_tau"), **options))
+    nominal = Model(nominal_geometry(gtpin.load_robot("gantry_tau"), **options))
     poses, seen = nominal.predict(q), measured_poses(dataset)
     start = replace(nominal, frame=rough_frame(poses, seen)) if free else nominal
     J = in_frame(nominal.kinematics.command_jacobian(q, poses), start.frame)

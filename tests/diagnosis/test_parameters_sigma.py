@@ -11,11 +11,13 @@ import pytest
 from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.problem import Point
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
 from gtpin.diagnosis.inference.fit import estimates
-from gtpin.diagnosis.inference.joint_fit import fit_together
+from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
 from gtpin.diagnosis.linear.design import Observed
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.typing import Floats
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]  # poses set aside
 
@@ -57,3 +59,32 @@ def test_parameters_are_not_biased_and_95_percent_intervals_cover(effect: str, s
     z = np.array([off(effect, site, machine)[parameter] for machine in range(MACHINES)])
     assert abs(z.mean()) < 3.0 / np.sqrt(MACHINES)  # of independent errors of one sigma
     assert np.count_nonzero(np.abs(z) > 1.96) <= 4  # more than 4 of 20 have a probability of 0.003
+
+
+@pytest.mark.parametrize(("effect", "site"), [("cart_compliance", "cart3"), ("frame_shift", "frame")])
+def test_sigmas_on_robots_with_rods_are_those_of_derivatives_by_differences(
+    monkeypatch: pytest.MonkeyPatch, effect: str, site: str
+) -> None:
+    """Where geometry and a cause are hard to tell apart, derivatives at different poses would seem to tell them apart."""
+    case = make_case(2, effects=[(effect, site)], noncentrality=1000.0, poses=60, held_out=2, background=False)
+    baseline = calibrate(case.dataset)
+    observed = Observed.of(case.dataset.take(baseline.used(case.dataset)), baseline)
+    references = observed.operating_points(baseline.model).references
+
+    def sigmas() -> Floats:
+        hypothesis = Hypothesis(effects_by_id()[effect], site)
+        model = fit_together(observed, baseline.model, [hypothesis], [10.0], references)
+        assert model.joint_covariance is not None
+        return np.sqrt(np.diag(model.joint_covariance))
+
+    def by_differences(self: JointProblem, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+        def residual(step: Floats) -> Floats:
+            return self.residual(self.point(point.x + step, point.poses))[rows]
+
+        columns = [(residual(-step) - residual(step)) / 2e-2 for step in 1e-2 * np.eye(self.size)]
+        J = np.stack(columns, axis=2)
+        return np.asarray(J if weight is None else J * np.sqrt(weight)[:, None, None])
+
+    analytic = sigmas()
+    monkeypatch.setattr(JointProblem, "jacobian", by_differences)
+    np.testing.assert_allclose(analytic, sigmas(), rtol=1e-4)
