@@ -149,9 +149,10 @@ class LoopClosure:
         r = (d * here.g[self.loop_of]).sum(axis=1).T
         return Equations(d, F, self.by_velocities(here, F, self.solved), np.asarray(r), private)
 
-    def gap(self, here: Here, r: Floats) -> Floats:
+    def gap(self, here: Here, equations: Equations | None = None) -> Floats:
         """(N,) largest component of what is open, m; of planar loops in their planes."""
         if self._in_plane:
+            r = (self.equations(here) if equations is None else equations).r
             return np.asarray(np.abs(r).max(axis=1, initial=0.0))
         return np.asarray(np.abs(here.g).max(axis=(0, 1), initial=0.0))
 
@@ -250,18 +251,19 @@ class LoopClosure:
         n, error = len(X), np.broadcast_to(tolerance, len(X)) * self.size
         closed, steps, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=int), np.full(n, np.inf)
         whole = here = self.at(X, placed)
-        first = equations = self.equations(here)
-        rows = np.arange(n)
+        rows, first = np.arange(n), None
         for number in range(MAX_STEPS + 1):
-            done = self.gap(here, equations.r) <= error[rows]
+            equations = self.equations(here) if self._in_plane else None
+            done = self.gap(here, equations) <= error[rows]
             closed[rows[done]] = True
             if done.all() or number == MAX_STEPS:
                 break
-            if 2 * done.sum() > len(done) or not number:  # fewer copies than at each row that closes
+            if number and 2 * done.sum() > len(done):  # fewer copies than at each row that closes
                 left = np.flatnonzero(~done)
-                if len(left) < len(done):
-                    rows, last, done = rows[left], last[left], done[left]
-                    here, equations = here.take(left), equations.take(left)
+                rows, last, done, here = rows[left], last[left], done[left], here.take(left)
+                equations = None if equations is None else equations.take(left)
+            equations = self.equations(here) if equations is None else equations
+            first = equations.D if first is None else first
             V = self.step(here, equations)
             V[done] = 0.0
             size = np.sqrt(np.einsum("ni,ni->n", V, V))
@@ -276,11 +278,9 @@ class LoopClosure:
             if len(rows) == n:
                 whole = here
             else:
-                if whole.X is X:
-                    whole = whole.copy()
+                whole = whole.copy() if whole.X is X else whole
                 whole.put(rows, here)
-            equations = self.equations(here)
-        return Closed(whole, closed, steps, first.D)
+        return Closed(whole, closed, steps, first)
 
     def can_close(self, X: Floats, placed: PlacedParts) -> Mask:
         """(N,) whether the loops nearly close at the commands of X (N, nq), in any assembly mode that Newton's method finds."""
@@ -288,7 +288,7 @@ class LoopClosure:
         for _ in range(TRIES):
             here = self.at(X, placed)
             equations = self.equations(here)
-            found |= self.gap(here, equations.r) <= NEARLY * self.size
+            found |= self.gap(here, equations) <= NEARLY * self.size
             if found.all():
                 break
             V = self.step(here, equations)
@@ -315,27 +315,34 @@ class LoopClosure:
         n = len(start)
         done, stride = np.zeros(n), np.ones(n)
         now, rows = start.copy(), np.arange(n)
-        D = self.equations(now).D
-        inverse = self.inverse(D)
+        known = self.equations(now)
+        inverse = self.inverse(known.D)
         q = path(done, rows)[0].copy()
         lost = np.zeros(n, dtype=bool)
         while rows.size:
             reach = np.minimum(1.0, done[rows] + stride[rows])
             goal, placed = path(reach, rows)
-            here, dq = now.take(rows), goal - q[rows]
-            V = self.step(here, self.equations(here), dq)
+            whole = len(rows) == n
+            here, its = (now, known) if whole else (now.take(rows), known.take(rows))
+            V = self.step(here, its, goal - q[rows])
             V[~np.isfinite(V).all(axis=1)] = 0.0
             ahead = self.commanded(copies(self.robot).integrate(here.X, V), goal)
             closing = self.newton(ahead, placed, tolerance=np.where(reach < 1.0, ON_THE_WAY, ROUNDING))
-            last = self.equations(closing.here).D
-            change = np.maximum(*(_norm(inverse[rows] @ (other - D[rows])) for other in (closing.first, last)))
+            there = self.equations(closing.here)
+            other = [there.D] if closing.first is None else [closing.first, there.D]
+            change = np.max([_norm(inverse[rows] @ (D - its.D)) for D in other], axis=0)
             ok = closing.closed & (change <= CHANGE)
-            there = self.inverse(last)
-            ok &= self.amplification(there) <= largest
+            inverses = self.inverse(there.D)
+            ok &= self.amplification(inverses) <= largest
             share = AIM / np.maximum(np.where(np.isfinite(change), change, np.inf), 1e-3)
             gone = rows[ok]
-            now.put(gone, closing.here.take(ok))
-            D[gone], inverse[gone], q[gone], done[gone] = last[ok], there[ok], goal[ok], reach[ok]
+            if whole and ok.all():
+                now, known, inverse = closing.here, there, inverses
+            else:
+                now.put(gone, closing.here.take(ok))
+                known.put(gone, there.take(ok))
+                inverse[gone] = inverses[ok]
+            q[gone], done[gone] = goal[ok], reach[ok]
             stride[rows] *= np.where(ok, np.clip(share, 0.5, 4.0), np.clip(share, 0.1, 0.5))
             lost |= stride < SMALLEST_STRIDE
             rows = np.flatnonzero((done < 1.0) & ~lost)

@@ -51,13 +51,18 @@ class Equations:
         """Those of some of the postures."""
         return Equations(self.d[..., rows], self.F[rows], self.D[rows], self.r[rows], self.private[..., rows])
 
+    def put(self, rows: Ints, some: Equations) -> None:
+        """Write those of some postures into these arrays."""
+        self.F[rows], self.D[rows], self.r[rows] = some.F, some.D, some.r
+        self.d[..., rows], self.private[..., rows] = some.d, some.private
+
 
 @dataclass(frozen=True)
 class Closed:
     """Result of Newton's method for N starts: the last iterates, (N,) whether their loops are closed and all steps contracted,
-    (N,) the number of steps, and D (N, E, e) at the start."""
+    (N,) the number of steps, and D (N, E, e) at the start; None where all starts were closed."""
 
     here: Here
     closed: Mask
     steps: Ints
-    first: Floats
+    first: Floats | None

@@ -87,4 +87,4 @@ def test_sigmas_on_robots_with_rods_are_those_of_derivatives_by_differences(
 
     analytic = sigmas()
     monkeypatch.setattr(JointProblem, "jacobian", by_differences)
-    np.testing.assert_allclose(analytic, sigmas(), rtol=1e-4)
+    np.testing.assert_allclose(analytic, sigmas(), rtol=3e-3)
