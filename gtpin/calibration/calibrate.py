@@ -44,8 +44,9 @@ from gtpin.typing import Floats, Mask
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
-PER_POSE = 1200.0
-"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 600 to 900 (docs/speed.md)."""
+PER_POSE = 1900.0
+"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,740 of a Gantry-Tau, whose
+configurations have 22 numbers (docs/speed.md)."""
 FEWEST = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
 said of its noise or its error."""

@@ -297,6 +297,12 @@ class LoopClosure:
             X = copies(self.robot).integrate(X, V)
         return found
 
+    def side(self, D: Floats) -> Floats:
+        """(N,) sign of the determinant of D (N, E, e); 1 where it is not square or the loops leave motions free."""
+        if D.shape[1] != D.shape[2] or self.rank < D.shape[2]:
+            return np.ones(len(D))
+        return np.asarray(np.sign(np.linalg.det(D)))
+
     def amplification(self, inverse: Floats) -> Floats:
         """(N,) Frobenius norms of inverses of D: motion by unit closure errors; infinite where D is singular."""
         found = np.sqrt(np.einsum("nij,nij->n", inverse, inverse))

@@ -30,6 +30,8 @@ CHUNK = 1024
 """Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
 KEPT, LONGEST_KEPT = 8, 20_000
 """Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
+DOUBTFUL = 100.0
+"""Ratio of a posture's amplification to that of home, above which it is closed again along a path from home. Assumed."""
 TRUSTED = 10.0
 """A guess that was farther off than this multiple of its error at the nodes of its fit does not tell the assembly mode."""
 
@@ -101,21 +103,20 @@ class Kinematics:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
         guess = self._guess if near is None and self.loops.count and len(q) >= MANY else None
         lost = []
-        for rows in _chunks(np.arange(len(q))):
-            placed = self.placed_at(q[rows])
-            here, reached = self._first(q[rows], placed, None if near is None else near[rows], guess)
-            if here is not None:
-                self._write(here, placed, reached, rows, X, T, R)
-            lost.append(rows[~reached])
-        for rows in _chunks(np.concatenate([*lost, np.zeros(0, dtype=int)])):
-            placed = self.placed_at(q[rows])
-            try:
+        try:
+            for rows in _chunks(np.arange(len(q))):
+                placed = self.placed_at(q[rows])
+                here, reached = self._first(q[rows], placed, None if near is None else near[rows], guess)
+                if here is not None:
+                    self._write(here, placed, reached, rows, X, T, R)
+                lost.append(rows[~reached])
+            for rows in _chunks(np.concatenate([*lost, np.zeros(0, dtype=int)])):
+                placed = self.placed_at(q[rows])
                 here, reached = self._from_home(self.travel(q[rows]), placed)
-            except ClosureError:
-                if self._is_plain:
-                    raise  # the URDF is wrong, not the commands
-                break
-            self._write(here, placed, reached, rows, X, T, R)
+                self._write(here, placed, reached, rows, X, T, R)
+        except ClosureError:  # its loops are open at home: an assembly mode it has not
+            if self._is_plain:
+                raise  # the URDF is wrong, not the commands
         return self._poses(X, T, R)
 
     def known(self, q: Floats) -> Floats:
@@ -170,7 +171,12 @@ class Kinematics:
 
     def command_jacobian(self, q: Floats, poses: Poses, at: FrameMotion | None = None) -> Floats:
         """(N, 6 + k, n) derivative of the poses by the commands; ``at``: the motion at q, where it is known."""
-        moved = (self.motion(q, poses) if at is None else at).by_commands
+        if at is None:
+            moved = np.empty((len(q), self.robot.motion_size, self.robot.n_actuators))
+            for rows in _chunks(np.arange(len(q))):
+                moved[rows] = self.motion(q[rows], poses[rows]).by_commands
+        else:
+            moved = at.by_commands
         return moved * self.geometry.scale if self.moves.scales else moved
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
@@ -248,6 +254,18 @@ class Kinematics:
     def _is_plain(self) -> bool:
         return not self.geometry.deviation.any()
 
+    def _sound(self, here: Here) -> Mask:
+        """(N,) whether postures that were closed at once are on home's side of singularities, and far enough from them."""
+        D = self.loops.equations(here).D
+        amplification = self.loops.amplification(self.loops.inverse(D))
+        sound: Mask = (self.loops.side(D) == self._side) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
+        return sound
+
+    @cached_property
+    def _side(self) -> float:
+        """The sign of D's determinant at home: assembly modes meet where it is zero."""
+        return float(self.loops.side(self.loops.equations(self.at_home).D)[0])
+
     @cached_property
     def _largest(self) -> float:
         loops = self.loops
@@ -263,7 +281,7 @@ class Kinematics:
             return here, np.ones(len(q), dtype=bool)
         if near is not None:
             closing = loops.newton(loops.commanded(near, travel), placed)
-            return closing.here, closing.closed
+            return closing.here, closing.closed & self._sound(closing.here)
         if guess is not None:
             begin = loops.commanded(guess(travel), travel)
             closing = loops.newton(begin, placed)

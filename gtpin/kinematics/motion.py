@@ -24,7 +24,7 @@ class FrameMotion:
     """
 
     def __init__(self, loops: LoopClosure, here: Here, placed: PlacedParts) -> None:
-        self._loops, self._placed, self._oMi, self._p = loops, placed, here.oMi, here.p
+        self._loops, self._placed, self._oMi = loops, placed, here.oMi
         robot, n = loops.robot, len(here)
         self._J = robot.model.njoints - 1
         tcp = here.oMi[:, robot.tcp_joint]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
@@ -266,7 +267,9 @@ def _assembled(nominal: Rods, ends: VirtualRodEnds) -> VirtualPoses:
     robot = nominal.geometry.robot
     told = robot.description.home
     frame = robot.tcp_placement
-    T, R = robot.data.oMi[robot.tcp_joint].translation.copy(), robot.data.oMi[robot.tcp_joint].rotation.copy()
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
+    T, R = data.oMi[robot.tcp_joint].translation.copy(), data.oMi[robot.tcp_joint].rotation.copy()
     if told is not None:
         R = exp(told.tcp_rotvec) @ robot.home_placement.rotation.T
         T = np.array(told.tcp_xyz) - R @ robot.home_placement.translation
