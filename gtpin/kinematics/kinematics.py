@@ -160,8 +160,6 @@ class Kinematics:
         """(1) pose at the home commands, base frame."""
         return self.forward(self.robot.home_q[None])
 
-    # ------------------------------------------------------------------------------------------- derivatives
-
     def motion(self, q: Floats, poses: Poses) -> FrameMotion:
         """First-order motion by commands and by displaced frames."""
         placed = self.placed_at(q)
