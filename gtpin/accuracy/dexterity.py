@@ -77,14 +77,14 @@ def singularity(kinematics: Kinematics, q: Floats, poses: Poses) -> tuple[Floats
     """(N,) relative distances from a singularity, and where they are 1: see :class:`Dexterity`."""
     if kinematics.robot.rod_sites:
         home_q = kinematics.robot.home_q[None]
-        return _of_rods(kinematics, q, poses) / _of_rods(kinematics, home_q, kinematics.home), "home"
+        return _by_rods(kinematics, q, poses) / _by_rods(kinematics, home_q, kinematics.home), "home"
     J = kinematics.command_jacobian(q, poses)[:, :6]
     reach = float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
     least = np.linalg.svd(np.concatenate([J[:, :3], reach * J[:, 3:]], axis=1), compute_uv=False)[:, -1]
     return np.asarray(least / max(float(least.max()), 1e-300), dtype=np.float64), "best"
 
 
-def _of_rods(kinematics: Kinematics, q: Floats, poses: Poses) -> Floats:
+def _by_rods(kinematics: Kinematics, q: Floats, poses: Poses) -> Floats:
     """(N,) smallest singular value of the closures' Jacobian of rods."""
     on_platform, on_carriers = kinematics.rod_ends(q, poses)
     d = on_platform - on_carriers

@@ -301,7 +301,8 @@ class LoopClosure:
         """(N,) sign of the determinant of D (N, E, e); 1 where it is not square or the loops leave motions free."""
         if D.shape[1] != D.shape[2] or self.rank < D.shape[2]:
             return np.ones(len(D))
-        return np.asarray(np.sign(np.linalg.det(D)))
+        with np.errstate(invalid="ignore"):  # of postures that are NaN
+            return np.asarray(np.sign(np.linalg.det(D)))
 
     def amplification(self, inverse: Floats) -> Floats:
         """(N,) Frobenius norms of inverses of D: motion by unit closure errors; infinite where D is singular."""

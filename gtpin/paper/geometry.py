@@ -80,7 +80,7 @@ class PaperGeometry(Geometry):
                 found |= (q[:, rod.carrier] < track.q[0]) | (q[:, rod.carrier] > track.q[-1])
         return found
 
-    def of_rods(self, kind: Kind, components: int) -> Floats:
+    def by_rod(self, kind: Kind, components: int) -> Floats:
         """(k, components) deviations of each rod from nominal: its own, and those that all rods of its actuator share."""
         own = self.deviations(kind, "rod", (len(self.robot.rods), components))
         shared = self.deviations(kind, "actuator", (self.robot.n_actuators, components))

@@ -128,8 +128,8 @@ class PaperKinematics(Kinematics):
     def seats(self) -> tuple[Seat, ...]:
         """The motion of each rod's joint on its carrier."""
         robot, geometry = self.robot, self.geometry
-        C0 = np.array([rod.C for rod in robot.rods]) + geometry.of_rods("carrier_joint", 3)
-        turns, found = geometry.of_rods("direction", 3), []
+        C0 = np.array([rod.C for rod in robot.rods]) + geometry.by_rod("carrier_joint", 3)
+        turns, found = geometry.by_rod("direction", 3), []
         for i, rod in enumerate(robot.rods):
             if rod.carrier is None:
                 found.append(Seat(C0[i], np.zeros(3), np.eye(3), np.zeros(3)))
@@ -259,7 +259,7 @@ class PaperKinematics(Kinematics):
     @cached_property
     def _scale(self) -> Floats:
         """(k,) travel of each rod's own actuator per commanded unit."""
-        return np.asarray(1.0 + self.geometry.of_rods("scale", 1)[:, 0])
+        return np.asarray(1.0 + self.geometry.by_rod("scale", 1)[:, 0])
 
     @cached_property
     def _drives(self) -> Floats:
@@ -274,9 +274,9 @@ class PaperKinematics(Kinematics):
     def _still(self) -> RodEnds:
         """The ends that commands do not move; C is empty."""
         rods, geometry = self.robot.rods, self.geometry
-        P = np.array([rod.P for rod in rods]) + geometry.of_rods("platform_joint", 3)
+        P = np.array([rod.P for rod in rods]) + geometry.by_rod("platform_joint", 3)
         return RodEnds(
-            P, np.zeros((0, len(rods), 3)), np.array([rod.L for rod in rods]) + geometry.of_rods("length", 1)[:, 0]
+            P, np.zeros((0, len(rods), 3)), np.array([rod.L for rod in rods]) + geometry.by_rod("length", 1)[:, 0]
         )
 
 

@@ -61,19 +61,18 @@ def test_parameters_are_not_biased_and_95_percent_intervals_cover(effect: str, s
     assert np.count_nonzero(np.abs(z) > 1.96) <= 4  # more than 4 of 20 have a probability of 0.003
 
 
-@pytest.mark.parametrize(("effect", "site"), [("cart_compliance", "cart3"), ("frame_shift", "frame")])
-def test_sigmas_on_robots_with_rods_are_those_of_derivatives_by_differences(
-    monkeypatch: pytest.MonkeyPatch, effect: str, site: str
-) -> None:
-    """Where geometry and a cause are hard to tell apart, derivatives at different poses would seem to tell them apart."""
-    case = make_case(2, effects=[(effect, site)], noncentrality=1000.0, poses=60, held_out=2, background=False)
+def test_sigmas_beside_a_strong_cause_are_those_of_derivatives_by_differences(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives by geometry and by causes at different poses were off by 1.7e-3 here."""
+    effect, site = "frame_shift", "frame"
+    strong = {"robot": "stewart", "noncentrality": 1e5, "poses": 60, "held_out": 2, "background": False}
+    case = make_case(2, effects=[(effect, site)], **strong)
     baseline = calibrate(case.dataset)
     observed = Observed.of(case.dataset.take(baseline.used(case.dataset)), baseline)
     references = observed.operating_points(baseline.model).references
 
     def sigmas() -> Floats:
         hypothesis = Hypothesis(effects_by_id()[effect], site)
-        model = fit_together(observed, baseline.model, [hypothesis], [10.0], references)
+        model = fit_together(observed, baseline.model, [hypothesis], [100.0], references)
         assert model.joint_covariance is not None
         return np.sqrt(np.diag(model.joint_covariance))
 
@@ -87,4 +86,4 @@ def test_sigmas_on_robots_with_rods_are_those_of_derivatives_by_differences(
 
     analytic = sigmas()
     monkeypatch.setattr(JointProblem, "jacobian", by_differences)
-    np.testing.assert_allclose(analytic, sigmas(), rtol=3e-3)
+    np.testing.assert_allclose(analytic, sigmas(), rtol=1e-3)
