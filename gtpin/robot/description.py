@@ -297,8 +297,6 @@ class _AttributeReader:
 XACRO = "this is a xacro file"
 EXPAND = "expand it first (xacro FILE > robot.urdf)"
 UNEXPANDED = re.compile(r"\$\{|\$\((arg|cwd|dirname|env|eval|find|optenv) ")
-FAR_MASS = 10.0
-"""Distance of a link's centre of mass from its frame, m, above which there is a warning: no robot has such a link. Assumed."""
 FULL_TURN = 2.0 * math.pi
 
 
@@ -318,7 +316,7 @@ def refuse_xacro(root: Element, source: str) -> None:
 
 
 def check_masses(root: Element, source: str) -> None:
-    """Refuse links with a mass that is negative or not finite, and warn of a centre of mass far from its link.
+    """Refuse links with a mass that is negative or not finite.
 
     Raises `RobotError` if there is one, with its name. What is no number, Pinocchio reports.
     """
@@ -331,15 +329,6 @@ def check_masses(root: Element, source: str) -> None:
         if not (math.isfinite(value) and value >= 0.0):
             what = f"the mass of link {link.get('name', '')} is {value:g}"
             raise RobotError(what, file=source, hint="give a mass of 0 or more, kg")
-        origin = link.find("inertial/origin")
-        try:
-            away = 0.0 if origin is None else math.hypot(*(float(word) for word in origin.get("xyz", "").split()))
-        except ValueError:
-            continue
-        if value and away > FAR_MASS:
-            warn(
-                f"{source}: link {link.get('name', '')}: its centre of mass is {away:g} m from its frame: it is in metres"
-            )
 
 
 def warn_of_degrees(root: Element, source: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -34,9 +35,10 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
         own = robot.model.jointPlacements[joint_id]
         placement = pin.SE3(moved[:9].reshape(3, 3).T, moved[9:])
         if placement != own:
-            # The URDF's origin is relative to the parent link, Pinocchio's placement to the parent joint; fixed links between.
+            # The URDF's origin is from the parent link's frame to the child link's, Pinocchio's placement from joint to joint.
             element = joints[robot.model.names[joint_id]]
-            _set_origin(element, _parent_placement(robot, element).inverse() * placement)
+            end = _link_placement(robot, element, "child")
+            _set_origin(element, _link_placement(robot, element, "parent").inverse() * placement * end)
     loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
     for index, (at, (_, own)) in enumerate(zip(anchors, robot.anchors, strict=True)):
         loop, shift = robot.description.loops[index // 2], robot.anchor_axes[index].T @ (at - own.translation)
@@ -57,7 +59,7 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
 def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
     for joint in root.findall("joint"):
         if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
-            _set_origin(joint, _parent_placement(robot, joint).inverse() * robot.tcp_placement * moved)
+            _set_origin(joint, _link_placement(robot, joint, "parent").inverse() * robot.tcp_placement * moved)
             return
     name = f"{robot.tcp_frame}_tcp"
     SubElement(root, "link", {"name": name})
@@ -103,9 +105,9 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
             own.append(Element("plane", loop=name, normal=exact_text(normal)))
 
 
-def _parent_placement(robot: Chain, joint: Element) -> pin.SE3:
-    """Placement of a joint's parent link on the Pinocchio joint that carries it."""
-    link = _child(joint, "parent").get("link", "")
+def _link_placement(robot: Chain, joint: Element, end: Literal["parent", "child"]) -> pin.SE3:
+    """Placement of a joint's parent or child link on the Pinocchio joint that carries it."""
+    link = _child(joint, end).get("link", "")
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 

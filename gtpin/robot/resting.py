@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription
+from gtpin.robot.far_frames import bring_near
 from gtpin.robot.tree import Mimic
 from gtpin.typing import Floats
 
@@ -51,9 +52,10 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
             f"joint {free[0]} has {count} degrees of freedom, which no command moves",
             "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
         )
-    if not resting:
-        return model
-    return _reduced(model, resting, neutral(model, description))
+    if resting:
+        model = _reduced(model, resting, neutral(model, description))
+    bring_near(model, masses_alone=bool(description.rods))  # rods' joints stand at the ends of rods
+    return model
 
 
 def _reduced(model: Any, resting: Sequence[str], posture: Floats) -> Any:

@@ -73,9 +73,9 @@ def test_a_mass_that_can_not_be_is_refused_with_the_link(tmp_path: Path, mass: s
         loaded(tmp_path, ARM.replace('value="2"', f'value="{mass}"'))
 
 
-def test_a_centre_of_mass_that_no_link_has_is_told(tmp_path: Path) -> None:
+def test_a_mass_that_no_link_has_is_left_out(tmp_path: Path) -> None:
     far = ARM.replace('<mass value="2"', '<origin xyz="0 500 0"/><mass value="2"')
-    with pytest.warns(GtpinWarning, match="link l1: its centre of mass is 500 m from its frame"):
+    with pytest.warns(GtpinWarning, match="carries is 500 m away: the mass is left out"):
         loaded(tmp_path, far)
 
 
