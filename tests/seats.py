@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.kinematics.placed import frame_of_joint
+from gtpin.robot.placement_frames import frame_of_joint
 
 Floats = np.ndarray
 

@@ -8,7 +8,7 @@ import pinocchio as pin
 import gtpin
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.parameters import Parameter, rotation_axes
+from gtpin.robot.parameters import DIRECTIONS, Parameter, rotation_axes
 
 Floats = np.ndarray
 
@@ -28,19 +28,21 @@ def by_own(geometry: gtpin.Geometry, own: gtpin.Geometry) -> Floats:
     """
     assert own.names == geometry.names
     found = np.eye(len(own.names))
-    places = {(p.kind, p.owner, p.component): i for i, p in enumerate(own.parameters)}
-    for kind, owner in {(p.kind, p.owner) for p in own.parameters}:
+    places = {(p.kind, p.part, p.component): i for i, p in enumerate(own.parameters)}
+    for kind, part in {(p.kind, p.part) for p in own.parameters}:
         if kind in ("placement", "platform"):
-            block = [places[kind, owner, c] for c in range(6)]
+            block = [places[kind, part, c] for c in range(6)]
             found[np.ix_(block, block)] = pin.Jexp6(geometry.deviation[block])
-        elif kind == "direction":
-            block = [places[kind, owner, c] for c in range(2)]
+        elif kind in DIRECTIONS:
+            block = [places[kind, part, c] for c in range(2)]
+            owner = geometry.robot.sites.index(part)
             axes, moved = (rotation_axes(g.robot.actuators[owner].axis)[:2] for g in (geometry, own))
             turn = geometry.deviation[block] @ axes
             # Rates of a rotation vector to the left: the right Jacobian of the opposite vector.
             found[np.ix_(block, block)] = moved @ pin.Jexp3(-turn) @ axes.T
         elif kind == "scale":
-            found[places[kind, owner, 0], places[kind, owner, 0]] = 1.0 / geometry.scale[owner]
+            own_place = places[kind, part, 0]
+            found[own_place, own_place] = 1.0 / geometry.scale[geometry.robot.sites.index(part)]
     return found
 
 
@@ -178,20 +180,22 @@ class Single:
     def _by_parameter(self, p: Parameter, placed: Floats) -> Floats:
         robot, found = self.robot, np.zeros(self.robot.motion_size)
         if p.kind == "placement":
-            return placed[:, 6 * (p.owner - 1) + p.component]
+            return placed[:, 6 * (robot.model.getJointId(p.part) - 1) + p.component]
         if p.kind == "platform":
             found[p.component // 3 * 3 :][:3] = np.asarray(self.tcp.rotation)[:, p.component % 3]
             return found
         if p.kind == "anchor":
-            joint, _ = robot.anchors[p.owner]
-            turn = self.data.oMi[joint].rotation @ robot.anchor_axes[p.owner]
-            return self.by_anchor(p.owner, turn[:, p.component])
+            loops = robot.description.loops
+            names = [f"{loop.name}.{end.link}" for loop in loops for end in (loop.anchor1, loop.anchor2)]
+            anchor = names.index(p.part)
+            turn = self.data.oMi[robot.anchors[anchor][0]].rotation @ robot.anchor_axes[anchor]
+            return self.by_anchor(anchor, turn[:, p.component])
         if p.kind == "scale":
-            found[:6] = self.jacobian[:, p.owner] * self.q[p.owner]
+            found[:6] = (self.jacobian * self.q)[:, robot.sites.index(p.part)]
             return found
-        if p.kind == "direction":
+        if p.kind in DIRECTIONS:
             return self._turned(p, placed)
-        rod = robot.rods[p.owner]
+        rod = next(rod for rod in robot.rods if rod.name == p.part)
         if p.kind == "length":
             along = self.anchor(rod.tip) - self.data.oMi[rod.joint_id].translation
             return self.by_anchor(rod.tip, along / np.linalg.norm(along))
@@ -201,12 +205,13 @@ class Single:
 
     def _turned(self, p: Parameter, placed: Floats) -> Floats:
         """The joint's placement rotates, and the anchors on its carrier rotate back to their places at the command 0."""
-        robot, actuator = self.robot, self.robot.actuators[p.owner]
+        robot, a = self.robot, self.robot.sites.index(p.part)
+        actuator = robot.actuators[a]
         turn = rotation_axes(actuator.axis)[p.component]
         found = self._twisted(placed, actuator.joint_id, np.zeros(3), turn)
         for rod in robot.rods:
-            if rod.carrier == p.owner:
-                found = found - self.by_anchor(rod.seat, self._now(p.owner, np.cross(turn, rod.C - actuator.origin)))
+            if rod.carrier == a:
+                found = found - self.by_anchor(rod.seat, self._now(a, np.cross(turn, rod.C - actuator.origin)))
         return found
 
     def _now(self, carrier: int | None, motion: Floats) -> Floats:

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
 from gtpin.accuracy.small_errors import PARAMETERS, SmallError
 from gtpin.kinematics.kinematics import reached_poses
-from gtpin.kinematics.placed import frame_of_anchor
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model
+from gtpin.robot.placement_frames import frame_of_anchor
 
 Floats = npt.NDArray[np.float64]
 

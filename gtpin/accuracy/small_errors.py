@@ -10,9 +10,9 @@ import numpy as np
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.motion import FrameMotion
-from gtpin.kinematics.placed import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.chain import Chain
+from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
 from gtpin.typing import Floats
 
 PARAMETERS = ("L", "Px", "Py", "Pz", "Cx", "Cy", "Cz", "vx", "vy", "vz")

@@ -41,7 +41,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     ``covariance``: (p, p) covariance of the geometry's parameters.
     """
     robot = geometry.robot
-    if not any(p.kind == "carrier_joint" for p in geometry.parameters):
+    if not robot.rod_sites:
         slide = {a.site for a in robot.actuators if not a.revolute}
         table = controller_table(Model(geometry, covariance=covariance))
         zeros = (p for p in table if p.name == ("d" if p.site in slide else "theta") and p.determined)
@@ -53,11 +53,10 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
         weight = np.zeros(len(geometry.parameters))
         power = float((rates[carried] ** 2).sum()) if carried else 0.0
         for j, p in enumerate(geometry.parameters):
-            if p.kind == "carrier_joint" and power > 0.0:
-                if p.per == "actuator" and p.owner == a:
-                    weight[j] = rates[carried][:, p.component].sum() / power
-                elif p.per == "rod" and p.owner in carried:
-                    weight[j] = rates[p.owner, p.component] / power
+            if p.kind in ("cart_joint", "arm_joint") and power > 0.0:
+                # A joint of one rod, or of all rods of the carrier, which then has the actuator's name.
+                own = carried if p.part == actuator.site else [i for i in carried if robot.rod(i).name == p.part]
+                weight[j] = rates[own, p.component].sum() / power
         if weight.any():
             sigma = float(np.sqrt(weight @ covariance @ weight))
             unit = "rad" if actuator.revolute else "m"

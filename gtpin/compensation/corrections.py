@@ -71,8 +71,8 @@ def geometric_scales(model: Model) -> dict[str, float]:
     """Travel per command of each drive by site, from the geometry alone."""
     scales = dict.fromkeys(model.robot.sites, 1.0)
     for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            scales[model.robot.sites[parameter.owner]] += float(deviation)
+        if parameter.kind == "scale" and parameter.part in scales:
+            scales[parameter.part] += float(deviation)
     return scales
 
 

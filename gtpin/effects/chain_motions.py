@@ -10,12 +10,12 @@ import pinocchio as pin
 from gtpin.effects.displacement import Displacement, of_lengths, rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
-from gtpin.kinematics.placed import frame_of_joint, frame_of_tcp
 from gtpin.kinematics.rotations import skew
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.placement_frames import frame_of_joint, frame_of_tcp
 from gtpin.typing import Floats
 
 
@@ -25,8 +25,8 @@ class JointFrame:
 
     Of a joint this is its placement frame. Of a cart it has the base frame's axes, and the mean of the cart's joints as origin.
 
-    ``index``: index of the placement frame that moves: see :mod:`~gtpin.kinematics.placed`. ``axis``: (3,) unit vector of the
-    actuator's axis, in the frame's axes: the actuator slides along it or turns about it. ``across``: (2, 3) unit vectors a
+    ``index``: index of the placement frame that moves: see :mod:`~gtpin.robot.placement_frames`. ``axis``: (3,) unit vector of
+    the actuator's axis, in the frame's axes: the actuator slides along it or turns about it. ``across``: (2, 3) unit vectors a
     and b perpendicular to the axis: see :func:`~gtpin.robot.parameters.rotation_axes`. ``on_cart``: indices of the rods whose
     joints are on the cart; none of a joint.
     """

@@ -27,8 +27,8 @@ class Displacement:
         (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
         position, m, and rotation vector, rad, base frame. Measured joints do not move then, unless there are rows for them.
     placements
-        Pairs of the index of a frame (:mod:`~gtpin.kinematics.placed`), and (N, 6, m) twists, m and rad, of that frame, in its
-        own axes.
+        Pairs of the index of a frame (:mod:`~gtpin.robot.placement_frames`), and (N, 6, m) twists, m and rad, of that frame, in
+        its own axes.
     carrier_joints
         (N, k, 3, m) displacements of the rods' joints on their carriers, base frame, m.
     """

@@ -14,9 +14,9 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.dynamics import Loads
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.motion import FrameMotion
-from gtpin.kinematics.placed import frame_of_anchor, longer_rods
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.chain import Chain
+from gtpin.robot.placement_frames import frame_of_anchor
 from gtpin.typing import Floats
 
 Column = npt.NDArray[np.float64] | npt.NDArray[np.object_]
@@ -163,7 +163,7 @@ class OperatingPoints:
 
     def lengthened(self, length: Floats) -> dict[int, Floats]:
         """By index of a frame, the twists (N, 6) that change the rods' lengths by ``length`` (N, k), m."""
-        ways = enumerate(longer_rods(self.robot))
+        ways = enumerate(self.robot.longer_rods)
         return {frame: length[:, i, None] * way for i, (frame, way) in ways if length[:, i].any()}
 
     def on_carriers(self, moved: Floats) -> dict[int, Floats]:

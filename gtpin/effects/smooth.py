@@ -11,8 +11,8 @@ from gtpin.effects.displacement import rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, turning_joint
 from gtpin.errors import ModelError, warn
-from gtpin.kinematics.placed import frame_of_joint
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
 GRID = np.linspace(-1.0, 1.0, 201)

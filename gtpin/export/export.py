@@ -28,6 +28,7 @@ from gtpin.output.results import results_folder
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
+from gtpin.robot.parameters import DIRECTIONS
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
@@ -203,10 +204,10 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     rods``, ``measured tracks``, ``instrument's frame``.
     """
     geometry = model.geometry
-    moved = {(p.kind, p.per) for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0}
+    moved = [p for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0]
     has = {
-        "drive scales": bool({("scale", "actuator"), ("scale", "rod")} & moved),
-        "directions of single rods": ("direction", "rod") in moved,
+        "drive scales": any(p.kind == "scale" for p in moved),
+        "directions of single rods": any(p.kind in DIRECTIONS and p.part not in geometry.robot.sites for p in moved),
         "measured tracks": isinstance(geometry, PaperGeometry) and any(track is not None for track in geometry.tracks),
         "instrument's frame": not model.frame.is_base,
     }

@@ -43,7 +43,7 @@ class Kinematics:
     Derivatives have six rows, for the TCP's position (m) and rotation vector (rad), then one row for the coordinate (rad or m)
     of each of the robot's k measured joints (by default k = 0). Poses have these coordinates under ``joints``. Everywhere
     ``q`` are (N, n) commands, m or rad, and ``poses`` the (N) poses at them. Frames and their twists are those of
-    :mod:`~gtpin.kinematics.placed`.
+    :mod:`~gtpin.robot.placement_frames`.
 
     ``geometry``: the geometry.
     """

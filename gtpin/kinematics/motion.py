@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gtpin.kinematics.closing import LoopClosure
-from gtpin.kinematics.placed import Moves, PlacedParts, longer_rods, own_placements, rotation
+from gtpin.kinematics.placed import Moves, PlacedParts, own_placements, rotation
 from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Ints
@@ -16,7 +16,7 @@ from gtpin.typing import Floats, Ints
 class FrameMotion:
     """Motion by displaced frames, and by commands, at N postures whose loops stay closed.
 
-    Frames and their indices are those of :mod:`~gtpin.kinematics.placed`. Motions are of the TCP (position,
+    Frames and their indices are those of :mod:`~gtpin.robot.placement_frames`. Motions are of the TCP (position,
     m, rotation vector, rad; base frame), then of the coordinates of the robot's k measured joints (rad or m).
 
     With dx = -D^-1 b of the passive velocities, where b is the change of the closure equations, a twist moves the TCP by its
@@ -95,10 +95,8 @@ class FrameMotion:
     @cached_property
     def by_rod_lengths(self) -> Floats:
         """(N, 6 + k, r) motion by the length of each of r rods."""
-        found = np.empty((len(self), self.size, len(self._loops.robot.rods)))
-        for i, (frame, along) in enumerate(longer_rods(self._loops.robot)):
-            found[:, :, i] = self.by_twist(frame, along[:, None])[:, :, 0]
-        return found
+        ways = [self.by_twist(frame, along[:, None]) for frame, along in self._loops.robot.longer_rods]
+        return np.concatenate([np.zeros((len(self), self.size, 0)), *ways], axis=2)
 
     def by_parameters(self, moves: Moves, count: int, q: Floats) -> Floats:
         """(N, 6 + k, count) motion by the parameters of a geometry, at commands q (N, n)."""

@@ -38,6 +38,7 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.library import load_robot
+from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
 
 FILES = ("model.json", "robot.urdf", "nominal.urdf")
@@ -108,15 +109,20 @@ def _listed(values: Floats | None) -> Any:
 
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
-    kinds = {p.kind: p.per for p in geometry.parameters}
+    sites = geometry.robot.sites
+    of_rods = {p.kind for p in geometry.parameters if p.part not in sites}
     tracks = geometry.tracks if isinstance(geometry, PaperGeometry) else ()
     return ModelFile(
         schema=SCHEMA,
         robot=geometry.robot.name,
         nominal_urdf="nominal.urdf",
         tcp=geometry.robot.tcp_frame,
-        directions="rod" if ("direction", "rod") in {(p.kind, p.per) for p in geometry.parameters} else "actuator",
-        scale=kinds.get("scale"),  # type: ignore[arg-type]
+        directions="rod" if of_rods & set(DIRECTIONS) else "actuator",
+        scale="rod"
+        if "scale" in of_rods
+        else "actuator"
+        if any(p.kind == "scale" for p in geometry.parameters)
+        else None,  # type: ignore[arg-type]
         arm="reduced" if geometry.positions_only else "full",
         tracks=[
             None if track is None else TrackRecord(**{key: _listed(values) for key, values in vars(track).items()})

@@ -12,7 +12,7 @@ from gtpin.errors import ModelError
 from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry, without_names
-from gtpin.robot.parameters import Kind, Parameter, all_tolerances, rod_parameters
+from gtpin.robot.parameters import DIRECTIONS, JOINTS, Parameter, all_tolerances, rod_parameters
 from gtpin.typing import Floats, Mask
 
 Arm = Literal["full", "reduced"]
@@ -53,24 +53,22 @@ class PaperGeometry(Geometry):
         core = rod_parameters(robot, all_tolerances(robot, tolerance or {}), scale=True)
         measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
         found = list(
-            _reduced(robot, core) if arm == "reduced" else [p for p in core if p.kind not in ("direction", "scale")]
+            _reduced(robot, core) if arm == "reduced" else [p for p in core if p.kind not in (*DIRECTIONS, "scale")]
         )
-        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" else directions, "direction")
+        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" else directions, DIRECTIONS)
         roll = all_tolerances(robot, tolerance or {})["track_roll"]
-        for a, p in ((p.owner, p) for p in core if p.kind == "direction"):
-            if any(measured[i] for i in robot.rods_on(a)):
+        for p in core:
+            if p.kind in DIRECTIONS and any(measured[i] for i in robot.rods_on(robot.sites.index(p.part))):
                 # A measured track is rotated as a whole by three angles: a, b, and c about its own direction.
-                found += (
-                    [p] if p.component == 0 else [p, replace(p, name=p.name[:-1] + "c", component=2, tolerance=roll)]
-                )
-        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" and scale else scale, "scale")
+                found += [p] if p.component == 0 else [p, replace(p, name=p.name[:-1] + "c", tolerance=roll, moves=())]
+        found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" and scale else scale, ("scale",))
         parameters = without_names(found, without)
         return PaperGeometry(robot, parameters, np.array([p.nominal for p in parameters]), tracks)
 
     @property
     def positions_only(self) -> bool:
         """Whether the arm is reduced: the rods of a cart share one length, and the plate never turns."""
-        return any(p.kind == "length" and p.per == "actuator" for p in self.parameters)
+        return any(p.kind == "length" and p.part in self.robot.sites for p in self.parameters)
 
     def outside(self, q: Floats) -> Mask:
         """(N,) True where commands q (N, n) are outside the range of a measured track."""
@@ -80,19 +78,24 @@ class PaperGeometry(Geometry):
                 found |= (q[:, rod.carrier] < track.q[0]) | (q[:, rod.carrier] > track.q[-1])
         return found
 
-    def by_rod(self, kind: Kind, components: int) -> Floats:
-        """(k, components) deviations of each rod from nominal: its own, and those that all rods of its actuator share."""
-        own = self.deviations(kind, "rod", (len(self.robot.rods), components))
-        shared = self.deviations(kind, "actuator", (self.robot.n_actuators, components))
-        drivers = [rod.driver for rod in self.robot.rods]
-        return np.asarray(own + [np.zeros(components) if a is None else shared[a] for a in drivers])
+    def by_rod(self, kinds: Iterable[str], components: str = "") -> Floats:
+        """(k, c) deviations of each rod from nominal: its own, and those that all rods of its actuator share.
+
+        ``kinds``: of the parameters, of which a rod has one. ``components``: ``xyz``, ``abc``, or none for a single number.
+        """
+        ends = [f".{c}" for c in components] or [""]
+        sites = self.robot.sites
+        # A set: a rod whose length an actuator changes can have the actuator's name.
+        owners = [{rod.name} if rod.driver is None else {rod.name, sites[rod.driver]} for rod in self.robot.rods]
+        return np.array([[sum(self.off(f"{k}[{o}]{e}") for k in kinds for o in own) for e in ends] for own in owners])
 
     def moved_by(self, parameter: Parameter) -> list[int]:
         """Indices of the rods that a parameter moves."""
-        if parameter.per == "rod":
-            return [parameter.owner]
-        rods = enumerate(self.robot.rods)
-        return [i for i, r in rods if (r.carrier if parameter.kind == "direction" else r.driver) == parameter.owner]
+        rods = list(enumerate(self.robot.rods))
+        if parameter.part not in self.robot.sites:
+            return [i for i, rod in rods if rod.name == parameter.part]
+        actuator = self.robot.sites.index(parameter.part)
+        return [i for i, r in rods if (r.carrier if parameter.kind in DIRECTIONS else r.driver) == actuator]
 
 
 def nominal_geometry(
@@ -127,25 +130,24 @@ def _reduced(robot: Chain, core: list[Parameter]) -> Iterator[Parameter]:
     """Lengths and joints on the carts that all rods of a cart share; their nominal values are those of its first rod."""
     first = {rod.carrier: i for i, rod in reversed(list(enumerate(robot.rods))) if rod.carrier is not None}
     for p in core:
-        if p.kind in ("length", "carrier_joint"):
-            actuator = robot.rods[p.owner].carrier
-            if actuator is not None and first[actuator] == p.owner:
-                name = p.name.replace(f"[{robot.rods[p.owner].name}]", f"[{robot.sites[actuator]}]")
-                yield replace(p, name=name, owner=actuator, per="actuator")
+        if p.kind in ("length", *JOINTS) and p.kind != "platform_joint":
+            rod = next(rod for rod in robot.rods if rod.name == p.part)
+            if rod.carrier is not None and robot.rods[first[rod.carrier]] is rod:
+                yield replace(p, name=p.name.replace(f"[{rod.name}]", f"[{robot.sites[rod.carrier]}]"), moves=())
 
 
 def _of_drives(
-    robot: Chain, core: list[Parameter], measured: list[bool], per: Per | None, kind: Kind
+    robot: Chain, core: list[Parameter], measured: list[bool], per: Per | None, kinds: tuple[str, ...]
 ) -> list[Parameter]:
     """Directions or scales of each rod or actuator, where no track was measured; None: only unknown scales."""
-    found = []
-    own = [p for p in core if p.kind == kind and (per or robot.actuators[p.owner].scale_unknown)]
+    unknown = {actuator.site for actuator in robot.actuators if actuator.scale_unknown}
+    own = [p for p in core if p.kind in kinds and (per or p.part in unknown)]
+    straight = [rod for rod, track in zip(robot.rods, measured, strict=True) if rod.driver is not None and not track]
     if per == "rod":
-        for i, rod in enumerate(robot.rods):
-            for p in own:
-                if not measured[i] and p.owner == rod.driver:
-                    name = p.name.replace(f"[{robot.sites[p.owner]}]", f"[{rod.name}]")
-                    found.append(replace(p, name=name, owner=i, per="rod"))
-        return found
-    straight = {rod.driver for i, rod in enumerate(robot.rods) if not measured[i]}
-    return [p for p in own if p.owner in straight]
+        named = [(rod.name, robot.sites[rod.driver], p) for rod in straight for p in own if rod.driver is not None]
+        return [
+            replace(p, name=p.name.replace(f"[{s}]", f"[{name}]"), moves=(), drive=None)
+            for name, s, p in named
+            if p.part == s
+        ]
+    return [p for p in own if p.part in {robot.sites[rod.driver] for rod in straight if rod.driver is not None}]

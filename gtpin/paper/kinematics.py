@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.motion import FrameMotion
-from gtpin.kinematics.placed import Moves, PlacedParts, frame_of_anchor, frame_of_joint, numbers, own_placements
+from gtpin.kinematics.placed import Moves, PlacedParts, numbers, own_placements
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import exp, left_jacobian, skew
@@ -21,7 +21,8 @@ from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.export import to_urdf
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.parameters import DIRECTIONS, JOINTS, rotation_axes
+from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats, Ints, Mask
 
@@ -128,8 +129,8 @@ class PaperKinematics(Kinematics):
     def seats(self) -> tuple[Seat, ...]:
         """The motion of each rod's joint on its carrier."""
         robot, geometry = self.robot, self.geometry
-        C0 = np.array([rod.C for rod in robot.rods]) + geometry.by_rod("carrier_joint", 3)
-        turns, found = geometry.by_rod("direction", 3), []
+        C0 = np.array([rod.C for rod in robot.rods]) + geometry.by_rod(JOINTS[1:], "xyz")
+        turns, found = geometry.by_rod(DIRECTIONS, "abc"), []
         for i, rod in enumerate(robot.rods):
             if rod.carrier is None:
                 found.append(Seat(C0[i], np.zeros(3), np.eye(3), np.zeros(3)))
@@ -162,9 +163,9 @@ class PaperKinematics(Kinematics):
                 seat, travel = self.seats[i], self._own(i, q)
                 if p.kind == "platform_joint":
                     yield column, i, "P", np.eye(3)[p.component]
-                elif p.kind == "carrier_joint":
+                elif p.kind in JOINTS:
                     yield column, i, "C", seat.by_joint(travel, p.component)
-                elif p.kind == "direction":
+                elif p.kind in DIRECTIONS:
                     yield column, i, "C", seat.by_turn(travel, p.component)
                 elif p.kind == "length":
                     yield column, i, "L", np.ones(1)
@@ -259,7 +260,7 @@ class PaperKinematics(Kinematics):
     @cached_property
     def _scale(self) -> Floats:
         """(k,) travel of each rod's own actuator per commanded unit."""
-        return np.asarray(1.0 + self.geometry.by_rod("scale", 1)[:, 0])
+        return np.asarray(1.0 + self.geometry.by_rod(["scale"])[:, 0])
 
     @cached_property
     def _drives(self) -> Floats:
@@ -274,9 +275,9 @@ class PaperKinematics(Kinematics):
     def _still(self) -> RodEnds:
         """The ends that commands do not move; C is empty."""
         rods, geometry = self.robot.rods, self.geometry
-        P = np.array([rod.P for rod in rods]) + geometry.by_rod("platform_joint", 3)
+        P = np.array([rod.P for rod in rods]) + geometry.by_rod(JOINTS[:1], "xyz")
         return RodEnds(
-            P, np.zeros((0, len(rods), 3)), np.array([rod.L for rod in rods]) + geometry.by_rod("length", 1)[:, 0]
+            P, np.zeros((0, len(rods), 3)), np.array([rod.L for rod in rods]) + geometry.by_rod(["length"])[:, 0]
         )
 
 

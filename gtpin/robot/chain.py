@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,6 +15,7 @@ from gtpin.robot.commanded import with_actuators
 from gtpin.robot.constrained_model import ConstrainedModel
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
+from gtpin.robot.placement_frames import frame_of_anchor, shift
 from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
 
@@ -76,6 +78,12 @@ class Chain(ConstrainedModel):
     def rod_seats(self) -> tuple[int, ...]:
         """By rod, the index of its anchor on the carrier."""
         return tuple(rod.seat for rod in self.rods)
+
+    @cached_property
+    def longer_rods(self) -> tuple[tuple[int, Floats], ...]:
+        """By rod, the frame of the anchor at its end, and (6,) the twist of this frame per growth of the rod, m/m."""
+        ways = ((rod.tip, self.anchor_axes[rod.tip].T @ rod.along) for rod in self.rods)
+        return tuple((frame_of_anchor(self, tip), shift(way)) for tip, way in ways)
 
     @property
     def rod_sites(self) -> tuple[str, ...]:

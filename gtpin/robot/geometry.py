@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
 
 from gtpin.errors import ModelError
 from gtpin.robot.chain import Chain
-from gtpin.robot.parameters import Kind, Parameter, all_tolerances, placement_parameters, rod_parameters
+from gtpin.robot.parameters import Parameter, all_tolerances, placement_parameters, rod_parameters
 from gtpin.typing import Floats, Mask
 
 
@@ -121,19 +122,13 @@ class Geometry:
         """A geometry with the same parameters and other values (p,), m, rad or m/m."""
         return replace(self, values=values)
 
-    def deviations(
-        self, kind: Kind, per: Literal["actuator", "rod", "joint", "anchor"], shape: tuple[int, int]
-    ) -> Floats:
-        """A table (of ``shape``) of the deviations from nominal of one kind of parameter, m, rad or m/m.
+    def off(self, name: str) -> float:
+        """The deviation of a parameter from nominal, m, rad or m/m; 0 where there is no such parameter."""
+        return self._off.get(name, 0.0)
 
-        Row: index of the actuator, rod, Pinocchio joint or loop's anchor, as ``per`` says; column: component of the vector.
-        Zero where there is no such parameter.
-        """
-        table = np.zeros(shape)
-        for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
-            if parameter.kind == kind and parameter.per == per:
-                table[parameter.owner, parameter.component] = deviation
-        return table
+    @cached_property
+    def _off(self) -> dict[str, float]:
+        return dict(zip(self.names, self.deviation.tolist(), strict=True))
 
     @property
     def platform(self) -> Floats:
@@ -150,15 +145,11 @@ class Geometry:
     @property
     def scale(self) -> Floats:
         """(n,) travel of each actuator per commanded unit."""
-        return 1.0 + self.deviations("scale", "actuator", (self.robot.n_actuators, 1))[:, 0]
-
-    @property
-    def anchors(self) -> Floats:
-        """(2 L, 3) displacement, m, of the two anchors of each of L loops, in the frames of the anchors' links.
-
-        Zero for a robot with rods, whose parameters are the lengths and joints of the rods.
-        """
-        return self.deviations("anchor", "anchor", (2 * len(self.robot.constraints), 3))
+        found = np.ones(self.robot.n_actuators)
+        for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
+            if parameter.drive is not None:
+                found[parameter.drive] += deviation
+        return found
 
     def __getitem__(self, name: str) -> float:
         """One parameter's value, m, rad or m/m, by its name; `ModelError` where no parameter has this name."""

@@ -1,19 +1,17 @@
-"""Which parameters a robot's geometry has: their names, units, nominal values and tolerances."""
+"""Which parameters a robot's geometry has: their names, units, nominal values, tolerances, and what they move."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, cast
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gtpin.errors import ModelError
 from gtpin.robot.chain import Chain
+from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift, turned
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
-
-Kind = Literal["length", "platform_joint", "carrier_joint", "direction", "scale", "placement", "platform", "anchor"]
 
 TOLERANCE: Mapping[str, float] = {
     "link_length": 1e-3,
@@ -34,28 +32,47 @@ KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
 """Kinds for which a tolerance may be given; for positions of joints also for a single axis, as ``base_joint_z``."""
 
 
+DIRECTIONS = ("track_direction", "arm_axis")
+"""Kinds of parameters that turn the track or axis of an actuator."""
+COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "a": 0, "b": 1, "c": 2, "": 0}
+"""Index of a vector's component by the end of a parameter's name."""
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One number of the geometry.
+    """One number of the geometry, and what it moves.
 
     - ``name``: ``length[2a]``, ``track_direction[cart1].a``, ...
-    - ``kind``, ``owner``, ``component``: kind of quantity, index of the part that has it, and index of the vector's
-      component.
-    - ``per``: what ``owner`` is the index of: an actuator, a rod, a Pinocchio joint or a loop's anchor. The first anchor of
-      loop i has the index 2 i, its second anchor 2 i + 1.
     - ``unit``: ``m``, ``rad`` or ``m/m``.
     - ``nominal``, ``tolerance``: the URDF's value, and the 1-sigma manufacturing tolerance around it: the prior of a
       calibration.
+    - ``moves``: frames (:mod:`~gtpin.robot.placement_frames`) and their twists (6,) per unit of the parameter, in their own
+      axes. The twists of one frame by several parameters are added. A placement is then multiplied from the right by the
+      exponential of the sum; an anchor is displaced, then turned about the origin of the joint that carries it.
+    - ``drive``: index of the actuator whose travel it multiplies; None: it is no drive's scale.
     """
 
     name: str
-    kind: Kind
-    owner: int
-    component: int
-    per: Literal["actuator", "rod", "joint", "anchor"]
     unit: str
     nominal: float
     tolerance: float
+    moves: tuple[tuple[int, Floats], ...] = field(default=(), compare=False)
+    drive: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """The kind of quantity: the name's beginning, as ``length``, ``cart_joint``, ``placement`` or ``platform``."""
+        return self.name.partition("[")[0].partition(".")[0]
+
+    @property
+    def part(self) -> str:
+        """The part that has it: what stands in the name's brackets; empty for the platform."""
+        return self.name.rpartition("]")[0].partition("[")[2]
+
+    @property
+    def component(self) -> int:
+        """Index of the component of a vector or twist; 0 where it is a single number."""
+        return COMPONENTS[self.name[self.name.rfind("]") + 1 :].rpartition(".")[2]]
 
 
 def rotation_axes(direction: Floats) -> Floats:
@@ -90,35 +107,62 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     return found
 
 
-def _carrier_kind(robot: Chain, rod: Rod) -> str:
+def joint_on_carrier(robot: Chain, rod: Rod) -> str:
+    """The kind of the parameters of a rod's joint on its carrier."""
     if rod.carrier is None:
         return "base_joint"
     return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
 
 
+def direction_of(robot: Chain, actuator: int) -> str:
+    """The kind of the parameters of an actuator's direction."""
+    return "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
+
+
 def rod_parameters(robot: Chain, tolerances: Mapping[str, float], *, scale: bool) -> list[Parameter]:
-    """Parameters of a robot with rods: lengths, joints, directions and scales; only declared unknown ones without ``scale``."""
-    found = [
-        Parameter(f"length[{rod.name}]", "length", i, 0, "rod", "m", rod.L, tolerances["link_length"])
-        for i, rod in enumerate(robot.rods)
-    ]
-    joints: tuple[tuple[Kind, str], ...] = (("platform_joint", "P"), ("carrier_joint", "C"))
-    for kind, point in joints:
-        for i, rod in enumerate(robot.rods):
-            word = kind if kind == "platform_joint" else _carrier_kind(robot, rod)
-            for c, axis in enumerate("xyz"):
-                value, name = float(getattr(rod, point)[c]), f"{word}[{rod.name}].{axis}"
-                found.append(Parameter(name, kind, i, c, "rod", "m", value, tolerances[f"{word}_{axis}"]))
+    """Parameters of a robot with rods: lengths, joints, directions and scales; only declared unknown ones without ``scale``.
+
+    A rod's joint on its carrier is where it is with all commands zero, base frame, and stays there when the direction of the
+    track or axis turns.
+    """
+    found = []
+    for rod, longer in zip(robot.rods, robot.longer_rods, strict=True):
+        found.append(Parameter(f"length[{rod.name}]", "m", rod.L, tolerances["link_length"], (longer,)))
+    for rod in robot.rods:
+        R = np.asarray(robot.model.jointPlacements[rod.joint_id].rotation.T @ robot.tcp_placement.rotation)
+        found += _position("platform_joint", rod, rod.P, tolerances, frame_of_joint(rod.joint_id), R)
+    for rod in robot.rods:
+        R = robot.anchor_axes[rod.seat].T @ _at_zero(robot, rod.carrier).T
+        found += _position(joint_on_carrier(robot, rod), rod, rod.C, tolerances, frame_of_anchor(robot, rod.seat), R)
     for a in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
-        word = "arm_axis" if robot.actuators[a].revolute else "track_direction"
-        for c, axis in enumerate("ab"):
-            name = f"{word}[{robot.sites[a]}].{axis}"
-            found.append(Parameter(name, "direction", a, c, "actuator", "rad", 0.0, tolerances[word]))
+        kind, joint = direction_of(robot, a), robot.actuators[a].joint_id
+        seats = [rod.seat for rod in robot.rods if rod.carrier == a]
+        for axis, turn in zip("ab", rotation_axes(robot.actuators[a].axis) @ _at_zero(robot, a), strict=False):
+            back = ((frame_of_anchor(robot, s), turned(-robot.anchor_axes[s].T @ turn)) for s in seats)
+            moves = ((frame_of_joint(joint), turned(turn)), *back)
+            found.append(Parameter(f"{kind}[{robot.sites[a]}].{axis}", "rad", 0.0, tolerances[kind], moves))
     for a in sorted({rod.driver for rod in robot.rods if rod.driver is not None}):
         if scale or robot.actuators[a].scale_unknown:
-            name = f"scale[{robot.sites[a]}]"
-            found.append(Parameter(name, "scale", a, 0, "actuator", "m/m", 1.0, tolerances["scale"]))
+            found.append(Parameter(f"scale[{robot.sites[a]}]", "m/m", 1.0, tolerances["scale"], drive=a))
     return found
+
+
+def _at_zero(robot: Chain, carrier: int | None) -> Floats:
+    """(3, 3) rotation, all commands zero, of the joint of an actuator, or of the base, to the base frame."""
+    return (
+        np.eye(3)
+        if carrier is None
+        else np.asarray(robot.model.jointPlacements[robot.actuators[carrier].joint_id].rotation)
+    )
+
+
+def _position(
+    kind: str, rod: Rod, at: Floats, tolerances: Mapping[str, float], frame: int, R: Floats
+) -> Iterator[Parameter]:
+    """The three coordinates ``at`` of a rod's joint, whose axes R (3, 3) turns into those of the frame that they move."""
+    for c, axis in enumerate("xyz"):
+        moves = ((frame, shift(R[:, c])),)
+        yield Parameter(f"{kind}[{rod.name}].{axis}", "m", float(at[c]), tolerances[f"{kind}_{axis}"], moves)
 
 
 def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[Parameter]:
@@ -128,17 +172,13 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[
     the data do not assign to one parameter is divided among several in proportion to their prior variances. The name of an
     anchor has the names of its loop and of its link.
     """
-    owners = [(j, f"placement[{robot.model.names[j]}]") for j in robot.moving_joints]
-    found = []
-    for kind, joint_id, word in [*(("placement", *owner) for owner in owners), ("platform", 0, "platform")]:
-        for c, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
-            unit, size = ("m", "placement_position") if c < 3 else ("rad", "placement_rotation")
-            found.append(
-                Parameter(f"{word}.{axis}", cast(Kind, kind), joint_id, c, "joint", unit, 0.0, tolerances[size])
-            )
+    places = [(f"placement[{robot.model.names[j]}]", frame_of_joint(j), 6) for j in robot.moving_joints]
+    places.append(("platform", frame_of_tcp(robot), 6))
     ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in (loop.anchor1, loop.anchor2)]
-    for owner, (loop, link) in enumerate(ends):
-        for c, axis in enumerate("xyz"):
-            name = f"anchor[{loop}.{link}].{axis}"
-            found.append(Parameter(name, "anchor", owner, c, "anchor", "m", 0.0, tolerances["placement_position"]))
+    places += [(f"anchor[{loop}.{link}]", frame_of_anchor(robot, a), 3) for a, (loop, link) in enumerate(ends)]
+    found = []
+    for name, frame, count in places:
+        for axis, twist in zip(("x", "y", "z", "rx", "ry", "rz")[:count], np.eye(6), strict=False):
+            unit, size = ("m", "placement_position") if twist[:3].any() else ("rad", "placement_rotation")
+            found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], ((frame, twist),)))
     return found

@@ -13,10 +13,10 @@ from loaded_machines import closed_by_hand, differences, drawn
 import gtpin
 from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.kinematics.placed import frame_of_joint, frame_of_tcp
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.library import urdf_path
+from gtpin.robot.placement_frames import frame_of_joint, frame_of_tcp
 
 Floats = np.ndarray
 FINGER = ("panda_finger_joint1", "panda_finger_joint2")  # the second follows the first

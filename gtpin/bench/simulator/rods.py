@@ -12,7 +12,6 @@ import pinocchio as pin
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.parameters import Kind
 from gtpin.typing import Floats, Ints, Mask
 
 STEPS = 12
@@ -149,38 +148,41 @@ class Rods:
     @cached_property
     def P(self) -> Floats:
         """(k, 3) joints on the platform, TCP frame, m."""
-        return np.array([rod.P for rod in self.geometry.robot.rods]) + self._off("platform_joint", 3)
+        return np.array([rod.P for rod in self.geometry.robot.rods]) + self._off("platform_joint", "xyz")
 
     @cached_property
     def C0(self) -> Floats:
         """(k, 3) joints on the carriers with all commands zero, base frame, m."""
-        return np.array([rod.C for rod in self.geometry.robot.rods]) + self._off("carrier_joint", 3)
+        C = np.array([rod.C for rod in self.geometry.robot.rods])
+        return C + sum(self._off(f"{carrier}_joint", "xyz") for carrier in ("cart", "arm", "base"))
 
     @cached_property
     def L0(self) -> Floats:
         """(k,) lengths with all commands zero, m."""
-        return np.array([rod.L for rod in self.geometry.robot.rods]) + self._off("length", 1)[:, 0]
+        return np.array([rod.L for rod in self.geometry.robot.rods]) + self._off("length")[:, 0]
 
     @cached_property
     def scale(self) -> Floats:
         """(k,) travel over command; no unit."""
-        return np.asarray(1.0 + self._off("scale", 1)[:, 0])
+        return np.asarray(1.0 + self._off("scale")[:, 0])
 
     @cached_property
     def v(self) -> Floats:
         """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        robot, off = self.geometry.robot, self._off("direction", 3)
+        robot, off = self.geometry.robot, self._off("track_direction", "ab") + self._off("arm_axis", "ab")
         axes = [None if rod.carrier is None else robot.actuators[rod.carrier].axis for rod in robot.rods]
-        vectors = [np.zeros(3) if axis is None else off[i, :2] @ across(axis) for i, axis in enumerate(axes)]
+        vectors = [np.zeros(3) if axis is None else off[i] @ across(axis) for i, axis in enumerate(axes)]
         turns = exp(vectors)  # of all rods at once: derivatives by the geometry build many machines
         return np.array([np.zeros(3) if axis is None else turns[i] @ axis for i, axis in enumerate(axes)])
 
-    def _off(self, kind: Kind, components: int) -> Floats:
-        """(k, components) deviations of each rod: its own, and those that it shares with all rods of its actuator."""
-        robot = self.geometry.robot
-        own = self.geometry.deviations(kind, "rod", (len(robot.rods), components))
-        shared = self.geometry.deviations(kind, "actuator", (robot.n_actuators, components))
-        return np.asarray(own + np.where(self.driver[:, None] >= 0, shared[self.driver], 0.0))
+    def _off(self, kind: str, components: str = "") -> Floats:
+        """(k, c) deviations of each rod: its own, and those that it shares with all rods of its actuator."""
+        robot, ends = self.geometry.robot, [f".{c}" for c in components] or [""]
+        # A set: a rod whose length an actuator changes can have the actuator's name.
+        owners = [
+            {rod.name} | ({robot.sites[d]} if d >= 0 else set()) for rod, d in zip(robot.rods, self.driver, strict=True)
+        ]
+        return np.array([[sum(self.geometry.off(f"{kind}[{o}]{e}") for o in own) for e in ends] for own in owners])
 
     @cached_property
     def size(self) -> float:

@@ -205,7 +205,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > MISFIT else '.1f'}} times the noise: {why}")
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
-    rolled = np.array([p.kind == "direction" and p.component == 2 for p in model.geometry.parameters])
+    rolled = np.array([p.kind == "track_direction" and p.component == 2 for p in model.geometry.parameters])
     if strayed := far_from_declared(np.where(rolled, 0.0, settled.deviation), model.geometry.names):
         warn(f"parameters more than {STRAYED:g} tolerances from nominal: {strayed}")
 

@@ -122,7 +122,7 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     size = float(np.sqrt(((near.T - near.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
     off = np.abs(geometry.deviation)
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
-    off[[p.kind == "direction" and p.component == 2 for p in geometry.parameters]] = 0.0
+    off[[p.kind == "track_direction" and p.component == 2 for p in geometry.parameters]] = 0.0
     moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
     moved[(off <= FAR_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
     if moved.max(initial=0.0) <= FITS * size + ALLOWED:
