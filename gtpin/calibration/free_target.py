@@ -16,7 +16,7 @@ from gtpin.data.files import warn_of
 from gtpin.data.plausible import in_order, misplaced, order_that_fits
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError
-from gtpin.kinematics.frame_and_target import Placement, frame_and_target
+from gtpin.instruments.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.geometry import Geometry

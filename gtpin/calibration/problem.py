@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
+from gtpin.instruments.frame_and_target import alignment
 from gtpin.instruments.readings import VAGUE, Readings
-from gtpin.kinematics.frame_and_target import alignment
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model

@@ -6,8 +6,8 @@ import numpy as np
 
 from gtpin.data.instrument_tables import InstrumentTable
 from gtpin.errors import DatasetError
+from gtpin.instruments.frame_and_target import AWAY
 from gtpin.instruments.instrument import Instrument, Read, RowError, Unknown
-from gtpin.kinematics.frame_and_target import AWAY
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Indices

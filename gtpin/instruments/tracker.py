@@ -10,9 +10,9 @@ import numpy as np
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.read_instruments import SIGMAS
+from gtpin.instruments.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.instruments.instrument import Component, Unknown
 from gtpin.instruments.targets import AXES, OfTargets, Targets
-from gtpin.kinematics.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
 from gtpin.typing import Floats

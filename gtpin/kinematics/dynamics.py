@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.closing import LoopClosure, cross
@@ -164,61 +163,23 @@ def _on_joints(
 
 def rod_ends(robot: Chain, here: Here) -> tuple[Floats, Floats]:
     """(N, k, 3) joints of the rods on the platform, and (N, k, 3) those on their carriers, base frame, m."""
-    count, n = len(robot.rods), len(here)
-    roots = np.array([rod.joint_id for rod in robot.rods], dtype=int)
-    seats = np.array([rod.loop for rod in robot.rods], dtype=int)
-    on_platform = here.oMi[:, roots, 9:].reshape(n, count, 3)
-    return on_platform, here.p.transpose(2, 0, 1)[:, seats].reshape(n, count, 3)
+    loops = [body.loop for body in robot.rod_bodies]
+    on_platform = here.oMi[:, [body.root for body in robot.rod_bodies], 9:]
+    return on_platform.reshape(len(here), -1, 3), here.p.transpose(2, 0, 1)[:, loops].reshape(len(here), -1, 3)
 
 
 def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Floats:
     """(N, k) axial force at the middle of each rod, N, tension positive; ``outer``: see :func:`loads`."""
-    pull = np.tile(robot.model.gravity.linear, (len(here), len(robot.rods), 1)) if outer is None else outer
     roots, tips = rod_ends(robot, here)
+    pull = np.broadcast_to(robot.model.gravity.linear, roots.shape) if outer is None else outer
     along = tips - roots
     length = np.linalg.norm(along, axis=2)
     u = along / np.where(length > 0.0, length, 1.0)[..., None]
     found = np.zeros(length.shape)
-    for i, rod in enumerate(robot.rods):
-        on_rod = pulled[:, rod.loop] if rod.rod_end else -pulled[:, rod.loop]
-        stretch = np.zeros(len(here))
-        if rod.extension is not None:
-            stretch = here.X[:, robot.actuators[rod.extension].index_q]
+    for i, body in enumerate(robot.rod_bodies):
+        stretch = np.zeros(len(here)) if body.index_q is None else here.X[:, body.index_q]
         # Between the carrier joint and the middle, the axial force changes by the weight that the carrier supports.
-        held = _rod_mass(robot, i).on_carrier(stretch, length[:, i])
+        held = body.on_carrier(stretch, length[:, i])
+        on_rod = body.sign * pulled[:, body.loop]
         found[:, i] = np.einsum("ni,ni->n", on_rod, u[:, i]) + held * np.einsum("ni,ni->n", u[:, i], pull[:, i])
     return found
-
-
-@dataclass(frozen=True)
-class _RodMass:
-    """A rod's mass, kg, its first moment about the joint on the platform, kg m, and the mass that slides in a variable leg,
-    kg."""
-
-    mass: float
-    moment: float
-    sliding: float
-
-    def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
-        """The part of its mass, kg, that the carrier supports when the leg is extended by ``stretch`` to a length, m."""
-        return np.asarray((self.moment + self.sliding * stretch) / length)
-
-
-def _rod_mass(robot: Chain, rod_index: int) -> _RodMass:
-    rod = robot.rods[rod_index]
-    model = robot.model
-    tip, end = robot.anchors[rod.tip]
-    chain = list(model.supports[tip])
-    chain = chain[chain.index(rod.joint_id) :]
-    placements = [pin.SE3.Identity()]
-    for joint in chain[1:]:
-        placements.append(placements[-1] * model.jointPlacements[joint])
-    along = (placements[-1] * end).translation / rod.L
-    extension = None if rod.extension is None else robot.actuators[rod.extension].joint_id
-    mass = moment = sliding = 0.0
-    for joint, placement in zip(chain, placements, strict=True):
-        inertia = model.inertias[joint]
-        mass += inertia.mass
-        moment += inertia.mass * float(placement.act(inertia.lever) @ along)
-        sliding += inertia.mass if extension is not None and joint >= extension else 0.0
-    return _RodMass(mass, moment, sliding)

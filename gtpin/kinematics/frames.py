@@ -142,7 +142,7 @@ class Moving:
         Raises `ModelError` if the loops are redundant, so that their forces are not determined.
         """
         robot, V, A = self.robot, self.velocities(v), self.accelerations(v, a)
-        ends = [f for rod in robot.rods for f in ((rod.joint_id, pin.SE3.Identity()), robot.anchors[rod.tip])]
+        ends = [f for body in robot.rod_bodies for f in ((body.root, pin.SE3.Identity()), robot.anchors[body.tip])]
         moved = self.acceleration(ends, V, A)[..., :3].reshape(len(V), -1, 2, 3)
         outer = np.asarray(robot.model.gravity.linear) - 0.25 * moved[:, :, 0] - 0.75 * moved[:, :, 1]
         tool = force + self._carried(V, A, payload)

@@ -16,7 +16,7 @@ from gtpin.robot.constrained_model import ConstrainedModel
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.placement_frames import frame_of_anchor, shift
-from gtpin.robot.rods import Rod, rods
+from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
 
 
@@ -78,6 +78,11 @@ class Chain(ConstrainedModel):
     def rod_seats(self) -> tuple[int, ...]:
         """By rod, the index of its anchor on the carrier."""
         return tuple(rod.seat for rod in self.rods)
+
+    @cached_property
+    def rod_bodies(self) -> tuple[RodBody, ...]:
+        """The rods as bodies between two points, with their masses."""
+        return tuple(rod_body(self, rod) for rod in self.rods)
 
     @cached_property
     def longer_rods(self) -> tuple[tuple[int, Floats], ...]:

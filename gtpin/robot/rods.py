@@ -65,6 +65,52 @@ class Rod:
         return 2 * self.loop + 1 - self.rod_end
 
 
+@dataclass(frozen=True)
+class RodBody:
+    """A rod as a body between two points.
+
+    - ``root``, ``tip``: the Pinocchio joint on the platform; index of the anchor at the other end.
+    - ``loop``, ``sign``: index of its loop, and the sign with which the loop's force acts on the rod.
+    - ``index_q``: index in a configuration of the joint that changes its length, or None.
+    - ``mass``, ``moment``: its mass, kg, and its first moment about the joint on the platform, kg m.
+    - ``sliding``: the mass that slides in a variable leg, kg.
+    """
+
+    root: int
+    tip: int
+    loop: int
+    sign: float
+    index_q: int | None
+    mass: float
+    moment: float
+    sliding: float
+
+    def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
+        """The part of its mass, kg, that the carrier supports when the leg is extended by ``stretch`` to a length, m."""
+        return np.asarray((self.moment + self.sliding * stretch) / length)
+
+
+def rod_body(robot: ConstrainedModel, rod: Rod) -> RodBody:
+    """The body of a rod, from the inertias of its links."""
+    model = robot.model
+    tip, end = robot.anchors[rod.tip]
+    chain = list(model.supports[tip])
+    chain = chain[chain.index(rod.joint_id) :]
+    placements = [pin.SE3.Identity()]
+    for joint in chain[1:]:
+        placements.append(placements[-1] * model.jointPlacements[joint])
+    along = (placements[-1] * end).translation / rod.L
+    driven = None if rod.extension is None else robot.actuators[rod.extension]
+    mass = moment = sliding = 0.0
+    for joint, placement in zip(chain, placements, strict=True):
+        inertia = model.inertias[joint]
+        mass += inertia.mass
+        moment += inertia.mass * float(placement.act(inertia.lever) @ along)
+        sliding += inertia.mass if driven is not None and joint >= driven.joint_id else 0.0
+    index_q = None if driven is None else driven.index_q
+    return RodBody(rod.joint_id, rod.tip, rod.loop, 1.0 if rod.rod_end else -1.0, index_q, mass, moment, sliding)
+
+
 def rods(robot: ConstrainedModel) -> tuple[Rod, ...]:
     """The rods that the URDF names, in document order; none where it names none.
 

@@ -20,7 +20,7 @@ from gtpin.data import Dataset, InstrumentSection
 from gtpin.effects import OperatingPoints
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.kinematics.frame_and_target import frame_and_target
+from gtpin.instruments.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.moving_links import moving_links

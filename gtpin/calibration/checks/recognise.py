@@ -19,7 +19,7 @@ from gtpin.data.readings import (
     orientation_readings,
     position_readings,
 )
-from gtpin.kinematics.frame_and_target import Placement, frame_and_target, nearest
+from gtpin.instruments.frame_and_target import Placement, frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model

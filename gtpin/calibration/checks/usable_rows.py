@@ -17,8 +17,8 @@ from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_f
 from gtpin.data import Dataset, InstrumentSection, check_commands, check_measurements
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.frame_and_target import MEDIAN
 from gtpin.instruments.readings import Readings
-from gtpin.kinematics.frame_and_target import MEDIAN
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
