@@ -18,6 +18,8 @@ from gtpin.errors import ModelError, check_kind
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
+from gtpin.read_only import gives_read_only
+from gtpin.real import real
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 
@@ -136,6 +138,7 @@ class Accuracy(Shown):
 
 
 @in_one_thread
+@gives_read_only
 def analyse(
     model: Model,
     q: Floats | None = None,
@@ -179,7 +182,7 @@ def analyse(
     """
     check_kind(model, Model)
     filling = q is None
-    q = default_commands(model, seed=seed) if q is None else np.asarray(q, dtype=float)
+    q = default_commands(model, seed=seed) if q is None else real(q, "commands")
     sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
     found = sensitivity(model, q, sigmas=sigmas)
     uncertain = "as given"

@@ -14,6 +14,7 @@ from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model, root_of
+from gtpin.real import generator
 from gtpin.typing import Floats
 
 CHUNK = 5_000_000
@@ -168,7 +169,7 @@ def expected_of(
     if visits < 1 or draws < 1:
         raise ModelError(f"{visits} visits of {draws} machines", hint="ask for at least one of each")
     covariance = response.covariance
-    sampled = _sample(response, visits, draws, np.random.default_rng(seed))
+    sampled = _sample(response, visits, draws, generator(seed))
     parts = [_error(covariance[:, :3, :3], sampled[0])]
     if covariance.shape[1] == 6:
         parts.append(_error(covariance[:, 3:, 3:], sampled[1]))

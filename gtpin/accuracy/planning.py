@@ -13,6 +13,8 @@ from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model, in_frame
 from gtpin.noise.noise import Noise
+from gtpin.read_only import gives_read_only
+from gtpin.real import generator
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 
@@ -146,6 +148,7 @@ class Plan:
 
 
 @in_one_thread
+@gives_read_only
 def plan_poses(
     model: Model,
     candidates: Floats,
@@ -170,7 +173,7 @@ def plan_poses(
     """
     candidate_signal = signal(model, candidates, noise, orientation=orientation, free_frame=free_frame)
     rows = best_poses(candidate_signal, count)
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     random = [rng.choice(len(candidates), count, replace=False) for _ in range(draws)]
     predicted = model.kinematics.geometry_jacobian(at, reached_poses(model.kinematics, at))[:, :3]
     scaled = predicted * model.geometry.tolerance

@@ -14,6 +14,7 @@ from gtpin.kinematics.first_guess import halton
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.real import generator
 from gtpin.typing import Floats, Mask
 
 COUNTS = (7, 21, 21)
@@ -184,7 +185,7 @@ def _filling(model: Model, count: int, seed: int) -> tuple[Floats, Poses]:
 
     robot, kinematics = model.robot, model.kinematics
     lower, upper = model.robot.ends
-    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=seed).random(count)
+    q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=generator(seed)).random(count)
     poses = kinematics.forward(q)
     kept = poses.reached
     if robot.constraints:

@@ -36,6 +36,7 @@ from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.paper.geometry import Per, nominal_geometry
 from gtpin.paper.models import MEASURED, model_geometry
+from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import KINDS, TOLERANCE
@@ -55,6 +56,7 @@ MANY = 100_000
 
 
 @in_one_thread
+@gives_read_only
 def calibrate(
     dataset: Dataset,
     robot: Chain | None = None,

@@ -21,6 +21,8 @@ from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
+from gtpin.read_only import gives_read_only
+from gtpin.real import generator
 from gtpin.robot.geometry import Geometry
 from gtpin.threads import in_one_thread
 
@@ -34,6 +36,7 @@ TRIES = 20
 
 
 @in_one_thread
+@gives_read_only
 def certify(
     dataset: Dataset,
     model: Model | None = None,
@@ -94,7 +97,7 @@ def certify(
     evaluation = Evaluation(rows, nominal, known, held, posterior, gap, basis == "fitted")
     if progress is not None:
         progress("propagating the uncertainty over the workspace", 0, float("nan"))
-    at = between(rows, held.model, np.random.default_rng(seed))
+    at = between(rows, held.model, generator(seed))
     turned = held.errors.shape[1] == 6
     aside = ~np.isin(dataset.row, rows.row) & ~copies(dataset)
     return Certificate(

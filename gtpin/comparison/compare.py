@@ -17,6 +17,7 @@ from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableErro
 from gtpin.kinematics.poses import Poses
 from gtpin.model.measured_robot import robot_of
 from gtpin.paper.models import MEASURED, MODELS, model_geometry
+from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
 from gtpin.threads import in_one_thread
 
@@ -25,6 +26,7 @@ HALVES = 2
 
 
 @in_one_thread
+@gives_read_only
 def compare(
     dataset: Dataset,
     robot: Chain | None = None,

@@ -15,6 +15,7 @@ from gtpin.data import Dataset
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
 from gtpin.output.shown import Shown, present
+from gtpin.real import generator
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Held:
 
         The interval of the largest error ends at the largest observed error: resampling can't show poses that were not visited.
         """
-        rng = np.random.default_rng(seed)
+        rng = generator(seed)
         names, visit = np.unique(self.pose.astype(str), return_inverse=True)
         samples = []
         for _ in range(RESAMPLES):

@@ -12,6 +12,7 @@ from gtpin.effects.operating_points import Column
 from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import commands_for, errors_of
 from gtpin.model.model import Frame, Model
+from gtpin.real import real
 from gtpin.typing import Floats
 
 TOLERANCE = 1e-9
@@ -53,8 +54,8 @@ def compensate(
     actuators for an orientation, or a covariate is missing. `UnreachableError` if the TCP can't be brought to a position.
     `ConvergenceError` if Newton's method does not converge, for example if the position lies in the gap of a step.
     """
-    T = np.asarray(wanted, dtype=float)
-    R = None if rotations is None else np.asarray(rotations, dtype=float)
+    T = real(wanted, "wanted positions")
+    R = None if rotations is None else real(rotations, "wanted rotations")
     if R is not None and model.robot.n_actuators < 6:
         raise ModelError(
             f"{model.robot.name} has {model.robot.n_actuators} actuators",
@@ -62,7 +63,7 @@ def compensate(
         )
     machine = machine_of(model)
     kinematics = machine.kinematics
-    q, poses = commands_for(kinematics, T, R, None if start is None else np.array(start, dtype=float))
+    q, poses = commands_for(kinematics, T, R, None if start is None else real(start, "starts"))
     _all_there(q, machine)
     for _ in range(STEPS):
         there = machine.predict(q, covariates)

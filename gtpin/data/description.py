@@ -19,6 +19,8 @@ from gtpin.errors import DatasetError
 
 Motion = Literal["x", "y", "z", "rx", "ry", "rz", "q"]
 MOTIONS: tuple[str, ...] = get_args(Motion)
+DEEPEST = 20
+"""Most parts of a dotted key; a dataset.toml has three."""
 SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
 """Of the poses of one tracker, and of several instruments."""
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
@@ -146,8 +148,12 @@ def describe(values: Mapping[str, object], file: Path | None = None) -> Descript
 
 def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file; raises `DatasetError` if it is not TOML, not UTF-8, or has control characters in names."""
+    text = read_text(file)
+    for number, row in enumerate(text.splitlines(), 1):
+        if row.partition("=")[0].count(".") > DEEPEST:
+            raise DatasetError(f"a key of more than {DEEPEST} parts", file=file, row=number, hint="delete the line")
     try:
-        content = tomllib.loads(read_text(file))
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         line = re.search(r"at line (\d+)", str(error))
         what = f"not TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))}"

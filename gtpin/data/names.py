@@ -25,6 +25,8 @@ TOLD_BY_ZERO = re.compile(r"payload|f[xyz]|speed[1-9][0-9]*")
 """Covariates of which 0 in every row tells something: that the machine stood still, or carried nothing."""
 LIKE = 0.8
 """Share of letters that two names must have in common, in the same order, to look alike (``difflib``'s ratio). Assumed."""
+LONGEST = 200
+"""Most letters that the name of a column can have."""
 _NUMBER = re.compile(r"q[0-9]*|[xyz]|q[wxyz]|cart|time|temp_frame|temp_link|payload|f[xyz]|(?:approach|speed)[0-9]+")
 
 
@@ -50,8 +52,8 @@ def known_lookalike(name: str) -> str | None:
 
     None where there is no such covariate, or where the name is itself a known one.
     """
-    plain = re.sub(r"[\s_-]+", "_", name.strip().lower())
-    if plain == name and _COVARIATE.fullmatch(name):
+    plain = re.sub(r"[\s_-]+", "_", name[:LONGEST].strip().lower())
+    if len(name) > LONGEST or (plain == name and _COVARIATE.fullmatch(name)):
         return None
     if _COVARIATE.fullmatch(plain):
         return plain
@@ -73,6 +75,10 @@ def is_approach(name: str) -> bool:
 
 def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) -> None:
     """Raise `DatasetError` for a name that no covariate of a robot with ``n_actuators`` actuators can have."""
+    if len(name) > LONGEST:
+        raise DatasetError(
+            f"the name of a column has {len(name):,} letters", column=name[:40], hint="give a shorter name"
+        )
     if not name.strip() or not name.isprintable():
         raise DatasetError("a covariate needs a printable name", column=repr(name))
     if taken.fullmatch(name):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gtpin.data.dataset import Dataset
 from gtpin.data.ids import codes
 from gtpin.errors import DatasetError
+from gtpin.real import generator
 from gtpin.typing import Floats, Mask
 
 
@@ -49,7 +50,7 @@ def random(dataset: Dataset, folds: int, seed: int = 0) -> list[Mask]:
     """
     _check_number(dataset, folds)
     poses = dataset.visits.max() + 1
-    return _masks(dataset, np.random.default_rng(seed).permutation(poses) % folds, "folds")
+    return _masks(dataset, generator(seed).permutation(poses) % folds, "folds")
 
 
 def _cut(centre: Floats, members: NDArray[np.intp], blocks: int) -> list[NDArray[np.intp]]:

@@ -35,6 +35,8 @@ from gtpin.errors import ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
+from gtpin.read_only import gives_read_only
+from gtpin.real import generator, probability
 from gtpin.robot.chain import Chain
 from gtpin.threads import in_one_thread
 from gtpin.typing import Mask
@@ -83,6 +85,7 @@ def diagnose(
 
 
 @in_one_thread
+@gives_read_only
 def diagnose(
     dataset: Dataset,
     robot: Chain | Model | None = None,
@@ -157,6 +160,8 @@ def diagnose(
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, Model, type(None))
     check_kind(against, Model, type(None))
+    generator(seed)
+    probability(false_alarm, "false_alarm")
     if against is not None and robot is not None:
         raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
     with noted() as texts:
@@ -193,7 +198,7 @@ def _diagnose(
     if not any(inertia.mass > 0.0 for inertia in nominal.model.inertias[1:]):
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {nominal.name} have no masses: effects of load {what}")
-    rng, priors = np.random.default_rng(seed), scope.priors
+    rng, priors = generator(seed), scope.priors
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)

@@ -27,6 +27,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import SMALLEST
 from gtpin.output.shown import Shown, present
+from gtpin.real import generator
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 
@@ -184,7 +185,7 @@ def plan(
             raise ModelError("the noise of the measurement is not known", hint=hint)
         noise = noise_of_fit(model, fit)
     where: Place = frame or ("robot" if model.frame.is_base else "free")
-    rng, free = np.random.default_rng(seed), where == "free"
+    rng, free = generator(seed), where == "free"
     some = candidates(model, q, rng, moving=purpose == "discrimination", seed=seed)
     if not FEWEST <= poses <= len(some):
         hint = f"ask for {FEWEST} at least, and no more than there are candidates"

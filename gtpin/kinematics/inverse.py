@@ -10,6 +10,7 @@ from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
+from gtpin.real import real
 from gtpin.typing import Floats
 
 MAX_STEPS = 40
@@ -58,8 +59,8 @@ def reach(posture: ClosedPosture, T: npt.ArrayLike, R: npt.ArrayLike | None = No
     >>> print(f"{posture.T[1] - start.T[1]:.6f} m")
     0.100000 m
     """
-    T = np.asarray(T, dtype=float)[None]
-    R = None if R is None else np.asarray(R, dtype=float)[None]
+    T = real(T, "a wanted position")[None]
+    R = None if R is None else real(R, "a wanted rotation")[None]
     q = commands_for(nominal(posture.robot), T, R, posture.q[None])[0][0]
     if np.isnan(q).any():
         raise out_of_reach(posture.robot.name, T[0], R is not None)

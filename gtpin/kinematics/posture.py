@@ -14,6 +14,7 @@ from gtpin.kinematics.frames import frame_of
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.postures import Here
+from gtpin.real import real
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -270,10 +271,7 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
 
 
 def _commands(robot: Chain, q: npt.ArrayLike) -> Floats:
-    try:
-        values = np.asarray(q, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
+    values = real(q, f"commands for {robot.name}", f"give {robot.n_actuators} finite numbers")
     if values.shape != (robot.n_actuators,) or not np.isfinite(values).all():
         raise UnreachableError(f"commands {q!r} for {robot.name}", hint=f"give {robot.n_actuators} finite numbers")
     return values

@@ -18,9 +18,14 @@ from gtpin.kinematics.inverse import out_of_reach, solved
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
+from gtpin.read_only import read_only
+from gtpin.real import real
 from gtpin.robot import library
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
+
+LARGEST = 1e6
+"""Largest command, m or rad: of larger angles a float does not hold a microradian's part."""
 
 
 class Robot(Chain):
@@ -96,9 +101,10 @@ class Robot(Chain):
         if commands.ndim == 1:
             return self._home.of(frame).moved_to(commands)
         if frame is None:
-            return self._poses(commands)
+            return read_only(self._poses(commands))
         moving = self._moving(commands)
-        return Poses(*moving.poses(frame_of(self, frame)), configuration=moving.X if self.constraints else None)
+        found = Poses(*moving.poses(frame_of(self, frame)), configuration=moving.X if self.constraints else None)
+        return read_only(found)
 
     def jacobian(self, q: npt.ArrayLike, frame: str | None = None) -> Floats:
         """The derivative of the pose of the TCP, or of another frame, by the commands.
@@ -308,14 +314,13 @@ class Robot(Chain):
 
     def _commands(self, q: npt.ArrayLike) -> Floats:
         """Commands as an array (n,) or (N, n) of finite numbers; `ModelError` where they are none."""
-        try:
-            commands = np.asarray(q, dtype=float)
-        except (TypeError, ValueError):
-            commands = np.array(np.nan)
-        if commands.ndim not in (1, 2) or commands.shape[-1] != self.n_actuators or not np.isfinite(commands).all():
-            shape = f"shape {commands.shape}" if commands.ndim in (1, 2) else f"{type(q).__name__}"
-            n = self.n_actuators
-            raise ModelError(f"commands of {shape} for {self.name}", hint=f"give {n} finite numbers, or N rows of {n}")
+        n = self.n_actuators
+        hint = f"give {n} finite numbers, or N rows of {n}"
+        commands = real(q, f"commands for {self.name}", hint)
+        if commands.ndim not in (1, 2) or commands.shape[-1] != n or not np.isfinite(commands).all():
+            raise ModelError(f"commands of shape {commands.shape} for {self.name}", hint=hint)
+        if np.abs(commands).max(initial=0.0) > LARGEST:
+            raise ModelError(f"commands of {np.abs(commands).max():.3g} for {self.name}", hint="give m and rad")
         return commands
 
     def _with(self, q: npt.ArrayLike, rates: npt.ArrayLike) -> Floats:

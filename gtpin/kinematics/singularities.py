@@ -18,6 +18,7 @@ from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import nominal
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.robot import Robot
+from gtpin.real import real
 from gtpin.robot.chain import Chain
 from gtpin.robot.constraints import ZERO
 from gtpin.typing import Floats, Ints
@@ -128,7 +129,7 @@ def _postures(robot: Robot, at: npt.ArrayLike | ClosedPosture) -> tuple[Floats, 
         if at.robot is not robot:
             raise ModelError("the posture is another robot's", hint="give the robot that it is of")
         return at.q[None], at.configuration[None]
-    q = np.asarray(at, dtype=float)
+    q = real(at, f"commands for {robot.name}")
     if q.ndim != 2:
         return _postures(robot, robot.forward(q))
     X = nominal(robot).forward(q).configuration

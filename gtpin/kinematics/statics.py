@@ -10,6 +10,7 @@ from gtpin.kinematics.dynamics import Forces, loads
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture
+from gtpin.real import real
 from gtpin.typing import Floats
 
 
@@ -47,7 +48,7 @@ def static_forces(
     """
     own = nominal(posture.robot)
     here = own.loops.at(posture.configuration[None], own.placed)
-    on_tool = (np.asarray(x, dtype=float)[None] for x in (force, payload, moment))
+    on_tool = (real(x, "loads on the tool")[None] for x in (force, payload, moment))
     found = loads(own.loops, here, own.placed, *on_tool)
     return Forces(found.actuators[0], -found.loops[0], found.rod_forces[0])
 

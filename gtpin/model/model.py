@@ -19,6 +19,8 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.paper.kinematics import kinematics_of
+from gtpin.read_only import gives_read_only
+from gtpin.real import real
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -144,6 +146,7 @@ class Model:
         """The kinematics of the model's geometry, without effects, in the base frame."""
         return kinematics_of(self.geometry)
 
+    @gives_read_only
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.
 
@@ -165,7 +168,7 @@ class Model:
         ModelError
             If a covariate that an effect needs is missing, or is not N finite numbers (ids, for the session).
         """
-        commands = np.asarray(q, dtype=float)
+        commands = real(q, "commands")
         kinematics = self.kinematics
         if not self.effects:
             return self.in_instrument_frame(kinematics.forward(commands))
@@ -238,7 +241,7 @@ class Model:
 def _column(name: str, values: npt.ArrayLike, count: int) -> Column:
     """A covariate in the form that effects need: sessions as ids in their normal form, all others as finite numbers."""
     try:
-        column: Column = normal_ids(np.ravel(values)) if name == "session" else np.asarray(values, dtype=float)
+        column: Column = normal_ids(np.ravel(values)) if name == "session" else real(values, f"the covariate {name}")
     except (TypeError, ValueError) as error:
         raise ModelError(f"the covariate {name} can't be: {error}", column=name) from None
     if column.shape != (count,):

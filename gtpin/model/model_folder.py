@@ -32,7 +32,7 @@ from gtpin.model.model_file import (
     read_model_file,
 )
 from gtpin.output.results import results_folder
-from gtpin.paper.geometry import PaperGeometry, nominal_geometry
+from gtpin.paper.geometry import PaperGeometry, Per, nominal_geometry
 from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
@@ -107,22 +107,23 @@ def _listed(values: Floats | None) -> Any:
     return None if values is None else values.tolist()
 
 
+def _scales(geometry: Geometry) -> Per | None:
+    parts = {p.part for p in geometry.parameters if p.kind == "scale"}
+    return ("actuator" if parts <= set(geometry.robot.sites) else "rod") if parts else None
+
+
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     sites = geometry.robot.sites
-    of_rods = {p.kind for p in geometry.parameters if p.part not in sites}
+    single = {p.kind for p in geometry.parameters if p.part not in sites}
     tracks = geometry.tracks if isinstance(geometry, PaperGeometry) else ()
     return ModelFile(
         schema=SCHEMA,
         robot=geometry.robot.name,
         nominal_urdf="nominal.urdf",
         tcp=geometry.robot.tcp_frame,
-        directions="rod" if of_rods & set(DIRECTIONS) else "actuator",
-        scale="rod"
-        if "scale" in of_rods
-        else "actuator"
-        if any(p.kind == "scale" for p in geometry.parameters)
-        else None,  # type: ignore[arg-type]
+        directions="rod" if single & set(DIRECTIONS) else "actuator",
+        scale=_scales(geometry),
         arm="reduced" if geometry.positions_only else "full",
         tracks=[
             None if track is None else TrackRecord(**{key: _listed(values) for key, values in vars(track).items()})
@@ -209,6 +210,11 @@ def _model_in(path: Path) -> Path | None:
 def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     file = folder / "model.json"
     content = read_model_file(file)
+    if Path(content.nominal_urdf).name != content.nominal_urdf:
+        raise ModelError("the nominal URDF is not in the model's folder", file=file, column="nominal_urdf", hint=AGAIN)
+    for name, value in content.parameters.items():
+        if name.startswith("length[") and value <= 0.0:
+            raise ModelError(f"{name} is {value:g} m", file=file, column=f"parameters.{name}", hint=AGAIN)
     robot = Chain(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
     instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     try:

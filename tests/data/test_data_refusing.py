@@ -292,3 +292,13 @@ def test_damaged_names_in_a_parquet_file_are_one_line(tmp_path: Path) -> None:
     damaged = good.read_bytes().replace(b"remark", b"\xff\xfe\xff\xfe\xff\xfe")
     with pytest.raises(DatasetError, match="not a Parquet file that can be read"):
         read_parquet(good, damaged)
+
+
+def test_a_key_of_thousands_of_parts_is_named_with_its_line(make, fails) -> None:
+    toml = TOML + "\n" + "a." * 5000 + "b = 1\n"
+    assert "20 parts" in fails(make(toml=toml), row=toml.count("\n"), file="dataset.toml").what
+
+
+def test_a_column_whose_name_is_a_book_is_refused(make, fails) -> None:
+    name = "t" * 100_000
+    assert "100,000 letters" in fails(make(with_column(name, *["1"] * len(LINES))), 1).what

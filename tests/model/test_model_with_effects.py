@@ -111,6 +111,24 @@ def test_a_wrong_effect_is_refused_by_file_and_key(written, key, change):
     assert refused.value.column.startswith(key)
 
 
+@pytest.mark.parametrize(
+    ("keys", "value", "column"),
+    [
+        (["parameters", "length[1]"], -2.0, "parameters.length[1]"),
+        (["nominal_urdf"], "../nominal.urdf", "nominal_urdf"),
+        (["nominal_urdf"], "/etc/robot.urdf", "nominal_urdf"),
+    ],
+)
+def test_a_length_below_zero_and_a_file_elsewhere_are_refused_by_key(written, keys, value, column):
+    folder, text = written
+    told = json.loads(text)
+    functools.reduce(dict.__getitem__, keys[:-1], told)[keys[-1]] = value
+    (folder / "model.json").write_text(json.dumps(told))
+    with pytest.raises(ModelError) as refused:
+        gtpin.read_model(folder)
+    assert refused.value.column == column
+
+
 ANYTHING = st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=3)
 JUNK = st.recursive(
     ANYTHING,

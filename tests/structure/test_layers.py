@@ -19,7 +19,8 @@ from gtpin.output.shown import PRESENTATIONS
 
 PACKAGE = Path(gtpin.__file__).parent
 LAYERS = (
-    ("errors", "typing", "distributions", "estimate"),
+    ("errors", "typing", "distributions", "estimate", "read_only"),
+    ("real",),
     ("memory", "threads", "references", "output"),
     ("data",),
     ("robot",),
