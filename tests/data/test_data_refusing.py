@@ -301,4 +301,4 @@ def test_a_key_of_thousands_of_parts_is_named_with_its_line(make, fails) -> None
 
 def test_a_column_whose_name_is_a_book_is_refused(make, fails) -> None:
     name = "t" * 100_000
-    assert "100,000 letters" in fails(make(with_column(name, *["1"] * len(LINES))), 1).what
+    assert "100,000 letters" in fails(make(with_column(name, *["1"] * len(LINES))), 1, name[:40]).what
