@@ -27,12 +27,12 @@ from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.cross_validation import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
-from gtpin.health.history import HistoryFiles, refuse_readings
+from gtpin.extras.history.history import HistoryFiles, refuse_readings
+from gtpin.extras.history.page import history as history_of
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.output.shown import present
 from gtpin.report.diagnosis import DIAGNOSIS
-from gtpin.report.history import history as history_of
 from gtpin.report.sections.causes import sure_corrections
 from gtpin.report.sections.parameters import controller_words
 

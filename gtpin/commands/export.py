@@ -11,13 +11,13 @@ import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_option, tell
 from gtpin.compensation.compensate import compensate, machine_of
-from gtpin.compensation.controller import Box
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.export import SUFFIXES, TABLES, Format
 from gtpin.export.export import export as run_export
-from gtpin.export.machine_error import left_of_commands
-from gtpin.export.tables import TablesFor
+from gtpin.extras.controllers.controller import Box
+from gtpin.extras.controllers.machine_error import left_of_commands
+from gtpin.extras.controllers.tables import TablesFor
 from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model

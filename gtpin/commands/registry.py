@@ -49,10 +49,18 @@ COMMANDS = {
 """Examples of each command. A command is the function of its name in the module of its name."""
 
 GROUPS = {
-    "import": ("gtpin.commands.importing", "import_app"),
-    "benchmark": ("gtpin.commands.benchmark", "benchmark_app"),
+    "import": ("gtpin.extras.importers.commands", "import_app"),
+    "benchmark": ("gtpin.bench.commands.benchmark", "benchmark_app"),
 }
 """Module and name of each group of commands."""
+ELSEWHERE = {
+    "certify": "gtpin.extras.certificate.command",
+    "view": "gtpin.extras.view.command",
+    "demo": "gtpin.bench.commands.demo",
+    "simulate": "gtpin.bench.commands.simulate",
+    "blind": "gtpin.bench.commands.blind",
+}
+"""Modules of the commands that are not in ``gtpin.commands``."""
 LAB = ("simulate", "sensitivity", "blind", "benchmark")
 HIDDEN = {*LAB, "compare"}
 """Commands that the first help does not list."""
@@ -92,7 +100,7 @@ def _add(app: typer.Typer, names: Iterable[str], hidden: Collection[str] = ()) -
             app.add_typer(getattr(import_module(module), group), hidden=name in hidden)
         else:
             epilog = "\n\n".join(["Examples:" if COMMANDS[name][1:] else "Example:", *COMMANDS[name]])
-            function = getattr(import_module(f"gtpin.commands.{name}"), name)
+            function = getattr(import_module(ELSEWHERE.get(name, f"gtpin.commands.{name}")), name)
             app.command(cls=Command, epilog=epilog, hidden=name in hidden)(function)
 
 

@@ -11,16 +11,16 @@ from typing import Literal, get_args
 from gtpin.compensation.corrections import MOST, TRIPLETS, correctable, correction_table, corrections, linuxcnc_file
 from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, check_kind, warn
-from gtpin.export.carts import with_cart_springs, with_guideways
-from gtpin.export.drives import drive_scales, with_drives
 from gtpin.export.loss import with_losses, with_remainders
-from gtpin.export.machine_error import left_of_drives
-from gtpin.export.mechanism import mechanism
-from gtpin.export.mjcf import to_mjcf
-from gtpin.export.sdf import to_sdf
-from gtpin.export.springs import with_joint_springs, with_link_springs
-from gtpin.export.tables import Export, TablesFor, grid_file, printer_files
 from gtpin.export.urdf import side_file, with_anchors, with_transmissions
+from gtpin.extras.controllers.machine_error import left_of_drives
+from gtpin.extras.controllers.tables import Export, TablesFor, grid_file, printer_files
+from gtpin.extras.simulators.carts import with_cart_springs, with_guideways
+from gtpin.extras.simulators.drives import drive_scales, with_drives
+from gtpin.extras.simulators.mechanism import mechanism
+from gtpin.extras.simulators.mjcf import to_mjcf
+from gtpin.extras.simulators.sdf import to_sdf
+from gtpin.extras.simulators.springs import with_joint_springs, with_link_springs
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
@@ -31,7 +31,7 @@ from gtpin.robot.description import RobotDescription
 
 Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
 TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables.TablesFor`."""
+"""Formats of tables that correct the sum of all errors, as far as they can; see ``TablesFor``."""
 SUFFIXES: dict[str, Format] = {
     ".urdf": "urdf",
     ".yaml": "parallel-robots",

@@ -60,18 +60,18 @@ class Presentation(ABC):
 
 
 PRESENTATIONS = {
-    "Accuracy": "accuracy",
-    "Calibration": "calibration",
-    "Certificate": "certificate",
-    "Comparison": "comparison",
-    "Dataset": "dataset",
-    "Diagnosis": "diagnosis",
-    "Experiment": "next_experiment",
-    "HealthCheck": "health",
-    "PosePlan": "plan",
-    "Poses": "dataset",
+    "Accuracy": "gtpin.report.accuracy",
+    "Calibration": "gtpin.report.calibration",
+    "Certificate": "gtpin.extras.certificate.page",
+    "Comparison": "gtpin.report.comparison",
+    "Dataset": "gtpin.report.dataset",
+    "Diagnosis": "gtpin.report.diagnosis",
+    "Experiment": "gtpin.report.next_experiment",
+    "HealthCheck": "gtpin.report.health",
+    "PosePlan": "gtpin.report.plan",
+    "Poses": "gtpin.report.dataset",
 }
-"""For each kind of result its file in ``gtpin/report``, with a class ``...Presentation``."""
+"""For each kind of result the module with a class ``...Presentation``."""
 
 
 def present(result: object) -> Any:
@@ -81,7 +81,7 @@ def present(result: object) -> Any:
     do not depend on it.
     """
     name = next(kind.__name__ for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
-    return getattr(import_module(f"gtpin.report.{PRESENTATIONS[name]}"), f"{name}Presentation")(result)
+    return getattr(import_module(PRESENTATIONS[name]), f"{name}Presentation")(result)
 
 
 class Shown:

@@ -1,1 +1,1 @@
-"""Checks of a machine from a few poses: what has changed since a model was identified; plans of poses; a log of checks."""
+"""Plans of poses to measure: for a calibration, to distinguish effects, to see whether a machine has changed."""

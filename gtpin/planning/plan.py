@@ -21,12 +21,12 @@ from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
-from gtpin.health.choice import Candidates, PoseChoice, Rows, candidates
 from gtpin.instruments.readings import Readings
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import SMALLEST
 from gtpin.output.shown import Shown, present
+from gtpin.planning.choice import Candidates, PoseChoice, Rows, candidates
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 

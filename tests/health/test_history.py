@@ -6,8 +6,8 @@ import pytest
 from checked_machines import later, machine
 
 import gtpin
+from gtpin.extras.history.page import history
 from gtpin.report.health import advice
-from gtpin.report.history import history
 from gtpin.report.words import length
 
 pytestmark = [

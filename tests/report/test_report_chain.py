@@ -210,8 +210,8 @@ def test_comparing_the_papers_models_is_refused_in_one_line(folder: Path) -> Non
 @pytest.mark.slow
 def test_an_arm_has_a_still_image(found: Diagnosis, folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from gtpin.view.gap import gap_of
-    from gtpin.view.still import still
+    from gtpin.extras.view.gap import gap_of
+    from gtpin.extras.view.still import still
 
     made = still(found.model, gap_of(found.model, gtpin.Dataset.read(folder)))
     texts = {text.get_text().strip() for text in made.axes[0].texts}

@@ -29,11 +29,12 @@ LAYERS = (
     ("instruments",),
     ("calibration",),
     ("diagnosis", "accuracy", "comparison", "compensation"),
-    ("health", "certificate", "importers", "sim"),
-    ("export",),
+    ("planning", "sim"),
     ("report",),
-    ("view", "bench"),
+    ("export",),
     ("commands",),
+    ("extras",),
+    ("bench",),
     ("cli",),
     ("__main__", "plant"),
 )
@@ -178,7 +179,7 @@ def test_few_ask_whether_poses_or_readings_were_measured() -> None:
 
 def test_every_result_that_is_shown_has_a_presentation() -> None:
     for name, file in PRESENTATIONS.items():
-        assert f"\nclass {name}Presentation" in MODULES[f"gtpin.report.{file}"].read_text(encoding="utf-8")
+        assert f"\nclass {name}Presentation" in MODULES[file].read_text(encoding="utf-8")
     shown = {
         node.name
         for file in MODULES.values()

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from gtpin.bench.commands.simulate import Instruments
 from gtpin.bench.simulator.recipe import digest
-from gtpin.commands.simulate import Instruments
 from gtpin.commands.terminal import AsJson, Force, Output, Seed, SpeedColumn, tell, write_json
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from gtpin.accuracy.expected import ErrorResponse, expected_of
-from gtpin.certificate.held_against import ModelPosterior, by_commands
-from gtpin.certificate.quantity import Missing
 from gtpin.distributions import norm, t, truncated
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import turning_joint
+from gtpin.extras.certificate.held_against import ModelPosterior, by_commands
+from gtpin.extras.certificate.quantity import Missing
 from gtpin.model.model import root_of
 from gtpin.typing import Floats
 

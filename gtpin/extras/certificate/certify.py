@@ -7,10 +7,6 @@ import numpy as np
 from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.robust_fit import Progress
-from gtpin.certificate.budget import budget
-from gtpin.certificate.evaluate import Evaluation
-from gtpin.certificate.held_against import HeldAgainst, ModelPosterior
-from gtpin.certificate.result import Basis, Certificate
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
 from gtpin.data.sane import sane_rows
@@ -18,6 +14,10 @@ from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind
+from gtpin.extras.certificate.budget import budget
+from gtpin.extras.certificate.evaluate import Evaluation
+from gtpin.extras.certificate.held_against import HeldAgainst, ModelPosterior
+from gtpin.extras.certificate.result import Basis, Certificate
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from gtpin.certificate.certify import certify as run_certificate
 from gtpin.commands.terminal import (
     AsJson,
     DatasetFolder,
@@ -20,9 +19,10 @@ from gtpin.commands.terminal import (
     tell,
     written,
 )
+from gtpin.extras.certificate.certify import certify as run_certificate
+from gtpin.extras.certificate.page import CERTIFICATE, CertificatePresentation
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
-from gtpin.report.certificate import CERTIFICATE, CertificatePresentation
 
 
 def certify(

@@ -9,9 +9,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.certificate.budget import mean_trace, unexplained
-from gtpin.certificate.held_against import HeldAgainst, ModelPosterior, approaches, by_commands
-from gtpin.certificate.pose_accuracy import (
+from gtpin.data import Dataset
+from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.extras.certificate.budget import mean_trace, unexplained
+from gtpin.extras.certificate.held_against import HeldAgainst, ModelPosterior, approaches, by_commands
+from gtpin.extras.certificate.pose_accuracy import (
     Scatter,
     accuracy,
     left_out_accuracy,
@@ -20,10 +22,8 @@ from gtpin.certificate.pose_accuracy import (
     standard_accuracy,
     standard_repeatability,
 )
-from gtpin.certificate.positioning import mean_reversal, positioning
-from gtpin.certificate.quantity import Missing, Quantity, blank
-from gtpin.data import Dataset
-from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.extras.certificate.positioning import mean_reversal, positioning
+from gtpin.extras.certificate.quantity import Missing, Quantity, blank
 from gtpin.typing import Floats
 
 Groups = npt.NDArray[np.intp]
@@ -105,7 +105,7 @@ class Evaluation:
 
     @property
     def noise_known(self) -> Literal["declared", "visits", "no"]:
-        """The source of the noise of a visit: see :class:`~gtpin.certificate.result.Certificate`."""
+        """The source of the noise of a visit: see :class:`~gtpin.extras.certificate.result.Certificate`."""
         if self.rows.instrument.position_sigma is not None:
             return "declared"
         return "no" if self._scatter is None else "visits"

@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.certificate.budget import COVERAGE, Budget, Contribution
-from gtpin.certificate.quantity import Quantity
-from gtpin.certificate.result import Certificate
+from gtpin.extras.certificate.budget import COVERAGE, Budget, Contribution
+from gtpin.extras.certificate.quantity import Quantity
+from gtpin.extras.certificate.result import Certificate
+from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATED, WHY
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
-from gtpin.report.certificate_terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATED, WHY
 from gtpin.report.page import Block, Heading, Items, Lead, Section, Table, report
 from gtpin.report.provenance import digest, provenance
 from gtpin.report.words import counted, joined, percent, quantity, whole

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.accuracy.expected import mean_length
-from gtpin.certificate.quantity import Quantity, blank
 from gtpin.distributions import truncated
+from gtpin.extras.certificate.quantity import Quantity, blank
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 

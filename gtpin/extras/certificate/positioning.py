@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.certificate.quantity import Missing, Quantity, blank
+from gtpin.extras.certificate.quantity import Missing, Quantity, blank
 from gtpin.typing import Floats
 
 TARGETS, APPROACHES = 5, 5

@@ -21,7 +21,7 @@ Missing = Literal[
     "no_effects",
     "frame_is_base",
 ]
-"""Why a number is blank; in words: ``WHY`` in ``gtpin/report/certificate_terms.py``."""
+"""Why a number is blank; in words: ``WHY`` in ``gtpin/extras/certificate/terms.py``."""
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from gtpin.certificate.budget import Budget
-from gtpin.certificate.quantity import Quantity
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.extras.certificate.budget import Budget
+from gtpin.extras.certificate.quantity import Quantity
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.output.shown import Shown, present

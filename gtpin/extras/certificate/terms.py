@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gtpin.certificate.pose_accuracy import CYCLES
-from gtpin.certificate.positioning import APPROACHES, TARGETS
-from gtpin.certificate.quantity import Missing
+from gtpin.extras.certificate.pose_accuracy import CYCLES
+from gtpin.extras.certificate.positioning import APPROACHES, TARGETS
+from gtpin.extras.certificate.quantity import Missing
 from gtpin.noise.estimate import LEAST_CONTRASTS
 
 ISO_9283 = "ISO 9283:1998"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.compensation.controller import Box, Controller, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
+from gtpin.extras.controllers.controller import Box, Controller, positions_to_ask_for
 from gtpin.typing import Floats, Mask
 
 NODES = 21

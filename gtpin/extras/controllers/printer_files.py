@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.compensation.plane_tables import PlaneTables
-from gtpin.compensation.towers import Towers
 from gtpin.errors import ModelError
+from gtpin.extras.controllers.plane_tables import PlaneTables
+from gtpin.extras.controllers.towers import Towers
 from gtpin.typing import Floats
 
 MM = 1e3

@@ -9,15 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.compensation.controller import Box, Controller, controller_of, spread, there
-from gtpin.compensation.grid_table import GridTable, grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at, parts
-from gtpin.compensation.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables
-from gtpin.compensation.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
-from gtpin.compensation.towers import DIMENSIONS, Drives, TowerFit, Towers, drives_of
 from gtpin.errors import GtpinError, ModelError
 from gtpin.export.loss import both_approaches
-from gtpin.export.machine_error import (
+from gtpin.extras.controllers.controller import Box, Controller, controller_of, spread, there
+from gtpin.extras.controllers.grid_table import GridTable, grid_table
+from gtpin.extras.controllers.machine_error import (
     Left,
     by_parts,
     changed_dimensions,
@@ -27,9 +24,12 @@ from gtpin.export.machine_error import (
     open_directions,
     touches_one_plane,
 )
-from gtpin.importers.klipper import TOWERS, tower_dimensions
-from gtpin.importers.klipper_config import needed, read_config
-from gtpin.importers.rrf import read_rrf_delta
+from gtpin.extras.controllers.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables
+from gtpin.extras.controllers.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
+from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers, drives_of
+from gtpin.extras.importers.klipper import TOWERS, tower_dimensions
+from gtpin.extras.importers.klipper_config import needed, read_config
+from gtpin.extras.importers.rrf import read_rrf_delta
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 
@@ -256,7 +256,7 @@ def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> t
 
 
 def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Export:
-    """The table; see :func:`~gtpin.compensation.grid_table.grid_table`.
+    """The table; see :func:`~gtpin.extras.controllers.grid_table.grid_table`.
 
     Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are
     given and no effect depends on one; or if there is nothing to correct.

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from gtpin.compensation.controller import Box, controller_of, positions_to_ask_for
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
+from gtpin.extras.controllers.controller import Box, controller_of, positions_to_ask_for
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.health.history import Entry, HistoryFiles, read_history, written_history
+from gtpin.extras.history.history import Entry, HistoryFiles, read_history, written_history
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, scatter

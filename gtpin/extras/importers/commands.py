@@ -13,13 +13,13 @@ import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Command, Force, Origin, Tcp, Vector, output_option, tell
 from gtpin.data import Commands, Dataset, InstrumentSection
-from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
-from gtpin.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
-from gtpin.importers.matched import Match
-from gtpin.importers.points import Angle, Length, Separator, read_commands, read_points
-from gtpin.importers.ros_poses import read_ros_poses
-from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
-from gtpin.importers.touches import Touches, write_touches
+from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
+from gtpin.extras.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
+from gtpin.extras.importers.matched import Match
+from gtpin.extras.importers.points import Angle, Length, Separator, read_commands, read_points
+from gtpin.extras.importers.ros_poses import read_ros_poses
+from gtpin.extras.importers.rrf import read_rrf_g32, read_rrf_heightmap
+from gtpin.extras.importers.touches import Touches, write_touches
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
 

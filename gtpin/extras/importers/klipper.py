@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from gtpin.data.ids import normal_ids
 from gtpin.errors import DatasetError, warn
-from gtpin.importers.klipper_config import Option, Sections, needed, read_config
-from gtpin.importers.lines import decimal, decimals, text_lines
-from gtpin.importers.touches import FARTHEST, MILLIMETRE, Touches, check_size, touched
+from gtpin.extras.importers.klipper_config import Option, Sections, needed, read_config
+from gtpin.extras.importers.lines import decimal, decimals, text_lines
+from gtpin.extras.importers.touches import FARTHEST, MILLIMETRE, Touches, check_size, touched
 from gtpin.typing import Floats
 
 TOWERS = ("stepper_a", "stepper_b", "stepper_c")

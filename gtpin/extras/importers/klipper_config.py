@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gtpin.errors import DatasetError, warn
-from gtpin.importers.lines import decimal, text_lines
+from gtpin.extras.importers.lines import decimal, text_lines
 
 SAVED = "#*#"
 MOST, DEEPEST = 1000, 50

@@ -14,8 +14,8 @@ import numpy as np
 
 from gtpin.data.ids import normal_ids
 from gtpin.errors import DatasetError
-from gtpin.importers.lines import decimals, text_lines
-from gtpin.importers.touches import Touches
+from gtpin.extras.importers.lines import decimals, text_lines
+from gtpin.extras.importers.touches import Touches
 
 AXES = "XYZABCUVW"
 TURNING = "ABC"

@@ -21,8 +21,8 @@ from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.data.table import has_decimal_comma, number
 from gtpin.errors import DatasetError
-from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, check_ranges, matched
+from gtpin.extras.importers.lines import decimal, text_lines
+from gtpin.extras.importers.matched import Match, check_ranges, matched
 from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
@@ -207,7 +207,7 @@ def read_commands(
 
     ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``; or, under any names, a
     column of poses or none, and one for each actuator, in order, between semicolons, tabs or commas. Their units are ``unit``
-    and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.importers.points.read_named_columns`.
+    and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.extras.importers.points.read_named_columns`.
 
     Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
     """
@@ -258,10 +258,10 @@ def read_points(
     """Read a list of points or poses.
 
     ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
-    see :func:`~gtpin.importers.points.read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
+    see :func:`read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
     that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
     ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
-    :func:`~gtpin.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
+    :func:`~gtpin.extras.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
     and a free target.
 
     Raises `GtpinError` if a row is damaged, or columns or units are not given completely.

@@ -16,9 +16,9 @@ import numpy as np
 
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import DatasetError
-from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, matched
-from gtpin.importers.points import NamedColumns
+from gtpin.extras.importers.lines import decimal, text_lines
+from gtpin.extras.importers.matched import Match, matched
+from gtpin.extras.importers.points import NamedColumns
 
 TIMES = ("field.header.stamp", "%time")
 """Columns of the time, of which the first that is present is used: the message's own stamp, then the time of reception."""
@@ -56,7 +56,7 @@ def read_ros_poses(
 
     ``file``: CSV with the header of ``rostopic echo -p``, or without one as ``ros2 topic echo --csv`` writes it. ``robot``,
     ``tcp``: as in dataset.toml. ``commands``, ``match``, ``within``: the commands, and how they are matched: by ``time``
-    (s, of the same clock) or ``row``; see :func:`~gtpin.importers.matched.matched`. ``prefix``: prefix of the pose's
+    (s, of the same clock) or ``row``; see :func:`~gtpin.extras.importers.matched.matched`. ``prefix``: prefix of the pose's
     columns, where the message has several poses: ``field.detections0.pose.pose.pose``. ``instrument``: the instrument; by
     default with unknown noise, a free frame and a free target.
 

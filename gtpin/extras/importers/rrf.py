@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from gtpin.errors import DatasetError
-from gtpin.importers.lines import decimal, gcode_commands, text_lines
-from gtpin.importers.touches import Touches, touched
+from gtpin.extras.importers.lines import decimal, gcode_commands, text_lines
+from gtpin.extras.importers.touches import Touches, touched
 from gtpin.typing import Floats
 
 MAP = "RepRapFirmware height map file v"

@@ -19,7 +19,7 @@ from gtpin.data.instrument_tables import describe_second, written
 from gtpin.data.names import command_names
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
-from gtpin.importers.matched import check_ranges
+from gtpin.extras.importers.matched import check_ranges
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses

@@ -12,9 +12,9 @@ from gtpin.effects.chain_motions import cart_load, of_body, of_carried
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, sliding_actuators
 from gtpin.effects.smooth import approach
-from gtpin.export.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Coupling, Guide, Joint, Mechanism, Spring, shaft
+from gtpin.extras.simulators.curves import NOTHING, SAME, STIFFEST, WORTH, DriveCurve, fitted, line
+from gtpin.extras.simulators.mechanism import Coupling, Guide, Joint, Mechanism, Spring, shaft
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import rotation_axes
@@ -84,7 +84,7 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     axes across it. The rest positions of the springs compensate the weight of the rods on the cart, which is not in the effect.
     On a body ``CART_strays`` between them and the rods is a joint for each spring whose deflection depends on the place on the
     track; it follows the actuator's joint. On a body ``CART_slips`` is a joint for each spring with friction; it follows the
-    joint ``CART_slip``, which has a play. Returns the same as :func:`~gtpin.export.drives.with_drives`.
+    joint ``CART_slip``, which has a play. Returns the same as :func:`~gtpin.extras.simulators.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
@@ -148,7 +148,7 @@ def with_guideways(mechanism: Mechanism, model: Model, robot: Chain) -> tuple[Me
 
     The rods' joints of such a cart are on a massless body ``CART_led``, whose joints follow the actuator's joint by curves. If
     these curves miss more than ``WORTH`` of an effect's motion of the TCP, the effect is left out. Returns the same as
-    :func:`~gtpin.export.drives.with_drives`.
+    :func:`~gtpin.extras.simulators.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     for site in sliding_actuators(robot):

@@ -11,9 +11,9 @@ from gtpin.compensation.corrections import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import loads_of
-from gtpin.export.curves import NOTHING, SAME, WORTH, DriveCurve, fitted
 from gtpin.export.loss import by_effect, conditions, rms
-from gtpin.export.mechanism import Coupling, Drive, Guide, Joint, Mechanism, Play, shaft
+from gtpin.extras.simulators.curves import NOTHING, SAME, WORTH, DriveCurve, fitted
+from gtpin.extras.simulators.mechanism import Coupling, Drive, Guide, Joint, Mechanism, Play, shaft
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 

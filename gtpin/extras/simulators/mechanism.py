@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.export.curves import SAME, DriveCurve
+from gtpin.extras.simulators.curves import SAME, DriveCurve
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_jacobian

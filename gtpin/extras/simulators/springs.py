@@ -12,9 +12,9 @@ from gtpin.effects.chain_motions import OWN_WEIGHT, beam, bending, joint_frame, 
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
 from gtpin.effects.smooth import loads_of
-from gtpin.export.curves import STIFFEST, line
 from gtpin.export.loss import conditions
-from gtpin.export.mechanism import Body, Joint, Mechanism, Spring
+from gtpin.extras.simulators.curves import STIFFEST, line
+from gtpin.extras.simulators.mechanism import Body, Joint, Mechanism, Spring
 from gtpin.kinematics.posture import home
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
@@ -32,7 +32,7 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
     bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending and g in torsion,
     1/(N m^2).
 
-    Returns the same as for :func:`~gtpin.export.drives.with_drives`.
+    Returns the same as for :func:`~gtpin.extras.simulators.drives.with_drives`.
     """
     shown: dict[str, Floats] = {}
     if model.robot.constraints:

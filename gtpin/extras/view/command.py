@@ -10,10 +10,10 @@ import typer
 
 from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_option, tell
 from gtpin.data import Dataset
+from gtpin.extras.view.gap import gap_with_instruments
+from gtpin.extras.view.still import write_still
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import check_file
-from gtpin.view.gap import gap_with_instruments
-from gtpin.view.still import write_still
 
 
 def view(
@@ -39,7 +39,7 @@ def view(
         write_still(output, found, gap, force=force, instruments=instruments)
         tell({"written": str(output)}, f"Written: {output}", as_json)
         return
-    from gtpin.view.scene import Scene  # late: it needs an extra that a still image does not need
+    from gtpin.extras.view.scene import Scene  # late: it needs an extra that a still image does not need
 
     scene = Scene(found, gap, host, port, instruments)
     tell({"address": scene.address}, f"Open {scene.address} (Ctrl-C ends)", as_json)

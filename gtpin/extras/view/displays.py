@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 
+from gtpin.extras.view.shapes import with_its_meshes
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
-from gtpin.view.shapes import with_its_meshes
 
 STATION, SOCKET, TARGET, WIRE = (31, 95, 168), (154, 103, 0), (194, 65, 12), (120, 140, 165)
 ENCODER = (126, 58, 160)
@@ -27,7 +27,7 @@ LINE, POINT = (90, 105, 125), (200, 40, 30)
 
 
 class InstrumentDisplay:
-    """Instruments in a page of :class:`~gtpin.view.scene.Scene`; ``size``: that of the machine, m.
+    """Instruments in a page of :class:`~gtpin.extras.view.scene.Scene`; ``size``: that of the machine, m.
 
     ``drawn``: viser's handles of the drawn parts, by their names in the scene, which end with the names in ``places``;
     ``labels``: those of their labels.
@@ -95,7 +95,7 @@ class InstrumentDisplay:
 
 
 class ChainDisplay:
-    """A robot without rods in a page of :class:`~gtpin.view.scene.Scene`: its meshes by yourdfpy, or lines from joint to joint.
+    """A robot without rods in a page of :class:`~gtpin.extras.view.scene.Scene`: its meshes by yourdfpy, or lines.
 
     ``data``: the joints' placements in the shown posture. Warns if meshes are missing: their shapes are left out. If no shape
     is left, lines are drawn.

@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import GtpinError, ModelError
+from gtpin.extras.view.gap import DrawnGap
+from gtpin.extras.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.model.model import FittedInstrument, Model
@@ -22,8 +24,6 @@ from gtpin.report.residuals import evenly
 from gtpin.report.skeleton import ELEVATION, Camera, Kind, Skeleton, skeleton, standing
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
-from gtpin.view.gap import DrawnGap
-from gtpin.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

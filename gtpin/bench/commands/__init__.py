@@ -1,0 +1,1 @@
+"""The commands of virtual machines: demo, simulate, blind and benchmark."""
