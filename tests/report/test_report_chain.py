@@ -16,12 +16,13 @@ import gtpin
 from gtpin.accuracy.sensitivity import sensitivity
 from gtpin.comparison.compare import compare
 from gtpin.compensation.compensate import compensate
-from gtpin.compensation.corrections import correctable, corrections
+from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
+from gtpin.extras.controllers.corrections import corrections
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.effect_curves import curves

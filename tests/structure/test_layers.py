@@ -15,12 +15,14 @@ from pathlib import Path
 import pytest
 
 import gtpin
+from gtpin.extensions import extension_names
 from gtpin.output.shown import PRESENTATIONS
 
 PACKAGE = Path(gtpin.__file__).parent
 LAYERS = (
     ("errors", "typing", "distributions", "estimate"),
-    ("memory", "threads", "references", "output"),
+    ("memory", "threads", "references", "extensions"),
+    ("output",),
     ("data",),
     ("robot",),
     ("kinematics",),
@@ -39,7 +41,9 @@ LAYERS = (
     ("__main__", "plant"),
 )
 """Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
-makes machines and judges answers; no layer but the commands knows it."""
+makes machines and judges answers."""
+NOT_CORE = ("extras", "bench", "plant")
+"""Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``."""
 ASKING = {
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
@@ -107,6 +111,13 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
         if HEIGHT[place(other)] >= HEIGHT[place(module)]
     ]
     assert wrong == []
+
+
+def test_the_core_imports_no_extras_and_no_bench() -> None:
+    core = {module for module in MODULES if place(module) not in ("", *NOT_CORE)}
+    wrong = [f"{module} imports {other}" for module in core for other in imported()[module] if place(other) in NOT_CORE]
+    assert wrong == []
+    assert {place(module) for module in MODULES} >= {"commands", *NOT_CORE}
 
 
 ROOMS = ("priors", "prepare", "linear", "hypotheses", "inference", "planning", "result", "against", "diagnose")
@@ -186,7 +197,7 @@ def test_every_result_that_is_shown_has_a_presentation() -> None:
         for node in nodes(file)
         if isinstance(node, ast.ClassDef) and any(getattr(base, "id", "") == "Shown" for base in node.bases)
     }
-    assert shown <= set(PRESENTATIONS)
+    assert shown <= {*PRESENTATIONS, *extension_names("gtpin.presentations")}
     assert "Diagnosis" in shown
 
 

@@ -18,6 +18,7 @@ benchmark_app = typer.Typer(
     name="benchmark",
     help="Make the public set of cases, and score the answers of any solver.",
     no_args_is_help=True,
+    add_completion=False,
     epilog="Example: gtpin lab benchmark make -o set",
 )
 

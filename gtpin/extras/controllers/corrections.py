@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gtpin.compensation.correctable import correctable, geometric_scales
 from gtpin.compensation.machine import CompensatedMachine, check_session
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.effects.sites import number
 from gtpin.errors import ModelError, warn
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -51,36 +51,6 @@ class Correction:
     forward: Floats
     reverse: Floats
     off: float
-
-
-def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect, ...]:
-    """Effects along an actuator that depend only on its position, its direction of approach, and, if given, the session."""
-    known = () if session is None else ("session",)
-    robot = model.robot
-    found = []
-    for active in model.effects:
-        if active.site in robot.sites:
-            i = number(robot, active.site)
-            own = {f"q{i}", f"approach{i}", *known}
-            if set(active.effect.coordinates(robot, active.site)) <= own and _moves_along(model, active):
-                found.append(active)
-    return tuple(found)
-
-
-def geometric_scales(model: Model) -> dict[str, float]:
-    """Travel per command of each drive by site, from the geometry alone."""
-    scales = dict.fromkeys(model.robot.sites, 1.0)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
-        if parameter.kind == "scale" and parameter.per == "actuator":
-            scales[model.robot.sites[parameter.owner]] += float(deviation)
-    return scales
-
-
-def _moves_along(model: Model, active: ActiveEffect) -> bool:
-    """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
-    q, known = model.robot.home_q[None], CompensatedMachine(replace(model, effects=(active,))).columns(1)
-    at = OperatingPoints(model.kinematics, q, model.kinematics.forward(q), known, active.references)
-    return active.basis(at).command is not None
 
 
 def corrections(model: Model, *, session: str | None = None, most: int = MOST) -> tuple[Correction, ...]:

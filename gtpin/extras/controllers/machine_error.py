@@ -12,9 +12,9 @@ from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
+from gtpin.export.box import Box
 from gtpin.export.loss import both_approaches, postures
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
-from gtpin.extras.controllers.controller import Box
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.compensation.machine import CompensatedMachine
-from gtpin.extras.controllers.controller import Box, Controller, positions_to_ask_for
+from gtpin.export.box import Box
+from gtpin.extras.controllers.controller import Controller, positions_to_ask_for
 from gtpin.typing import Floats, Mask
 
 NODES = 21

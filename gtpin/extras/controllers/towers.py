@@ -12,7 +12,8 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
-from gtpin.extras.controllers.controller import Box, controller_of, positions_to_ask_for
+from gtpin.export.box import Box
+from gtpin.extras.controllers.controller import controller_of, positions_to_ask_for
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gtpin.data import Dataset
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.extras.history.history import Entry, HistoryFiles, read_history, written_history
+from gtpin.extras.history.history import Entry, HistoryFiles, read_history, refuse_readings, written_history
 from gtpin.output.results import results_folder
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, scatter
@@ -19,14 +21,44 @@ from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.phrases import known_as, parameter
 from gtpin.report.words import counted, length
 
-Add = Callable[[HealthCheck], None]
 COLORS = {"none": GOOD, "explained": ACCENT, "ambiguous": WARN, "unknown": MYSTERY}
 WORDS = {"none": "no change", "explained": "changed", "ambiguous": "changed, cause open", "unknown": "unknown change"}
 
 
+@dataclass(frozen=True)
+class History:
+    """A history of checks that is open.
+
+    ``files``: its files. ``entries``: the checks so far, the earliest first. ``folder``: where the new files are written.
+    """
+
+    files: HistoryFiles
+    entries: tuple[Entry, ...]
+    folder: Path
+
+    @property
+    def page(self) -> Path:
+        """The page of all checks."""
+        return self.files.folder / self.files.page
+
+    def refuse_readings(self, dataset: Dataset) -> None:
+        """Raise `DatasetError` if the dataset is not of one tracker's poses."""
+        refuse_readings(dataset)
+
+    def add(self, check: HealthCheck) -> None:
+        """Write the files with this check; raises `GtpinError` if the history is of another robot."""
+        now = Entry.of(check, datetime.now(UTC))
+        if self.entries and self.entries[-1].robot != now.robot:
+            what, hint = f"this is a history of {self.entries[-1].robot}", f"give a history of {now.robot} of its own"
+            raise GtpinError(what, file=self.files.folder / self.files.lines, hint=hint)
+        every = (*self.entries, now)
+        (self.folder / self.files.lines).write_text(written_history(every), encoding="utf-8")
+        (self.folder / self.files.page).write_text(history_page(every), encoding="utf-8")
+
+
 @contextmanager
-def history(path: Path, *, force: bool = False) -> Iterator[Add]:
-    """Context with a function that adds a check to the history at ``path``: ``FILE.html`` or a folder.
+def history(path: Path, *, force: bool = False) -> Iterator[History]:
+    """Context with the history at ``path``: ``FILE.html`` or a folder; checks are added to it.
 
     The history is read before the block begins, and its files are replaced together when the block ends without an error. Files
     that gtpin has not written, or that were changed since, are not replaced; with ``force`` they are renamed.
@@ -36,17 +68,7 @@ def history(path: Path, *, force: bool = False) -> Iterator[Add]:
     files = HistoryFiles.named(path)
     entries = read_history(files)
     with results_folder(files.folder, files.names, force=force, key=files.lines) as folder:
-
-        def add(check: HealthCheck) -> None:
-            now = Entry.of(check, datetime.now(UTC))
-            if entries and entries[-1].robot != now.robot:
-                what, hint = f"this is a history of {entries[-1].robot}", f"give a history of {now.robot} of its own"
-                raise GtpinError(what, file=files.folder / files.lines, hint=hint)
-            every = (*entries, now)
-            (folder / files.lines).write_text(written_history(every), encoding="utf-8")
-            (folder / files.page).write_text(history_page(every), encoding="utf-8")
-
-        yield add
+        yield History(files, entries, folder)
 
 
 def history_page(entries: Sequence[Entry]) -> str:

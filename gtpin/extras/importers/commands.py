@@ -74,6 +74,7 @@ import_app = typer.Typer(
     name="import",
     help="Turn a file that another program wrote into a dataset folder.",
     no_args_is_help=True,
+    add_completion=False,
     epilog="Example: gtpin import klipper-delta printer.cfg --robot printer.urdf -o touches",
 )
 

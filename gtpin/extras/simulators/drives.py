@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.compensation.corrections import correctable, geometric_scales
+from gtpin.compensation.correctable import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import loads_of
@@ -174,17 +174,3 @@ def _with_motor(mechanism: Mechanism, drive: Drive, joint: Joint, travel: DriveC
 
 def _with_drive(mechanism: Mechanism, old: Drive, new: Drive) -> Mechanism:
     return replace(mechanism, drives=tuple(new if drive is old else drive for drive in mechanism.drives))
-
-
-def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
-    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of the parts of the
-    model that these scales represent."""
-    scales = geometric_scales(model)
-    carried = set()
-    for active in model.effects:
-        if active.effect.exported_as == "drive_scale":
-            scales[active.site] *= (
-                1.0 + active.effect.parameters(active.coefficients, active.shape_parameter)["scale"][0]
-            )
-            carried.add(active.name)
-    return scales, carried | {"drive scales"}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, Literal
-from xml.etree.ElementTree import Element, indent, tostring
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pinocchio as pin
@@ -24,17 +24,6 @@ WORLD = ""
 """Name of the body that does not move; the robot's root link is fixed to it."""
 LIGHTEST = 1e-12
 """Mass, kg, up to which a body counts as massless. MJCF that gtpin writes has such bodies between two joints."""
-
-
-def numbers(*values: float) -> str:
-    """Numbers separated by blanks, with as many digits as needed to read back the same values; -0.0 becomes 0.0."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def xml_text(root: Element) -> str:
-    """A document, indented, with its declaration."""
-    indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,18 +10,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
-from gtpin.extras.simulators.mechanism import (
-    LIGHTEST,
-    WORLD,
-    Body,
-    Guide,
-    Joint,
-    Mechanism,
-    Shape,
-    Spring,
-    numbers,
-    xml_text,
-)
+from gtpin.export.xml_text import numbers, xml_text
+from gtpin.extras.simulators.mechanism import LIGHTEST, WORLD, Body, Guide, Joint, Mechanism, Shape, Spring
 from gtpin.extras.simulators.mjcf_couplings import STIFF, add_couplings, add_plays, with_cranks
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.robot.mjcf import ADDED_MARK, PLANE_MARK, TCP_MARK

@@ -13,8 +13,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from gtpin.export.xml_text import numbers
 from gtpin.extras.simulators.curves import SAME, Harmonic
-from gtpin.extras.simulators.mechanism import Coupling, Joint, Mechanism, numbers, shaft
+from gtpin.extras.simulators.mechanism import Coupling, Joint, Mechanism, shaft
 
 ROD, RADIUS = 1.0, 1e-3
 """Distance, m, from a crank's axis to the far end of its tendon, and to its pin. RADIUS / (2 ROD) is the relative error of a

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.extras.simulators.mechanism import WORLD, Body, Joint, Mechanism, Shape, numbers, xml_text
+from gtpin.export.xml_text import numbers, xml_text
+from gtpin.extras.simulators.mechanism import WORLD, Body, Joint, Mechanism, Shape
 
 VERSION = "1.9"
 SQUARE = 1e-9
