@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from gtpin.accuracy.analysis import Accuracy, analyse
     from gtpin.calibration.calibrate import calibrate
     from gtpin.calibration.result import Calibration
-    from gtpin.certificate.certify import certify
-    from gtpin.certificate.result import Certificate
     from gtpin.data import Commands, Dataset
     from gtpin.data.instrument_tables import InstrumentTable
     from gtpin.diagnosis.diagnose import diagnose
@@ -20,7 +18,8 @@ if TYPE_CHECKING:
     from gtpin.effects.catalogue import catalogue
     from gtpin.errors import GtpinError, GtpinWarning
     from gtpin.estimate import Estimate
-    from gtpin.health.plan import PosePlan, plan
+    from gtpin.extras.certificate.certify import certify
+    from gtpin.extras.certificate.result import Certificate
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from gtpin.kinematics.statics import rod_forces, static_forces
     from gtpin.model.model import Frame, Model
     from gtpin.model.model_folder import read_model, write_model
+    from gtpin.planning.plan import PosePlan, plan
     from gtpin.robot.geometry import Geometry
     from gtpin.robot.library import robot_names
 
@@ -40,16 +40,16 @@ _HOME = {
     "analyse": "gtpin.accuracy.analysis",
     "calibrate": "gtpin.calibration.calibrate",
     "Calibration": "gtpin.calibration.result",
-    "certify": "gtpin.certificate.certify",
-    "Certificate": "gtpin.certificate.result",
+    "certify": "gtpin.extras.certificate.certify",
+    "Certificate": "gtpin.extras.certificate.result",
     "Commands": "gtpin.data",
     "Component": "gtpin.instruments.instrument",
     "Dataset": "gtpin.data",
     "diagnose": "gtpin.diagnosis.diagnose",
     "Diagnosis": "gtpin.diagnosis.result",
     "HealthCheck": "gtpin.diagnosis.result",
-    "plan": "gtpin.health.plan",
-    "PosePlan": "gtpin.health.plan",
+    "plan": "gtpin.planning.plan",
+    "PosePlan": "gtpin.planning.plan",
     "catalogue": "gtpin.effects.catalogue",
     "Estimate": "gtpin.estimate",
     "Instrument": "gtpin.instruments.instrument",

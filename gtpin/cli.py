@@ -27,9 +27,9 @@ NOT_READ = 141
 
 def __getattr__(name: str) -> Any:
     if name == "app":
-        from gtpin.commands.registry import app_for
+        from gtpin.commands.registry import command_line
 
-        return app_for(())
+        return command_line()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -37,9 +37,9 @@ def main() -> None:
     """Run the command line: exit 2 with one line on standard error for bad input, 1 where a solver did not converge."""
     _on_signals(_end_at_once)
     try:
-        from gtpin.commands.registry import app_for
+        from gtpin.commands.registry import command_line
 
-        app = app_for(sys.argv[1:])
+        app = command_line()
     except (ImportError, OSError, MemoryError) as error:  # a library that is broken, or that does not fit into memory
         _say("error", NOT_LOADED.format(error))
         sys.exit(2)

@@ -19,15 +19,15 @@ import pandas as pd
 
 import gtpin
 from gtpin.compensation.compensate import compensate
-from gtpin.compensation.controller import controller_of
-from gtpin.compensation.grid_table import grid_table
 from gtpin.compensation.machine import CompensatedMachine, machine_at
-from gtpin.compensation.towers import Drives, Towers, drives_of
 from gtpin.data import InstrumentSection
 from gtpin.export import Box
-from gtpin.export.machine_error import on_the_bed, open_directions
-from gtpin.export.tables import printer_correction
-from gtpin.importers.touches import Touches, write_touches
+from gtpin.extras.controllers.controller import controller_of
+from gtpin.extras.controllers.grid_table import grid_table
+from gtpin.extras.controllers.machine_error import on_the_bed, open_directions
+from gtpin.extras.controllers.tables import printer_correction
+from gtpin.extras.controllers.towers import Drives, Towers, drives_of
+from gtpin.extras.importers.touches import Touches, write_touches
 
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
 TOWERS = Towers(0.52425, np.full(3, 0.999), np.radians([210.0, 330.0, 90.0]), np.full(3, 0.9), np.ones(3))

@@ -8,9 +8,9 @@ The printer is the shipped linear_delta. A touch has a sigma of 10 um; the bed i
 import numpy as np
 from exported_corrections import BOX, NOMINAL, TOUCH, TOWERS
 
-from gtpin.compensation.controller import controller_of
 from gtpin.compensation.machine import CompensatedMachine
-from gtpin.compensation.towers import TowerFit, drives_of
+from gtpin.extras.controllers.controller import controller_of
+from gtpin.extras.controllers.towers import TowerFit, drives_of
 
 REACH = 0.3  # of the probed points from the middle, m
 MESHES = (5, 7, 9)  # points along each side of a mesh, of which those on a round bed are probed

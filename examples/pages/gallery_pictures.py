@@ -59,7 +59,7 @@ def _rms(vectors: np.ndarray) -> float:
 
 def load_and_move(found: Found) -> Figure:
     """The Gantry-Tau at home: three carts on tracks, six rods, one platform."""
-    from gtpin.view.still import still
+    from gtpin.extras.view.still import still
 
     figure = still(gtpin.Model(gtpin.Geometry.nominal(found["robot"])))
     figure.set_size_inches(6.0, 4.6)

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 import gtpin
-from gtpin.importers.touches import write_instrument
+from gtpin.extras.importers.touches import write_instrument
 
 JOINTS = [f"panda_joint{number}" for number in range(1, 8)]
 COMMANDS = [f"q{number}" for number in range(1, 8)]

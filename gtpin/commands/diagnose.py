@@ -27,12 +27,11 @@ from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.cross_validation import HoldOut
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
-from gtpin.health.history import HistoryFiles, refuse_readings
+from gtpin.extensions import extension
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.output.shown import present
 from gtpin.report.diagnosis import DIAGNOSIS
-from gtpin.report.history import history as history_of
 from gtpin.report.sections.causes import sure_corrections
 from gtpin.report.sections.parameters import controller_words
 
@@ -75,12 +74,14 @@ def diagnose(
     _refuse_alone(against is not None and hold_out != "region", "--hold-out", "each pose is left out in turn")
     _refuse_alone(against is None and history is not None, "--history", "it needs --against MODEL")
     with ExitStack() as stack:
-        add = None if history is None else stack.enter_context(history_of(history, force=force))
+        log: Any = None
+        if history is not None:
+            log = stack.enter_context(extension("gtpin.options", "history")(history, force=force))
         folder = stack.enter_context(results_folder(output, DIAGNOSIS, force=force))
         earlier: Any = None if against is None else read_model(against)
         read = read_dataset(dataset, tcp, trust=trust_data)
-        if history is not None:
-            refuse_readings(read)
+        if log is not None:
+            log.refuse_readings(read)
         with progress_of("diagnosing" if against is None else "checking") as progress:
             found: Any = run_diagnosis(
                 read,
@@ -93,17 +94,16 @@ def diagnose(
             )
         shown = present(found)
         result = shown.write(folder)
-        if add is not None:
-            add(found)
+        if log is not None:
+            log.add(found)
     text = [shown.terminal()]
     if against is None:
         # What is unknown moves the geometry by more than its sigmas.
         table = controller_words(found.model, str(output)) if found.verdict != "unknown" else []
         text += [*table, *corrections_hint(found, output)]
     text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
-    if history is not None:
-        files = HistoryFiles.named(history)
-        text.append(f"All checks: {files.folder / files.page}")
+    if log is not None:
+        text.append(f"All checks: {log.page}")
     tell(result, rendered(*text), as_json)
 
 

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_option, tell
-from gtpin.compensation.compensate import compensate, machine_of
-from gtpin.compensation.controller import Box
-from gtpin.data import Commands
+from gtpin.compensation.compensate import machine_of
 from gtpin.errors import GtpinError, GtpinWarning, warn
-from gtpin.export.export import SUFFIXES, TABLES, Format
+from gtpin.export.box import Box
 from gtpin.export.export import export as run_export
-from gtpin.export.machine_error import left_of_commands
-from gtpin.export.tables import TablesFor
+from gtpin.export.export import format_names, writer_of
+from gtpin.export.writer import TablesFor
+from gtpin.extensions import extension
 from gtpin.model.measured_robot import check_alike
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
-from gtpin.model.predict import predict
-from gtpin.output.results import result_file
+
+
+def _format(name: str) -> str:
+    if name not in format_names():
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(format_names())}")
+    return name
 
 
 def export(
@@ -35,7 +37,15 @@ def export(
             ".cfg (Klipper), .g (RepRapFirmware, with a height map)."
         ),
     ],
-    form: Annotated[Format | None, typer.Option("--format", help="The format, where the suffix is another.")] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar=f"<{'|'.join(format_names())}>",
+            parser=_format,
+            help="The format, where the suffix is another.",
+        ),
+    ] = None,
     session: Annotated[
         str | None, typer.Option(help="Tables of corrections, and .xml: whose zero shifts they hold.")
     ] = None,
@@ -79,40 +89,24 @@ def export(
     found = read_model(model, tcp=tcp)
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", GtpinWarning)
+        if commands is None and controller is not None and not writer_of(output, form)[1].tables:
+            raise GtpinError("--controller without --commands", hint="give the table of commands")
+        believed = None if controller is None else _believed(found, controller)
         if commands is None:
             tables = None
-            if controller is not None and (form or SUFFIXES.get(output.suffix.lower())) not in TABLES:
-                raise GtpinError("--controller without --commands", hint="give the table of commands")
             if temperature or box or firmware or undetermined or controller is not None:
-                believed = None if controller is None else _believed(found, controller)
                 placed = None if box is None else Box.of(box, origin)
                 tables = TablesFor(believed, tuple(temperature or ()), placed, firmware, undetermined)
             written = run_export(found, output, form, session=session, tables=tables, force=force)
         else:
-            written = (_corrected(found, commands, controller, output, force),)
+            not_its_input(output, commands)
+            correct = extension("gtpin.options", "commands")
+            written = (correct(found, commands, believed, output, force=force),)
     notes = [str(warning.message) for warning in noticed]
     for note in notes:
         warn(note)
     result = {"robot": found.robot.name, "written": [str(file) for file in written], "warnings": notes}
     tell(result, "Written: " + ", ".join(result["written"]), as_json)
-
-
-def _corrected(model: Model, commands: Path, controller: str | None, output: Path, force: bool) -> Path:
-    """Write the commands that bring the TCP to the poses that the controller computed from the original commands."""
-    if output.suffix.lower() != ".csv":
-        raise GtpinError("corrected commands are a table", file=output, hint="name a .csv file")
-    not_its_input(output, commands)
-    with result_file(output, force=force) as new:
-        given = Commands.read(commands, model.robot.n_actuators)
-        nominal = Model(type(model.geometry).nominal(model.robot))
-        believed = nominal if controller is None else _believed(model, controller)
-        meant = predict(believed, Commands(given.pose, given.q, row=given.row, file=given.file))
-        rotations = meant.R if model.robot.n_actuators >= 6 else None
-        q = compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)
-        replace(given, q=q).write(new)
-    for note in left_of_commands(model, q):
-        warn(f"{output.name} {note}")
-    return output
 
 
 def _believed(model: Model, controller: str) -> Model:

@@ -23,12 +23,12 @@ from gtpin.commands.terminal import (
 from gtpin.data import Commands
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.errors import ModelError
-from gtpin.health.plan import Place, Purpose
-from gtpin.health.plan import plan as run_plan
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.noise.noise import Noise
 from gtpin.output.results import results_folder
+from gtpin.planning.plan import Place, Purpose
+from gtpin.planning.plan import plan as run_plan
 from gtpin.report.plan import PosePlanPresentation
 
 FILES = ("commands.csv", "plan.json")

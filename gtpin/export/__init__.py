@@ -1,7 +1,7 @@
-"""Models for other software: URDF, SDF, MJCF, and correction tables for controllers."""
+"""Models for other software: URDF, and the formats that are registered as ``gtpin.writers``."""
 
-from gtpin.compensation.controller import Box
-from gtpin.export.export import SUFFIXES, Format, export
-from gtpin.export.tables import TablesFor
+from gtpin.export.box import Box
+from gtpin.export.export import export
+from gtpin.export.writer import TablesFor, Writer
 
-__all__ = ["SUFFIXES", "Box", "Format", "TablesFor", "export"]
+__all__ = ["Box", "TablesFor", "Writer", "export"]

@@ -1,54 +1,31 @@
-"""Writes a model for other software."""
+"""Writes a model for other software. Formats besides URDF are registered by entry points of the group ``gtpin.writers``."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
-from math import isfinite
 from pathlib import Path
-from typing import Literal, get_args
 
-from gtpin.compensation.corrections import MOST, TRIPLETS, correctable, correction_table, corrections, linuxcnc_file
+from gtpin.compensation.correctable import drive_scales
 from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, check_kind, warn
-from gtpin.export.carts import with_cart_springs, with_guideways
-from gtpin.export.drives import drive_scales, with_drives
-from gtpin.export.loss import with_losses, with_remainders
-from gtpin.export.machine_error import left_of_drives
-from gtpin.export.mechanism import mechanism
-from gtpin.export.mjcf import to_mjcf
-from gtpin.export.sdf import to_sdf
-from gtpin.export.springs import with_joint_springs, with_link_springs
-from gtpin.export.tables import Export, TablesFor, grid_file, printer_files
+from gtpin.export.loss import left_out, with_losses
 from gtpin.export.urdf import side_file, with_anchors, with_transmissions
-from gtpin.model.dh import controller_table
+from gtpin.export.writer import Export, TablesFor, Writer
+from gtpin.extensions import extension_names, extensions
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
 from gtpin.output.results import results_folder
-from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.parameters import DIRECTIONS
 
-Format = Literal["urdf", "parallel-robots", "sdf", "mjcf", "csv", "linuxcnc", "grid", "dh", "klipper", "reprapfirmware"]
-TABLES: tuple[Format, ...] = ("grid", "klipper", "reprapfirmware")
-"""Formats of tables that correct the sum of all errors, as far as they can; see :class:`~gtpin.export.tables.TablesFor`."""
-SUFFIXES: dict[str, Format] = {
-    ".urdf": "urdf",
-    ".yaml": "parallel-robots",
-    ".sdf": "sdf",
-    ".xml": "mjcf",
-    ".csv": "csv",
-    ".comp": "linuxcnc",
-    ".cfg": "klipper",
-    ".g": "reprapfirmware",
-}
+GROUP = "gtpin.writers"
+"""Entry-point group of the formats; each is a :class:`~gtpin.export.writer.Writer`."""
 
 
 def export(
     model: Model,
     file: str | Path,
-    form: Format | None = None,
+    form: str | None = None,
     *,
     session: str | None = None,
     tables: TablesFor | None = None,
@@ -60,16 +37,16 @@ def export(
     ----------
     file
         The file to write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same
-        folder, for example-parallel-robots); ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections); ``.comp``
-        (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g`` (RepRapFirmware's
-        macro, and a height map in the same folder).
+        folder, for example-parallel-robots); of the extras ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections);
+        ``.comp`` (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g``
+        (RepRapFirmware's macro, and a height map in the same folder).
     form
         The format, if the suffix does not determine it; ``grid`` (a table over commands and temperatures) and ``dh`` (the
         parameters of Denavit and Hartenberg of a serial arm, with their corrections) have no suffix.
     session
         Session whose zero shifts are in tables of corrections and MJCF; None: no zero shifts.
     tables
-        Controller and conditions for the formats ``TABLES``.
+        Controller and conditions for the formats ``grid``, ``klipper`` and ``reprapfirmware``.
     force
         Rename files of these names that gtpin has not written, or that were changed since, to ``NAME.old-1``.
 
@@ -88,19 +65,12 @@ def export(
     file = Path(file)
     if os.path.isdir(file):
         raise GtpinError("this is a folder", file=file, hint="name a file")
-    form = form or SUFFIXES.get(file.suffix.lower())
-    if form is None:
-        raise GtpinError(
-            f"no format has the suffix {file.suffix!r}",
-            file=file,
-            hint=f"use {', '.join(SUFFIXES)}, or say which of {', '.join(get_args(Format))} it shall be",
-        )
-    if form not in get_args(Format):
-        raise GtpinError(
-            f"no format is called {form!r}", file=file, hint=f"choose one of {', '.join(get_args(Format))}"
-        )
+    name, writer = writer_of(file, form)
     check_session(model.effects, session)
-    made = texts(model, file, form, session=session, tables=tables)
+    if tables is not None and not writer.tables:
+        what = f"{name} takes no box, temperatures, firmware or controller"
+        raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
+    made = writer.write(model, file, session, tables or TablesFor())
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -115,101 +85,44 @@ def export(
     return tuple(file.parent / name for name in made.files)
 
 
-def texts(
-    model: Model, file: Path, form: Format, *, session: str | None = None, tables: TablesFor | None = None
-) -> Export:
-    """The files that :func:`export` writes, as texts."""
-    wanted = tables or TablesFor()
-    if form in TABLES:
-        if form == "grid":
-            return grid_file(model, file, wanted, session)
-        return printer_files(model, file, form, wanted, session)
-    if tables is not None:
-        what = f"{form} takes no box, temperatures, firmware or controller"
-        raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
-    if form == "dh":
-        missing = tuple(name for name in left_out(model) if "@" in name)
-        return Export({file.name: _dh(model)}, missing, _doubt(model))
-    if form in ("csv", "linuxcnc"):
-        return _corrections(model, file, form, session)
-    urdf = calibrated_urdf(model)
-    if form == "urdf":
-        scales, carried = drive_scales(model)
-        urdf = with_transmissions(urdf, model.robot, scales)
-        in_transmissions = tuple(name for name in left_out(model) if name in carried)
-        return Export({file.name: urdf}, left_out(model), in_transmissions=in_transmissions)
-    robot = Chain(RobotDescription.parse(urdf, f"the URDF of {model.robot.name}"))  # it names the TCP
-    if form == "parallel-robots":
-        files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
-        return Export(files, left_out(model))
-    plain = mechanism(robot)
-    if form == "sdf":
-        machine, shown = with_link_springs(plain, model, robot)
-        return Export({file.name: to_sdf(machine)}, left_out(model, shown), inexact=with_remainders(model, shown))
-    machine, shown = with_guideways(plain, model, robot)
-    for parts in (with_cart_springs, with_link_springs):
-        machine, more = parts(machine, model, robot)
-        shown |= more
-    machine, by_joints = with_joint_springs(machine, model)
-    machine, by_drives = with_drives(machine, model, session)
-    shown |= by_joints | by_drives
-    missing = left_out(model, {*shown, "drive scales"})
-    return Export({file.name: to_mjcf(machine, plain)}, missing, inexact=with_remainders(model, shown, session))
+def writer_of(file: Path, form: str | None = None) -> tuple[str, Writer]:
+    """Name and writer of the format ``form``, or by default of the format that a file's suffix determines.
 
-
-def _corrections(model: Model, file: Path, form: Format, session: str | None) -> Export:
-    carried = {"drive scales", *(active.name for active in correctable(model, session))}
-    # Of what these tables leave out, name only effects ("effect@site"). The geometry belongs in the controller's kinematics.
-    missing = tuple(name for name in left_out(model, carried) if "@" in name)
-    tables = corrections(model, session=session, most=MOST if form == "csv" else TRIPLETS)
-    if form == "csv":
-        files = {file.name: correction_table(tables).to_csv(index=False, lineterminator="\n")}
-    else:
-        files = {f"{file.stem}_{table.site}{file.suffix}": linuxcnc_file(table) for table in tables}
-    return Export(files, missing, left_of_drives(model, carried, session))
-
-
-def _doubt(model: Model) -> tuple[str, ...]:
-    """A message where the sigmas of a table are too small if what the model leaves of the data is no noise."""
-    unexplained = model.unexplained
-    if unexplained is None or unexplained.none:
-        return ()
-    left, unit = (unexplained.position, "um") if unexplained.position else (unexplained.orientation, "urad")
-    kind = "beyond noise, so" if unexplained.noise_known else "an axis: if these are no noise,"
-    return (
-        f"is of a model that leaves {1e6 * left:.3g} {unit} {kind} corrections may be off by more than their sigmas",
-    )
-
-
-def _dh(model: Model) -> str:
-    """Rows ``joint parameter unit nominal correction sigma determined``; sigma is blank for a nominal robot."""
-    table = controller_table(model)
-    if not table:
-        what = (
-            f"{model.robot.name} is not a serial arm with all placements, so it has no table of Denavit and Hartenberg"
-        )
-        raise GtpinError(what, hint="write its URDF")
-    lines = ["joint,parameter,unit,nominal,correction,sigma,determined"]
-    for p in table:
-        sigma = f"{p.sigma:.9f}" if isfinite(p.sigma) else ""
-        known = "yes" if p.determined else "no"
-        lines.append(f"{p.site},{p.name},{p.unit},{p.nominal:z.9f},{p.correction:z.9f},{sigma},{known}")
-    return "\n".join(lines) + "\n"
-
-
-def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
-
-    ``carried``: parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single
-    rods``, ``measured tracks``, ``instrument's frame``.
+    Raises `GtpinError` if there is no such format.
     """
-    geometry = model.geometry
-    moved = [p for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0]
-    has = {
-        "drive scales": any(p.kind == "scale" for p in moved),
-        "directions of single rods": any(p.kind in DIRECTIONS and p.part not in geometry.robot.sites for p in moved),
-        "measured tracks": isinstance(geometry, PaperGeometry) and any(track is not None for track in geometry.tracks),
-        "instrument's frame": not model.frame.is_base,
-    }
-    names = [name for name, there in has.items() if there] + [active.name for active in model.effects]
-    return tuple(name for name in names if name not in carried)
+    known = OWN | extensions(GROUP)
+    if form is None:
+        found = {writer.suffix: name for name, writer in known.items() if writer.suffix}
+        form = found.get(file.suffix.lower())
+        if form is None:
+            hint = f"use {', '.join(found)}, or say which of {', '.join(known)} it shall be"
+            raise GtpinError(f"no format has the suffix {file.suffix!r}", file=file, hint=hint)
+    if form not in known:
+        raise GtpinError(f"no format is called {form!r}", file=file, hint=f"choose one of {', '.join(known)}")
+    return form, known[form]
+
+
+def format_names() -> tuple[str, ...]:
+    """The names of all formats."""
+    return (*OWN, *extension_names(GROUP))
+
+
+def calibrated_chain(model: Model) -> Chain:
+    """The robot with a model's geometry, without its effects."""
+    return Chain(RobotDescription.parse(calibrated_urdf(model), f"the URDF of {model.robot.name}"))  # it names the TCP
+
+
+def _urdf(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
+    scales, carried = drive_scales(model)
+    urdf = with_transmissions(calibrated_urdf(model), model.robot, scales)
+    missing = left_out(model)
+    return Export({file.name: urdf}, missing, in_transmissions=tuple(name for name in missing if name in carried))
+
+
+def _parallel_robots(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
+    robot = calibrated_chain(model)
+    return Export({file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}, left_out(model))
+
+
+OWN = {"urdf": Writer(_urdf, ".urdf"), "parallel-robots": Writer(_parallel_robots, ".yaml")}
+"""The formats that are no extras."""

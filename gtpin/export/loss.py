@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from gtpin.compensation.corrections import geometric_scales
+from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.paper.geometry import PaperGeometry
+from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
 
 POSES = 512
@@ -159,3 +161,21 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
         elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):
             return None
     return words
+
+
+def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
+    """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
+
+    ``carried``: parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single
+    rods``, ``measured tracks``, ``instrument's frame``.
+    """
+    geometry = model.geometry
+    moved = [p for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0]
+    has = {
+        "drive scales": any(p.kind == "scale" for p in moved),
+        "directions of single rods": any(p.kind in DIRECTIONS and p.part not in geometry.robot.sites for p in moved),
+        "measured tracks": isinstance(geometry, PaperGeometry) and any(track is not None for track in geometry.tracks),
+        "instrument's frame": not model.frame.is_base,
+    }
+    names = [name for name, there in has.items() if there] + [active.name for active in model.effects]
+    return tuple(name for name in names if name not in carried)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element, SubElement
 
 from gtpin.errors import RobotError
-from gtpin.export.mechanism import numbers, xml_text
+from gtpin.export.xml_text import numbers, xml_text
 from gtpin.robot.chain import Chain
 from gtpin.robot.closures import ENDS, SPHERICAL
 from gtpin.robot.description import parse_xml

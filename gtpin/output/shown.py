@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from gtpin.extensions import extension, extension_names
 from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
@@ -60,18 +61,19 @@ class Presentation(ABC):
 
 
 PRESENTATIONS = {
-    "Accuracy": "accuracy",
-    "Calibration": "calibration",
-    "Certificate": "certificate",
-    "Comparison": "comparison",
-    "Dataset": "dataset",
-    "Diagnosis": "diagnosis",
-    "Experiment": "next_experiment",
-    "HealthCheck": "health",
-    "PosePlan": "plan",
-    "Poses": "dataset",
+    "Accuracy": "gtpin.report.accuracy",
+    "Calibration": "gtpin.report.calibration",
+    "Comparison": "gtpin.report.comparison",
+    "Dataset": "gtpin.report.dataset",
+    "Diagnosis": "gtpin.report.diagnosis",
+    "Experiment": "gtpin.report.next_experiment",
+    "HealthCheck": "gtpin.report.health",
+    "PosePlan": "gtpin.report.plan",
+    "Poses": "gtpin.report.dataset",
 }
-"""For each kind of result its file in ``gtpin/report``, with a class ``...Presentation``."""
+"""For each kind of result the module with its class ``...Presentation``. Those of extras are registered by entry
+points of the group ``gtpin.presentations``, under the name of the result."""
+GROUP = "gtpin.presentations"
 
 
 def present(result: object) -> Any:
@@ -80,8 +82,11 @@ def present(result: object) -> Any:
     This is the only way from results to the report. The report is imported here, when a result is first shown, so that results
     do not depend on it.
     """
-    name = next(kind.__name__ for kind in type(result).__mro__ if kind.__name__ in PRESENTATIONS)
-    return getattr(import_module(f"gtpin.report.{PRESENTATIONS[name]}"), f"{name}Presentation")(result)
+    kinds = [kind.__name__ for kind in type(result).__mro__]
+    for name in kinds:
+        if name in PRESENTATIONS:
+            return getattr(import_module(PRESENTATIONS[name]), f"{name}Presentation")(result)
+    return extension(GROUP, next((name for name in kinds if name in extension_names(GROUP)), kinds[0]))(result)
 
 
 class Shown:

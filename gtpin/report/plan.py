@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.health.plan import PosePlan, checked_first
 from gtpin.output.shown import Presentation
+from gtpin.planning.plan import PosePlan, checked_first
 from gtpin.report.page import Table
 from gtpin.report.phrases import known_as
 from gtpin.report.residuals import columns_of

@@ -14,7 +14,7 @@ import gtpin
 from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import of_poses
-from gtpin.certificate.held_against import root_of
+from gtpin.extras.certificate.held_against import root_of
 from gtpin.model.model_folder import read_model, write_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"

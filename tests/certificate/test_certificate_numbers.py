@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtpin.certificate.pose_accuracy import (
+from gtpin.extras.certificate.pose_accuracy import (
     Scatter,
     accuracy,
     pooled_repeatability,
@@ -13,8 +13,8 @@ from gtpin.certificate.pose_accuracy import (
     standard_accuracy,
     standard_repeatability,
 )
-from gtpin.certificate.positioning import MeasuredLine, mean_reversal, positioning
-from gtpin.certificate.quantity import Quantity
+from gtpin.extras.certificate.positioning import MeasuredLine, mean_reversal, positioning
+from gtpin.extras.certificate.quantity import Quantity
 
 TRIALS = 200
 COVARIANCE = np.array([[9.0, 2.0, 0.0], [2.0, 4.0, 1.0], [0.0, 1.0, 16.0]]) * 1e-12

@@ -14,8 +14,8 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
-from gtpin.certificate.certify import between
-from gtpin.certificate.held_against import ModelPosterior, at_commands
+from gtpin.extras.certificate.certify import between
+from gtpin.extras.certificate.held_against import ModelPosterior, at_commands
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
 if not EXAMPLES.is_dir():

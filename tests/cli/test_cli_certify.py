@@ -12,7 +12,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedNoise
-from gtpin.report.certificate_terms import DEFINITIONS
+from gtpin.extras.certificate.terms import DEFINITIONS
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import gtpin
-from gtpin.commands.demo import DemoRobot
+from gtpin.bench.commands.demo import DemoRobot
 from gtpin.data import Dataset
 
 README = Path(__file__).parents[2] / "README.md"

@@ -219,7 +219,7 @@ def test_a_fit_that_does_not_converge_exits_with_1_and_leaves_nothing(run, datas
 @pytest.mark.parametrize(
     ("place", "error", "code", "said"),
     [
-        ("gtpin.commands.demo.diagnose", ConvergenceError("the fit has not converged"), 1, "converged"),
+        ("gtpin.bench.commands.demo.diagnose", ConvergenceError("the fit has not converged"), 1, "converged"),
         ("gtpin.commands.calibrate.run_calibration", ZeroDivisionError("a bug"), 3, "ZeroDivisionError"),
         ("gtpin.commands.calibrate.run_calibration", KeyboardInterrupt(), 130, "interrupted"),
     ],

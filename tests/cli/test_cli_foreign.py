@@ -28,15 +28,15 @@ FILES = {"predict": "p.csv", "export": "robot.xml", "corrected": "q.csv", "view"
 WORK = (
     "gtpin.commands.calibrate.run_calibration",
     "gtpin.commands.diagnose.run_diagnosis",
-    "gtpin.commands.demo.simulate_scenario",
+    "gtpin.bench.commands.demo.simulate_scenario",
     "gtpin.commands.compare.run_comparison",
     "gtpin.commands.sensitivity.analyse",
-    "gtpin.commands.simulate.run_simulation",
-    "gtpin.commands.simulate.simulate_scenario",
+    "gtpin.bench.commands.simulate.run_simulation",
+    "gtpin.bench.commands.simulate.simulate_scenario",
     "gtpin.commands.predict.run_prediction",
-    "gtpin.commands.export.compensate",
-    "gtpin.commands.view.gap_with_instruments",
-    "gtpin.view.still.still",
+    "gtpin.extras.controllers.program.compensate",
+    "gtpin.extras.view.command.gap_with_instruments",
+    "gtpin.extras.view.still.still",
     "gtpin.bench.blind.run.spread",
 )
 """What takes time."""

@@ -15,6 +15,7 @@ import typer
 
 import gtpin
 import gtpin.cli
+from gtpin.commands.registry import LazyCommand
 
 COMMANDS = ("calibrate", "diagnose", "predict", "simulate", "demo")
 
@@ -29,7 +30,8 @@ def test_help_shows_an_example(run, command):
 
 def leaves(group, *before):
     """All commands of a group and of the groups in it, by their words."""
-    for name, command in group.commands.items():
+    for name, listed in group.commands.items():
+        command = listed.imported() if isinstance(listed, LazyCommand) else listed
         if hasattr(command, "commands"):
             yield from leaves(command, *before, name)
         else:
@@ -39,6 +41,17 @@ def leaves(group, *before):
 ALL = dict(leaves(typer.main.get_command(gtpin.cli.app)))
 BOUND = ("demo", "simulate", "calibrate", "compare", "sensitivity", "diagnose", "predict", "export", "blind", "view")
 """Commands that scripts of users call."""
+
+
+@pytest.mark.parametrize("words", [(), ("lab",)], ids=" ".join)
+def test_the_help_of_a_group_says_what_the_help_of_each_command_says(words):
+    group = typer.main.get_command(gtpin.cli.app)
+    for word in words:
+        group = group.commands[word]
+    listed = [command for command in group.commands.values() if isinstance(command, LazyCommand)]
+    assert len(listed) >= 4
+    for command in listed:
+        assert command.imported().help.splitlines()[0] == command.help
 
 
 def test_few_commands_are_listed_and_those_of_scripts_are_all_there(run):

@@ -12,9 +12,9 @@ import gtpin
 from gtpin.bench.simulator.case import read_scenario
 from gtpin.data.files import LARGEST_TEXT
 from gtpin.errors import GtpinError
-from gtpin.health.history import HistoryFiles, read_history
-from gtpin.importers.klipper_config import read_config
-from gtpin.importers.lines import text_lines
+from gtpin.extras.history.history import HistoryFiles, read_history
+from gtpin.extras.importers.klipper_config import read_config
+from gtpin.extras.importers.lines import text_lines
 
 if sys.platform == "win32":
     pytest.skip("needs pipes with names", allow_module_level=True)

@@ -14,6 +14,7 @@ from defusedxml import ElementTree
 
 import gtpin
 import gtpin.cli
+from gtpin.commands.registry import LazyCommand
 from gtpin.effects.rack import RackPeriodic
 
 ROOT = Path(__file__).parents[2]
@@ -50,9 +51,11 @@ def blocks(page: Path, *languages: str) -> list[str]:
 def called(group: Any, words: list[str]) -> list[str]:
     """The names of the command of a line, and of its groups; raises where an option or an argument is not known."""
     name, *arguments = words
-    if hasattr(group.commands[name], "commands"):
-        return [name, *called(group.commands[name], arguments)]
-    group.commands[name].make_context(name, arguments)
+    command = group.commands[name]
+    command = command.imported() if isinstance(command, LazyCommand) else command
+    if hasattr(command, "commands"):
+        return [name, *called(command, arguments)]
+    command.make_context(name, arguments)
     return [name]
 
 

@@ -13,9 +13,10 @@ from drawn_machines import Drawn
 from with_effects import active
 
 import gtpin
-from gtpin.compensation import compensate, corrections
+from gtpin.compensation import compensate
 from gtpin.errors import ConvergenceError, GtpinWarning, ModelError, UnreachableError
 from gtpin.export import export
+from gtpin.extras.controllers.corrections import corrections
 
 DIRECTIONS = {f"approach{k}": 1.0 for k in (1, 2, 3)}
 

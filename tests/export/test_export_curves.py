@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtpin.export.curves import DriveCurve, Harmonic, fitted
+from gtpin.extras.simulators.curves import DriveCurve, Harmonic, fitted
 
 CURVE = DriveCurve(0.1, 0.9, (Harmonic(3.0, 0.4, 2e-3), Harmonic(7.0, -1.0, -5e-4)))
 X = np.linspace(-0.6, 0.7, 40)

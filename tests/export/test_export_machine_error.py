@@ -16,11 +16,9 @@ from with_effects import active
 
 import gtpin
 from gtpin.compensation.machine import machine_at
-from gtpin.compensation.plane_tables import NODES, PARTS, PlaneTables
-from gtpin.compensation.towers import DIMENSIONS, drives_of
 from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, TrackerTable
 from gtpin.export import Box
-from gtpin.export.machine_error import (
+from gtpin.extras.controllers.machine_error import (
     Left,
     OpenDirections,
     changed_dimensions,
@@ -28,6 +26,8 @@ from gtpin.export.machine_error import (
     open_directions,
     touches_one_plane,
 )
+from gtpin.extras.controllers.plane_tables import NODES, PARTS, PlaneTables
+from gtpin.extras.controllers.towers import DIMENSIONS, drives_of
 from gtpin.model.model import FittedInstrument
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
@@ -184,7 +184,7 @@ def test_said_and_realised_agree_on_machines_of_todays_code(by_script: object) -
 def test_the_table_of_touches_is_that_of_its_script(by_script: object) -> None:
     import touches_needed
 
-    from gtpin.commands.importing import TOUCHES_NEEDED
+    from gtpin.extras.importers.commands import TOUCHES_NEEDED
 
     lines = touches_needed.rows()
     assert "\n".join(lines) in (MACHINES.parents[1] / "docs" / "importers.md").read_text(encoding="utf-8")

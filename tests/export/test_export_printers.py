@@ -14,12 +14,12 @@ from printer_firmware import ARM, BED, CONFIG_G, END, PRINTER_CFG, RADIUS, ROTAT
 from with_effects import active
 
 import gtpin
-from gtpin.compensation.plane_tables import PlaneTables
-from gtpin.compensation.printer_files import klipper_config, rrf_heightmap, rrf_macro
 from gtpin.errors import GtpinError
 from gtpin.export import Box, TablesFor, export
-from gtpin.importers.klipper import read_klipper_mesh
-from gtpin.importers.rrf import read_rrf_heightmap
+from gtpin.extras.controllers.plane_tables import PlaneTables
+from gtpin.extras.controllers.printer_files import klipper_config, rrf_heightmap, rrf_macro
+from gtpin.extras.importers.klipper import read_klipper_mesh
+from gtpin.extras.importers.rrf import read_rrf_heightmap
 
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 1e-3 * BED))
 READERS = {"gtpin.cfg": klipper, "gtpin.g": reprapfirmware}

@@ -18,7 +18,7 @@ from gtpin.diagnosis.against.earlier import Earlier
 from gtpin.diagnosis.against.expectation import usable
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
-from gtpin.health.history import Entry
+from gtpin.extras.history.history import Entry
 from gtpin.output.shown import present
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # a later day holds conditions constant

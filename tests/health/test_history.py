@@ -6,8 +6,8 @@ import pytest
 from checked_machines import later, machine
 
 import gtpin
+from gtpin.extras.history.page import history
 from gtpin.report.health import advice
-from gtpin.report.history import history
 from gtpin.report.words import length
 
 pytestmark = [
@@ -24,8 +24,8 @@ def checks():
 
 def added(path, *checks):
     for check in checks:
-        with history(path) as add:
-            add(check)
+        with history(path) as log:
+            log.add(check)
 
 
 def test_each_check_is_one_more_line_and_stands_on_the_page(tmp_path, checks):

@@ -5,9 +5,9 @@ import pytest
 from checked_machines import machine
 
 import gtpin
-from gtpin.health.choice import PoseChoice
 from gtpin.noise.noise import Noise
 from gtpin.output.shown import present
+from gtpin.planning.choice import PoseChoice
 
 
 def test_no_exchange_of_one_pose_improves_a_choice_much_and_random_ones_are_worse():

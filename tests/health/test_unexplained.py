@@ -10,7 +10,7 @@ import pytest
 from checked_machines import later, machine
 
 import gtpin
-from gtpin.health.history import Entry
+from gtpin.extras.history.history import Entry
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 if not EXAMPLES.is_dir():

@@ -1,6 +1,6 @@
 """Files in the formats of the firmwares, written from positions by formulas of their own, for the printer of ``linear_delta``.
 
-The formats are those of the sources that gtpin/importers names; nothing is copied from them.
+The formats are those of the sources that gtpin/extras/importers names; nothing is copied from them.
 """
 
 from __future__ import annotations

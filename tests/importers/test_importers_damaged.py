@@ -15,12 +15,12 @@ from printed import BED_G, G32, HEIGHTMAP, MESH, POINTS, PROBE_LOG, PROBED, ROS,
 
 from gtpin.data import Commands, Dataset
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
-from gtpin.importers.linuxcnc_probe import read_linuxcnc_probe
-from gtpin.importers.points import read_points
-from gtpin.importers.ros_poses import read_ros_poses
-from gtpin.importers.rrf import read_rrf_g32, read_rrf_heightmap
-from gtpin.importers.touches import Touches
+from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
+from gtpin.extras.importers.linuxcnc_probe import read_linuxcnc_probe
+from gtpin.extras.importers.points import read_points
+from gtpin.extras.importers.ros_poses import read_ros_poses
+from gtpin.extras.importers.rrf import read_rrf_g32, read_rrf_heightmap
+from gtpin.extras.importers.touches import Touches
 
 Read = Callable[[Path], Touches | Dataset]
 COMMANDS = Commands(np.array(["p1", "p2", "p3"], dtype=object), np.zeros((3, 6)), {"time": np.full(3, 175.5)})

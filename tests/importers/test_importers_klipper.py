@@ -12,9 +12,9 @@ from printed import ANGLES, ARM, MESH, ORIGIN, PROBED, RADIUS, STEP, Write, carr
 
 import gtpin
 from gtpin.errors import DatasetError, GtpinWarning
-from gtpin.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
-from gtpin.importers.klipper_config import read_config
-from gtpin.importers.touches import commands
+from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
+from gtpin.extras.importers.klipper_config import read_config
+from gtpin.extras.importers.touches import commands
 
 KINEMATICS = gtpin.read_model("linear_delta").kinematics
 

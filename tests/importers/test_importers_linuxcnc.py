@@ -8,8 +8,8 @@ from printed import PROBE_LOG, Write
 
 import gtpin
 from gtpin.errors import DatasetError
-from gtpin.importers.linuxcnc_probe import read_linuxcnc_probe
-from gtpin.importers.touches import commands
+from gtpin.extras.importers.linuxcnc_probe import read_linuxcnc_probe
+from gtpin.extras.importers.touches import commands
 
 MILL = """<robot name="mill">
   <link name="base"/><link name="x"/><link name="y"/><link name="tool0"/>

@@ -7,7 +7,7 @@ import pytest
 from printed import BED_G, G32, HEIGHTMAP, Write
 
 from gtpin.errors import DatasetError
-from gtpin.importers.rrf import read_rrf_delta, read_rrf_g32, read_rrf_heightmap
+from gtpin.extras.importers.rrf import read_rrf_delta, read_rrf_g32, read_rrf_heightmap
 
 SECOND, THIRD = HEIGHTMAP.splitlines()[1:3]
 

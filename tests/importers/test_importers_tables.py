@@ -11,8 +11,8 @@ from printed import POINTS, ROS, ROS2, Write
 import gtpin
 from gtpin.data import Commands
 from gtpin.errors import DatasetError
-from gtpin.importers.points import read_commands, read_points
-from gtpin.importers.ros_poses import read_ros_poses
+from gtpin.extras.importers.points import read_commands, read_points
+from gtpin.extras.importers.ros_poses import read_ros_poses
 
 NAMES = ["-", "-", "pose", "x", "y", "z"]
 

@@ -143,8 +143,8 @@ def test_driven_by_these_forces_alone_mujocos_machine_moves_as_told(name: str, s
     The same forces without what velocities take end more than 1,000 times farther off.
     """
     mujoco = pytest.importorskip("mujoco")
-    from gtpin.export.mechanism import mechanism
-    from gtpin.export.mjcf import to_mjcf
+    from gtpin.extras.simulators.mechanism import mechanism
+    from gtpin.extras.simulators.mjcf import to_mjcf
 
     robot, step, steps = made(name), 1e-4, 3000
     machine = mechanism(robot)

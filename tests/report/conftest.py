@@ -14,14 +14,14 @@ from report_findings import ambiguous, unknown
 from gtpin.bench.simulator.case import make_case
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.extras.view.gap import DrawnGap
 from gtpin.model.model import Model
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing
-from gtpin.view.gap import DrawnGap
 
 if TYPE_CHECKING:
-    from gtpin.view.scene import Scene
+    from gtpin.extras.view.scene import Scene
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,7 @@ def pages(findings: dict[str, Diagnosis]) -> Callable[[str], tuple[str, list[Dra
 def served() -> Iterator[Callable[..., Scene]]:
     """Serves 3-D pages of models, until the test ends."""
     pytest.importorskip("viser", reason="viser is not installed")
-    from gtpin.view.scene import Scene
+    from gtpin.extras.view.scene import Scene
 
     made = list[Scene]()
 

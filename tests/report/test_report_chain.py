@@ -16,12 +16,13 @@ import gtpin
 from gtpin.accuracy.sensitivity import sensitivity
 from gtpin.comparison.compare import compare
 from gtpin.compensation.compensate import compensate
-from gtpin.compensation.corrections import correctable, corrections
+from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
+from gtpin.extras.controllers.corrections import corrections
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.report.diagnosis import diagnosis_page
 from gtpin.report.effect_curves import curves
@@ -210,8 +211,8 @@ def test_comparing_the_papers_models_is_refused_in_one_line(folder: Path) -> Non
 @pytest.mark.slow
 def test_an_arm_has_a_still_image(found: Diagnosis, folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from gtpin.view.gap import gap_of
-    from gtpin.view.still import still
+    from gtpin.extras.view.gap import gap_of
+    from gtpin.extras.view.still import still
 
     made = still(found.model, gap_of(found.model, gtpin.Dataset.read(folder)))
     texts = {text.get_text().strip() for text in made.axes[0].texts}

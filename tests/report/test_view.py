@@ -20,15 +20,15 @@ import gtpin.cli
 from gtpin import Frame, Geometry, Model, load_robot
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
+from gtpin.extras.view.gap import gap_of, whose
+from gtpin.extras.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
+from gtpin.extras.view.still import still, write_still
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.view.gap import gap_of, whose
-from gtpin.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
-from gtpin.view.still import still, write_still
 
 if TYPE_CHECKING:
-    from gtpin.view.scene import Scene
+    from gtpin.extras.view.scene import Scene
 
 NOMINAL = Model(Geometry.nominal(load_robot("gantry_tau")))
 WHOSE = (
@@ -283,7 +283,7 @@ def test_names_move_with_the_parts_and_can_be_hidden(scene):
 
 
 def test_a_single_pose_has_a_page_too(scene):
-    from gtpin.view.scene import GapPanel
+    from gtpin.extras.view.scene import GapPanel
 
     one = replace(
         scene.gap, **{k: getattr(scene.gap, k)[:1] for k in ("pose", "row", "q", "T", "error", "name", "value", "unit")}
@@ -314,7 +314,7 @@ def test_the_page_is_served_without_a_word_and_the_machine_goes_where_it_is_told
 
 
 def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch):
-    from gtpin.view import scene
+    from gtpin.extras.view import scene
 
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(GtpinError, match=r"gtpin\[view\]"):

@@ -11,14 +11,14 @@ import pytest
 import gtpin
 from gtpin.data.instrument_tables import EncoderTable
 from gtpin.errors import GtpinWarning
+from gtpin.extras.view.shapes import shapes
+from gtpin.extras.view.still import still
 from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces
 from gtpin.report.skeleton import skeleton
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import load_robot
-from gtpin.view.shapes import shapes
-from gtpin.view.still import still
 
 ARM_FILE = Path(__file__).parents[2] / "examples" / "effects" / "arm.urdf"
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
@@ -61,7 +61,7 @@ def test_a_map_has_few_ticks_along_the_axis_in_which_all_positions_are_alike(fla
 @pytest.mark.parametrize(("axis", "seen"), [("0 0 1", (0, 0, 1)), ("0 1 0", (0, -1, 0)), ("1 0 0", (1, 0, 0))])
 def test_the_picture_of_a_planar_robot_is_seen_along_its_axes(tmp_path: Path, axis: str, seen: tuple[int, ...]) -> None:
     pytest.importorskip("matplotlib")
-    from gtpin.view.still import still
+    from gtpin.extras.view.still import still
 
     along = {
         "0 0 1": ("0.3 0.1 0", "0.1 0.3 0"),

@@ -17,6 +17,8 @@ import gtpin.cli
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import PlaneTable, RangeTable, SocketTable, TiltTable, TrackerTable
 from gtpin.errors import ModelError
+from gtpin.extras.view.gap import DrawnGap, gap_with_instruments
+from gtpin.extras.view.still import still
 from gtpin.instruments import Plane, Range, Socket, Tilt, Tracker
 from gtpin.instruments.instrument import Instrument, Read
 from gtpin.kinematics.poses import Poses
@@ -24,11 +26,9 @@ from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import skeleton
-from gtpin.view.gap import DrawnGap, gap_with_instruments
-from gtpin.view.still import still
 
 if TYPE_CHECKING:
-    from gtpin.view.scene import Scene
+    from gtpin.extras.view.scene import Scene
 
 Shown = tuple[DrawnGap, tuple[FittedInstrument, ...]]
 ROBOT, UP = gtpin.load_robot("gantry_tau"), np.array([0.0, 0.0, 1.0])

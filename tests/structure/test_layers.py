@@ -15,13 +15,15 @@ from pathlib import Path
 import pytest
 
 import gtpin
+from gtpin.extensions import extension_names
 from gtpin.output.shown import PRESENTATIONS
 
 PACKAGE = Path(gtpin.__file__).parent
 LAYERS = (
     ("errors", "typing", "distributions", "estimate", "read_only"),
     ("real",),
-    ("memory", "threads", "references", "output"),
+    ("memory", "threads", "references", "extensions"),
+    ("output",),
     ("data",),
     ("robot",),
     ("kinematics",),
@@ -30,16 +32,19 @@ LAYERS = (
     ("instruments",),
     ("calibration",),
     ("diagnosis", "accuracy", "comparison", "compensation"),
-    ("health", "certificate", "importers", "sim"),
-    ("export",),
+    ("planning", "sim"),
     ("report",),
-    ("view", "bench"),
+    ("export",),
     ("commands",),
+    ("extras",),
+    ("bench",),
     ("cli",),
     ("__main__", "plant"),
 )
 """Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
-makes machines and judges answers; no layer but the commands knows it."""
+makes machines and judges answers."""
+NOT_CORE = ("extras", "bench", "plant")
+"""Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``."""
 ASKING = {
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
@@ -107,6 +112,13 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
         if HEIGHT[place(other)] >= HEIGHT[place(module)]
     ]
     assert wrong == []
+
+
+def test_the_core_imports_no_extras_and_no_bench() -> None:
+    core = {module for module in MODULES if place(module) not in ("", *NOT_CORE)}
+    wrong = [f"{module} imports {other}" for module in core for other in imported()[module] if place(other) in NOT_CORE]
+    assert wrong == []
+    assert {place(module) for module in MODULES} >= {"commands", *NOT_CORE}
 
 
 ROOMS = ("priors", "prepare", "linear", "hypotheses", "inference", "planning", "result", "against", "diagnose")
@@ -179,14 +191,14 @@ def test_few_ask_whether_poses_or_readings_were_measured() -> None:
 
 def test_every_result_that_is_shown_has_a_presentation() -> None:
     for name, file in PRESENTATIONS.items():
-        assert f"\nclass {name}Presentation" in MODULES[f"gtpin.report.{file}"].read_text(encoding="utf-8")
+        assert f"\nclass {name}Presentation" in MODULES[file].read_text(encoding="utf-8")
     shown = {
         node.name
         for file in MODULES.values()
         for node in nodes(file)
         if isinstance(node, ast.ClassDef) and any(getattr(base, "id", "") == "Shown" for base in node.bases)
     }
-    assert shown <= set(PRESENTATIONS)
+    assert shown <= {*PRESENTATIONS, *extension_names("gtpin.presentations")}
     assert "Diagnosis" in shown
 
 

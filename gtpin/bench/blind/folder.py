@@ -29,7 +29,7 @@ KEY = "digests"
 """The key of ``check.json`` that holds the digests, by kind of file and name."""
 
 
-JUDGES = ("bench", "report", "commands")
+JUDGES = ("bench", "extras", "report", "commands")
 """Parts of gtpin that a diagnosis does not depend on."""
 
 

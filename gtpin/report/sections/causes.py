@@ -7,7 +7,7 @@ import re
 
 from markupsafe import Markup, escape
 
-from gtpin.compensation.corrections import correctable
+from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.effect import Effect
 from gtpin.report.effect_curves import curve_notes, curve_plots

@@ -1,0 +1,233 @@
+"""The error to expect of a machine that a file corrects: what the file can't hold, and what the data leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtpin.accuracy.expected import placed_best
+from gtpin.compensation.machine import CompensatedMachine, machine_at
+from gtpin.data.instrument_tables import PlaneTable
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.errors import ModelError
+from gtpin.export.box import Box
+from gtpin.export.loss import both_approaches, postures
+from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
+from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
+from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import Model
+from gtpin.typing import Floats, Mask
+
+DRAWS = 2000
+"""Number of machines that are drawn from the posterior for an interval."""
+LEAST = 1e-8
+"""Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
+INTERVAL = (0.025, 0.975)
+"""Quantiles of the intervals."""
+UNITS = {"angle": ("deg", float(np.degrees(1.0))), "scale": ("per mille", 1e3)}
+"""Units in messages, and factors to them, of those dimensions of a delta that are no lengths."""
+DETERMINED = 0.5
+"""Smallest share of a setting's prior variance that the data must take away, or the setting is left alone. Assumed: with less,
+the setting would follow the tolerances more than the measurements."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenDirections:
+    """What the data leave open of a machine: ``moved`` (N, 3, k) motions of the TCP, m, for k independent standard normal
+    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose."""
+
+    moved: Floats
+    unexplained: float
+
+    def rms(self, residual: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
+        """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
+        allow; ``residual`` (N, 3): the error, m, of the machine that the model is."""
+        e, R = residual[:, axes], self.moved[:, axes]
+        flat, n = R.reshape(-1, R.shape[2]), len(residual)
+        square, cross = flat.T @ flat / n, flat.T @ e.ravel() / n
+        fixed = float((e**2).sum() / n) + e.shape[1] * self.unexplained**2
+        z = np.random.default_rng(0).standard_normal((DRAWS, len(square)))
+        power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
+        low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL), 0.0))
+        return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
+
+
+def touches_one_plane(model: Model) -> bool:
+    """Whether a model is of touches of one plane alone, which show no shift along it and no turn about its normal."""
+    tables = [one.table for one in model.instruments]
+    planes = [len(table.planes) for table in tables if isinstance(table, PlaneTable)]
+    return len(planes) == len(tables) and sum(planes) == 1
+
+
+def on_the_bed(errors: Floats, xyz: Floats) -> Floats:
+    """Errors (N, 3, ...) at points xyz (N, 3), m, without what the best shift along x and y and turn about z explain."""
+    F = frame_motions(xyz - xyz.mean(axis=0))[:, :3, [0, 1, 5]].reshape(-1, 3)
+    flat = errors.reshape(len(F), -1)
+    return np.asarray((flat - F @ np.linalg.lstsq(F, flat, rcond=None)[0]).reshape(errors.shape))
+
+
+def open_directions(
+    machine: CompensatedMachine, whole: Model, q: Floats, *, standing: bool = False
+) -> OpenDirections | None:
+    """What the data leave open at commands q (N, n); None where the uncertainty of the geometry is not known.
+
+    ``whole``: the model with its instrument. Where the instrument was free, the place of the machine is no error.
+    ``standing``: neither is the place of a print on its bed.
+    """
+    if machine.model.covariance is None:
+        return None
+    at, unexplained = _at(machine, q), whole.unexplained
+    moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
+    if not whole.frame.is_base:
+        moved = placed_best(moved, at.poses)
+    moved = on_the_bed(moved[:, :3], at.poses.T) if standing else moved[:, :3]
+    return OpenDirections(moved, unexplained.position if unexplained is not None and unexplained.noise_known else 0.0)
+
+
+def left_of_commands(model: Model, q: Floats) -> tuple[str, ...]:
+    """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known."""
+    doubt = open_directions(machine_at(model)[0], model, q)
+    return () if doubt is None else (f"leaves {machine_words(doubt, np.zeros((len(q), 3)), None, 'these poses')}",)
+
+
+def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
+    """The same of tables for each actuator, which hold the effects of the names ``carried``."""
+    machine, (q, poses) = machine_at(model, session)[0], postures(model)
+    doubt = open_directions(machine, model, q)
+    if doubt is None:
+        return ()
+    after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
+    where = "the range of the fit, with the calibrated kinematics in the controller,"
+    return (f"leaves {machine_words(doubt, after, None, where)}",)
+
+
+def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Floats], list[Floats]]) -> Mask:
+    """Whether the data determine settings that follow from the errors of the TCP at commands q (N, n).
+
+    ``settings``: for errors (N, 3, k) of the TCP, m, the changes of each setting, (..., k): of several numbers together their
+    variances count.
+    """
+    if machine.model.covariance is None:
+        return np.ones(len(settings(np.zeros((len(q), 3, 1)))), dtype=bool)
+    at = _at(machine, q)
+    D = by_unknowns(machine.model, at)[:, :3]
+    before, after = settings(D * prior_sizes(machine.model, at)), settings(D @ ModelPosterior(machine.model).root)
+    power = np.array([[float((part**2).sum()) for part in parts] for parts in (before, after)])
+    return np.asarray(power[1] <= (1.0 - DETERMINED) * power[0])
+
+
+def changed_dimensions(
+    machine: CompensatedMachine, drives: Drives, towers: Towers, free: Mask, box: Box
+) -> tuple[str, ...]:
+    """A message on the changes of those dimensions of a delta that are ``free``, each with 1 sigma where it is known.
+
+    ``drives``: with the present dimensions. ``towers``: the new ones.
+    """
+    fit, sigma = TowerFit.of(machine, drives, box), None
+    if machine.model.covariance is not None:
+        moved = by_unknowns(machine.model, _at(machine, fit.needed))[:, :3] @ ModelPosterior(machine.model).root
+        gain = fit.response(free)[1]
+        sigma = np.linalg.norm(gain @ moved.reshape(gain.shape[1], -1), axis=1)
+    words, change = [], towers.values - drives.towers.values
+    for k in np.flatnonzero(free):
+        unit, factor = UNITS.get(DIMENSIONS[k].split()[0], ("mm", 1e3))
+        doubt = "" if sigma is None else f" +- {factor * sigma[k]:.2g}"
+        words.append(f"{DIMENSIONS[k]} by {factor * change[k]:+.3f}{doubt} {unit}")
+    return (f"changes {', '.join(words)}{'' if sigma is None else ' (1 sigma)'}",) if words else ()
+
+
+def _at(machine: CompensatedMachine, q: Floats) -> OperatingPoints:
+    return at_commands(machine.model, q, machine.columns(len(q)))
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """(N, 3) errors of the TCP without and with tables, base frame, m, and what the data leave open there; None: not known."""
+
+    before: Floats
+    after: Floats
+    doubt: OpenDirections | None = None
+    standing: bool = False
+    """Whether a shift and a turn on the bed is no error."""
+
+    def size(self, xyz: Floats) -> str:
+        """Text with the relative error of lengths in x and y, per cent, at points xyz (N, 3), m."""
+        xy = xyz[:, :2] - xyz[:, :2].mean(axis=0)
+
+        def scale(errors: Floats) -> Floats:
+            return np.asarray(100.0 * np.einsum("ni,ni...->...", xy, errors[:, :2]) / (xy**2).sum())
+
+        open_ = "" if self.doubt is None else f"1 sigma {np.linalg.norm(scale(self.doubt.moved)):.2g} %; "
+        after, before = scale(self.after), scale(self.before)
+        return f"leaves lengths of parts in x and y off by {after:+.2f} % ({open_}before {before:+.2f} %)"
+
+    @property
+    def is_nothing(self) -> bool:
+        """Whether there is no error to correct."""
+        return _rms(self.before) < LEAST
+
+    def words(self, where: str, temperatures: Mapping[str, float]) -> str:
+        """Text with the root mean squares of both errors, um: of the machine where its uncertainty is known, else of the
+        model."""
+        where += "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
+        if self.doubt is None:
+            return (
+                f"leaves {_um(_rms(self.after))} of {_um(_rms(self.before))} um of the TCP's error in {where}"
+                f" (z: {_um(_rms(self.after[:, 2:]))} of {_um(_rms(self.before[:, 2:]))} um)"
+            )
+        return f"leaves {machine_words(self.doubt, self.after, self.before, where, standing=self.standing)}"
+
+
+def machine_words(
+    doubt: OpenDirections, after: Floats, before: Floats | None, where: str, *, standing: bool = False
+) -> str:
+    """The expected error of a machine, um, with the parts of the file and of the data, from (N, 3) errors of its model, m.
+
+    ``before``: the errors without the file; None where they are not known.
+    """
+    found, low, high = map(_um, doubt.rms(after))
+    of = "" if before is None else f" of {_um(doubt.rms(before)[0])}"
+    up = f"z: {_um(doubt.rms(after, slice(2, 3))[0])}"
+    up += "" if before is None else f" of {_um(doubt.rms(before, slice(2, 3))[0])}"
+    up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
+    return (
+        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}): the file "
+        f"can't hold {_um(_rms(after))} um, and the data leave {_um(doubt.rms(np.zeros_like(after))[0])} um open"
+    )
+
+
+def check_any(left: Sequence[Left]) -> None:
+    """Raise `ModelError` if there is no error to correct at any temperature."""
+    if all(some.is_nothing for some in left):
+        hint = "give a calibrated or diagnosed model, and --temperature for effects of temperatures"
+        raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
+
+
+def by_parts(
+    machines: Mapping[str, CompensatedMachine], left: Callable[[CompensatedMachine], Left]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
+    move nothing under the conditions of the tables."""
+    words, absent = [], []
+    if len(machines) < 2:  # its part is the whole
+        return (), ()
+    for name, machine in machines.items():
+        found = left(machine)
+        if not found.is_nothing:
+            words.append(f"{name} {_um(_rms(found.after))} of {_um(_rms(found.before))} um")
+        elif name != "geometry":
+            absent.append(name)
+    return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _um(metres: float) -> str:
+    size = 1e6 * metres
+    if size < 0.01:
+        return "under 0.01"
+    return f"{size:.3g}" if size < 1000.0 else f"{size:.0f}"

@@ -1,0 +1,300 @@
+"""Lists of points or poses, as metrology programs export them: SpatialAnalyzer's ASCII points, and similar ones.
+
+SpatialAnalyzer's user manual, "Exporting ASCII Formatted Points": a line for each point, ``Collection Group Target x y z`` or
+fewer names, between spaces or commas, in the working frame and the working unit; comments after ``//``. Neither unit nor
+order are in the file, so the user gives both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.data import Commands, Dataset, InstrumentSection
+from gtpin.data.ids import Ids, normal_id, normal_ids
+from gtpin.data.names import ORIENTATION, POSITION, is_command
+from gtpin.data.table import has_decimal_comma, number
+from gtpin.errors import DatasetError
+from gtpin.extras.importers.lines import decimal, text_lines
+from gtpin.extras.importers.matched import Match, check_ranges, matched
+from gtpin.robot.chain import Chain
+from gtpin.robot.library import load_robot
+from gtpin.typing import Floats
+
+Separator = Literal["comma", "semicolon", "tab", "space"]
+SIGNS: Mapping[Separator, str | None] = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+Length = Literal["m", "mm", "inch"]
+LENGTHS: Mapping[Length, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
+Angle = Literal["rad", "deg"]
+ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
+
+IGNORED = "-"
+MOST_TURNS = 3
+"""Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
+COMMENTS = ("//", "#", "%")
+"""Beginnings of comment lines: // in SpatialAnalyzer's exports, the others in files of other programs."""
+
+
+@dataclass(frozen=True, eq=False)
+class NamedColumns:
+    """The content of a table.
+
+    ``file``, ``row``: the file, and the (N,) line of each row. ``pose``: (N,) ids; None where there is no such column.
+    ``values``: (N,) numbers of the other columns by name, in the units of the file.
+    """
+
+    file: Path
+    row: npt.NDArray[np.int64]
+    pose: Ids | None
+    values: Mapping[str, Floats]
+
+    def matrix(self, names: Sequence[str]) -> Floats:
+        """(N, len(names)) several columns."""
+        return np.column_stack([self.values[name] for name in names])
+
+    def commands(self, names: Sequence[str], scale: Floats) -> Commands:
+        """The commands in the table, in m or rad by their scales; rows without an id are numbered."""
+        pose = normal_ids(range(1, len(self.row) + 1)) if self.pose is None else self.pose
+        return Commands(pose, self.matrix(names) * scale, row=self.row, file=self.file)
+
+    def dataset(
+        self,
+        robot: str,
+        commands: Commands,
+        at: npt.NDArray[np.intp],
+        *,
+        metres: float = 1.0,
+        instrument: InstrumentSection | None,
+        tcp: str | None,
+    ) -> Dataset:
+        """The dataset of the poses in the table, which have the commands with the indices ``at`` (N,).
+
+        ``metres``: the unit of x, y and z. Raises `DatasetError` for a command that is far outside the robot's range.
+        """
+        check_ranges(commands, load_robot(robot, tcp))
+        own = {n: v for n, v in self.values.items() if n not in (*POSITION, *ORIENTATION) and not is_command(n)}
+        return Dataset(
+            robot=robot,
+            pose=commands.pose[at],
+            q=commands.q[at],
+            position=self.matrix(POSITION) * metres,
+            orientation=self.matrix(ORIENTATION) if ORIENTATION[0] in self.values else None,
+            covariates={name: values[at] for name, values in commands.covariates.items()} | own,
+            instrument=instrument or InstrumentSection(frame="free", target="free"),
+            tcp=tcp,
+            row=self.row,
+            file=self.file,
+        )
+
+
+def read_named_columns(
+    file: Path,
+    names: list[str],
+    separator: Separator,
+    *,
+    header: int = 0,
+    decimal_comma: bool = False,
+    needed: Sequence[str] = POSITION,
+) -> NamedColumns:
+    """Read a table.
+
+    ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
+    row are ignored. ``names``: names of the
+    columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for a column
+    that is ignored. ``separator``: separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of
+    them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
+    is a comma. ``needed``: names that must be there.
+
+    Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
+    number must be.
+    """
+    wanted = _wanted(names, separator, decimal_comma, needed)
+    rows: list[int] = []
+    poses: list[str] = []
+    cells: dict[str, list[float]] = {name: [] for name in wanted if name != "pose"}
+    for row, line in enumerate(text_lines(file), 1):
+        if row <= header or not line.strip() or line.lstrip().startswith(COMMENTS):
+            continue
+        texts = line.split(SIGNS[separator])
+        if len(texts) != len(names):
+            what = f"the row has {len(texts)} columns, and {len(names)} are named"
+            hint = f"name all columns in their order, '{IGNORED}' for those that are not wanted; the separator is a {separator}"
+            raise DatasetError(what, file=file, row=row, hint=hint)
+        if not rows and not any(_is_number(text) for text in texts):
+            continue  # names of columns
+        for name, place in wanted.items():
+            text = texts[place].strip()
+            if name == "pose":
+                try:
+                    poses.append(normal_id(text))
+                except ValueError as error:
+                    hint = "give every row a pose"
+                    raise DatasetError(str(error), file=file, row=row, column="pose", hint=hint) from None
+            else:
+                plain = text.replace(",", ".", 1) if decimal_comma else text
+                cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
+        rows.append(row)
+    if not rows:
+        raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
+    ids = np.array(poses, dtype=object) if "pose" in wanted else None
+    return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
+
+
+def _is_number(text: str) -> bool:
+    return not math.isnan(number(text.strip().replace(",", ".", 1)))
+
+
+def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed: Sequence[str]) -> dict[str, int]:
+    """Index, from 0, of each column that is used, by its name."""
+    found: dict[str, int] = {}
+    for place, name in enumerate(names):
+        if name == IGNORED:
+            continue
+        if not name or name in found:
+            what = f"the column {name} is named twice" if name else "a column without a name"
+            raise DatasetError(what, column="columns", hint=f"name each once, and '{IGNORED}' what is not wanted")
+        found[name] = place
+    missing = [name for name in needed if name not in found]
+    turned = [name for name in ORIENTATION if name in found]
+    missing += [name for name in ORIENTATION if turned and name not in found]
+    if missing:
+        hint = "name x, y, z, and all or none of qw, qx, qy, qz"
+        raise DatasetError(f"no column is named {missing[0]}", column="columns", hint=hint)
+    if separator not in SIGNS:
+        raise DatasetError(f"the separator {separator!r} is not known", column="separator", hint=", ".join(SIGNS))
+    if decimal_comma and separator == "comma":
+        what = "commas between columns and in numbers"
+        raise DatasetError(what, column="separator", hint="name the other separator, or export with a decimal point")
+    return found
+
+
+def _hint(text: str, *, first: bool) -> str:
+    """The hint for a text that is not a number; ``first``: it is in the first row."""
+    if has_decimal_comma(text):
+        return "if numbers have a comma for the point, give --decimal-comma"
+    return (
+        "if this line is no row, pass over it (--header N); else correct it"
+        if first
+        else "correct the row, or delete it"
+    )
+
+
+def commands_among(names: Iterable[str]) -> list[str]:
+    """Which columns are commands, q1 .. qn in order; raises `DatasetError` for a gap."""
+    found = sorted((name for name in names if is_command(name)), key=lambda name: int(name[1:]))
+    for place, name in enumerate(found, 1):
+        if name != f"q{place}":
+            raise DatasetError(f"no column is named q{place}", column="columns", hint="name q1 .. qn without a gap")
+    return found
+
+
+def read_commands(
+    file: Path | str,
+    robot: str,
+    unit: Length,
+    *,
+    angle: Angle | None = None,
+    decimal_comma: bool = False,
+    tcp: str | None = None,
+) -> Commands:
+    """Read the commands of a list of points: gtpin's own table, or joint values as a controller logs them.
+
+    ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``; or, under any names, a
+    column of poses or none, and one for each actuator, in order, between semicolons, tabs or commas. Their units are ``unit``
+    and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.extras.importers.points.read_named_columns`.
+
+    Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
+    """
+    file, machine = Path(file), load_robot(robot, tcp)
+    revolute = machine.revolute
+    head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
+    if "q1" in (name.strip() for name in head.split(",")):
+        found = Commands.read(file, len(revolute))
+        if angle is None and (np.abs(found.q[:, revolute]) > MOST_TURNS * 2.0 * np.pi).any():
+            raise DatasetError(
+                "commands of joints that turn look like degrees", file=file, hint="add --angle deg, or rad"
+            )
+        return replace(found, q=found.q * np.where(revolute, ANGLES[angle or "rad"], 1.0))
+    separator: Separator = "semicolon" if ";" in head else "tab" if "\t" in head else "comma"
+    commands = [f"q{i}" for i in range(1, len(revolute) + 1)]
+    count = len(head.split(SIGNS[separator]))
+    if count not in (len(commands), len(commands) + 1):
+        what = f"the table has {count} columns, and {robot} has {len(commands)} actuators"
+        raise DatasetError(
+            what, file=file, row=1, hint="give pose, q1 .. qn, or one column for each, after one of poses or none"
+        )
+    names = ["pose", *commands][-count:]
+    table = read_named_columns(file, names, separator, decimal_comma=decimal_comma, needed=commands)
+    return table.commands(commands, _scale(machine, len(commands), unit, angle))
+
+
+def _first_line(file: Path) -> str:
+    """The first line that is no comment."""
+    return next((line for line in text_lines(file) if line.strip() and not line.lstrip().startswith(COMMENTS)), "")
+
+
+def read_points(
+    file: Path | str,
+    robot: str,
+    columns: list[str],
+    separator: Separator,
+    unit: Length,
+    *,
+    angle: Angle | None = None,
+    commands: Commands | None = None,
+    match: Match | None = None,
+    within: float | None = None,
+    header: int = 0,
+    decimal_comma: bool = False,
+    instrument: InstrumentSection | None = None,
+    tcp: str | None = None,
+) -> Dataset:
+    """Read a list of points or poses.
+
+    ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
+    see :func:`read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
+    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
+    ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
+    :func:`~gtpin.extras.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
+    and a free target.
+
+    Raises `GtpinError` if a row is damaged, or columns or units are not given completely.
+    """
+    file = Path(file)
+    if unit not in LENGTHS:
+        raise DatasetError(f"the unit {unit!r} is not known", column="unit", hint=f"one of {', '.join(LENGTHS)}")
+    own = commands_among(columns)
+    if bool(own) == (commands is not None):
+        what = "commands both in the list and in a table" if own else "there are no commands"
+        hint = "name the columns q1 .. qn (--columns), or give a table of commands (--commands), and not both"
+        raise DatasetError(what, file=file, hint=hint)
+    if commands is not None and match is None:
+        hint = "give --match pose|row|time"
+        raise DatasetError("it is not said which command belongs to which row", column="match", hint=hint)
+    table = read_named_columns(file, columns, separator, header=header, decimal_comma=decimal_comma)
+    if commands is None:
+        commands = table.commands(own, _scale(load_robot(robot, tcp), len(own), unit, angle))
+        at = np.arange(len(table.row))
+    else:
+        assert match is not None
+        time = table.values.get("time")
+        at = matched(commands, match, file=file, row=table.row, pose=table.pose, time=time, within=within)
+    return table.dataset(robot, commands, at, metres=LENGTHS[unit], instrument=instrument, tcp=tcp)
+
+
+def _scale(robot: Chain, count: int, unit: Length, angle: Angle | None) -> np.ndarray:
+    """(n,) factor from the unit of each command to m or rad."""
+    revolute = robot.revolute
+    if len(revolute) != count:
+        what = f"{count} columns of commands for the {len(revolute)} actuators of {robot.name}"
+        raise DatasetError(what, column="columns", hint="name one for each, q1 .. qn")
+    if revolute.any() and angle not in ANGLES:
+        what = f"joints of {robot.name} turn, and the unit of their commands is not given"
+        raise DatasetError(what, hint=f"add {' or '.join(f'--angle {name}' for name in ANGLES)}")
+    return np.where(revolute, ANGLES[angle] if angle is not None else np.nan, LENGTHS[unit])

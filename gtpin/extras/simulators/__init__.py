@@ -1,0 +1,1 @@
+"""Models for physics engines: MJCF and SDF with drives, play, springs and guideways."""
