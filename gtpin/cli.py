@@ -24,6 +24,9 @@ INTERRUPTED = 130
 NOT_READ = 141
 """Exit code where the reader of a pipe ended (``gtpin ... | head -1``), as shells have it for other programs: 128 + SIGPIPE."""
 
+ENDING = (signal.SIGINT, signal.SIGTERM, *(() if sys.platform == "win32" else (signal.SIGHUP,)))
+"""Signals that end the program: Ctrl-C, a scheduler's end of time, a terminal that is closed."""
+
 
 def __getattr__(name: str) -> Any:
     if name == "app":
@@ -44,7 +47,7 @@ def main() -> None:
         _say("error", NOT_LOADED.format(error))
         sys.exit(2)
 
-    # From now on Ctrl-C and SIGTERM raise KeyboardInterrupt, so that worker processes are ended too.
+    # From now on these signals raise KeyboardInterrupt, so that worker processes are ended too.
     _on_signals(signal.default_int_handler)
     kept: list[str] = []
     warnings.showwarning = lambda message, *_, **__: kept.append(str(message))
@@ -60,7 +63,7 @@ def main() -> None:
 
 
 def _on_signals(handler: Any) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:  # ignored signals stay ignored, as in the background of a shell
             signal.signal(number, handler)
 
