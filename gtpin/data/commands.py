@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gtpin.data.checks import CheckedRows, frozen, unnumbered
 from gtpin.data.files import read_table, write_table
-from gtpin.data.ids import Ids
+from gtpin.data.ids import Ids, normal_ids
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_CARTS, TAKEN_IN_POSES, command_names
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError
@@ -83,11 +83,14 @@ class Commands:
         return int(self.q.shape[1])
 
     @classmethod
-    def read(cls, file: Path | str, n_actuators: int | None = None, ids: Collection[str] = ()) -> Commands:
+    def read(
+        cls, file: Path | str, n_actuators: int | None = None, ids: Collection[str] = (), *, numbered: bool = False
+    ) -> Commands:
         """Read a CSV or Parquet file of commands; FILE.parquet is read if FILE.csv does not exist.
 
         Measured columns (`x y z qw qx qy qz`) are ignored, so that a dataset's poses.csv can be used. `ids` names
-        further columns to ignore, such as `station`. All other columns are covariates.
+        further columns to ignore, such as `station`. All other columns are covariates. `numbered`: a table without `pose`
+        that has `time` is read too; its rows are numbered from 1.
         Raises `DatasetError` for a file that can't be read, or whose number of command columns is not `n_actuators`
         (None: any number).
         """
@@ -96,7 +99,9 @@ class Commands:
         if not os.path.exists(file) and file.suffix.lower() == ".csv" and os.path.exists(twin):
             file = twin
         table = read_table(file, ignore=(*POSITION, *ORIENTATION))
-        pose, q = table.column("pose"), table.commands()
+        q = table.commands()
+        lacks_pose = numbered and "pose" not in table.names and "time" in table.names
+        pose = normal_ids(range(1, len(q) + 1)) if lacks_pose else table.column("pose")
         if n_actuators is not None and q.shape[1] != n_actuators:
             what = f"the file has {q.shape[1]} columns of commands, the robot {n_actuators} actuators"
             raise DatasetError(what, file=file, row=1, column=f"q{q.shape[1]}", hint="one for each, q1 .. qn")

@@ -16,7 +16,7 @@ from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.extras.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.extras.importers.matched import Match
-from gtpin.extras.importers.points import Angle, Length, Separator, read_commands, read_points
+from gtpin.extras.importers.points import Angle, Length, Rotations, Separator, read_commands, read_points
 from gtpin.extras.importers.ros_poses import read_ros_poses
 from gtpin.extras.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.extras.importers.touches import Touches, write_touches
@@ -48,7 +48,10 @@ Target = Annotated[
     Literal["free", "tcp"],
     typer.Option("--target", help="free: where the target sits is unknown; tcp: at the robot's TCP."),
 ]
-Within = Annotated[float | None, typer.Option("--within", help="Longest time between a reading and its command, s.")]
+Within = Annotated[
+    float | None,
+    typer.Option("--within", help="Longest time from a command, s; other readings are left out."),
+]
 Read = Callable[..., Dataset | Touches]
 UP: Vector = (0.0, 0.0, 1.0)
 TOUCHES_NEEDED = """Touches of a printer's bed, what they leave over for a check, and the sigmas (mm) of the delta radius, the
@@ -208,7 +211,7 @@ def points(
     columns: Annotated[
         str,
         typer.Option(
-            help="Names of the columns in their order, between commas: pose, x, y, z, qw, qx, qy, qz, q1 ..., -."
+            help="Names of the columns in order, between commas: pose, x, y, z, qw, qx, qy, qz or rx, ry, rz, q1 ..., -."
         ),
     ],
     unit: Annotated[Length, typer.Option(help="Of lengths.")],
@@ -217,14 +220,20 @@ def points(
     commands: Annotated[
         Path | None,
         typer.Option(
-            help="Table with the columns pose, q1 .. qn, SI units; or joint values as a controller logs them: pose or "
-            "nothing, then a column for each joint."
+            help="Table with the columns pose (or time), q1 .. qn, SI units; or joint values as a controller logs them: "
+            "pose or nothing, then a column for each joint."
         ),
     ] = None,
     match: Annotated[Match | None, typer.Option(help="How rows and commands belong together.")] = None,
     within: Within = None,
     header: Annotated[int, typer.Option(help="Lines at the beginning to pass over.", min=0)] = 0,
     decimal_comma: Annotated[bool, typer.Option("--decimal-comma", help="Numbers have a comma.")] = False,
+    rotation: Annotated[
+        Rotations | None,
+        typer.Option(
+            help="What rx, ry, rz are: a vector, or Euler angles about fixed axes (zyx) or moving ones (ZYX)."
+        ),
+    ] = None,
     frame: Frame = "free",
     target: Target = "free",
     tcp: Tcp = None,
@@ -244,6 +253,7 @@ def points(
         within=within,
         header=header,
         decimal_comma=decimal_comma,
+        rotations=rotation,
         instrument=InstrumentSection(frame=frame, target=target),
         tcp=tcp,
     )
@@ -265,7 +275,7 @@ def ros_poses(
     return read_ros_poses(
         file,
         robot,
-        Commands.read(commands, load_robot(robot, tcp).n_actuators),
+        Commands.read(commands, load_robot(robot, tcp).n_actuators, numbered=True),
         match,
         within=within,
         prefix=prefix,

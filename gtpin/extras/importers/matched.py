@@ -10,10 +10,13 @@ import numpy.typing as npt
 
 from gtpin.data import Commands, check_commands
 from gtpin.data.ids import Ids
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, warn
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
+MOST_LOST = 0.5
+"""Share of the readings, and of the commands, that may have no partner in time; where both lack more, the clocks differ.
+Assumed."""
 Match = Literal["pose", "row", "time"]
 
 
@@ -32,14 +35,15 @@ def matched(
     time: Floats | None = None,
     within: float | None = None,
 ) -> npt.NDArray[np.intp]:
-    """(N,) index, in the table of commands, of the command of each reading.
+    """(N,) index, in the table of commands, of the command of each reading; -1 of a reading that has none.
 
     ``commands``: the table of commands. ``by``: ``pose``: the command with the same id. ``row``: the command in the same
-    row; both tables must have the same length. ``time``: the command that is nearest in time. ``file``, ``row``: file of
-    the readings, and the (N,) line of each. ``pose``, ``time``: (N,) ids and times, s, of the readings. ``within``: the
-    longest time between a reading and its command, s.
+    row; both tables must have the same length. ``time``: the command that is nearest in time, and none where that is farther
+    than ``within``, s. ``file``, ``row``: file of the readings, and the (N,) line of each. ``pose``, ``time``: (N,) ids and
+    times, s, of the readings.
 
-    Raises `DatasetError` if one of the tables lacks the column that is needed, or a reading has no command, or several.
+    Raises `DatasetError` if one of the tables lacks the column that is needed; if a reading's pose has no command; if so few
+    readings are near a command that the clocks can't be the same. Warns of readings that are left out.
     """
     if by == "row":
         if len(commands.pose) != len(row):
@@ -80,10 +84,18 @@ def _by_time(
     either = order[np.column_stack([after - 1, np.minimum(after, len(order) - 1)])]
     apart = np.abs(known[either] - time[:, None])
     nearest: npt.NDArray[np.intp] = either[np.arange(len(time)), apart.argmin(axis=1)]
-    far = np.flatnonzero(~(apart.min(axis=1) <= within))
-    if far.size:
-        what = f"the nearest command in {commands.file} is {apart.min(axis=1)[far[0]]:.6g} s away"
-        more = f" (and {far.size - 1} more rows)" if far.size > 1 else ""
-        hint = "check that both have one clock and unit, or delete the row"
-        raise DatasetError(what + more, file=file, row=int(row[far[0]]), column="time", hint=hint)
-    return nearest
+    far = ~(apart.min(axis=1) <= within)
+    left = np.unique(nearest[~far])
+    # A stream has readings between rests, and a log has commands that nobody measured: one of the two is usual.
+    if far.mean() > MOST_LOST and len(left) < (1.0 - MOST_LOST) * len(known):
+        first = int(np.flatnonzero(far)[0])
+        what = f"{far.sum():,} of {len(far):,} rows are farther than {within:g} s from a command in {commands.file}"
+        hint = (
+            f"check that both have one clock and unit: of this row the nearest is {apart.min(axis=1)[first]:.6g} s away"
+        )
+        raise DatasetError(what, file=file, row=int(row[first]), column="time", hint=hint)
+    if far.any():
+        warn(
+            f"{file}: {far.sum():,} of {len(far):,} rows are farther than {within:g} s from a command: they are left out"
+        )
+    return np.where(far, -1, nearest)

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.data.ids import Ids, normal_id, normal_ids
@@ -34,6 +35,12 @@ LENGTHS: Mapping[Length, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
 Angle = Literal["rad", "deg"]
 ANGLES: Mapping[Angle, float] = {"rad": 1.0, "deg": np.pi / 180.0}
 
+TURNS = ("rx", "ry", "rz")
+"""Names of the three columns of a rotation."""
+Rotations = Literal[
+    "vector", "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "ZXZ", "ZYZ"
+]
+"""A rotation vector, or the axes of Euler angles in the order of the columns: fixed ones (small letters), or moving ones."""
 IGNORED = "-"
 MOST_TURNS = 3
 """Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
@@ -54,6 +61,26 @@ class NamedColumns:
     pose: Ids | None
     values: Mapping[str, Floats]
 
+    def with_quaternions(self, rotations: Rotations | None, angle: Angle | None) -> NamedColumns:
+        """The same with quaternions in place of rx, ry and rz, if it has these.
+
+        Raises `DatasetError` if their meaning or their unit is not given.
+        """
+        if TURNS[0] not in self.values:
+            return self
+        if rotations is None or angle is None:
+            hint = "add --angle, and --rotation vector or the axes of the angles: zyx about fixed axes, ZYX about moving ones"
+            raise DatasetError("it is not said what rx, ry and rz are", file=self.file, column="rx", hint=hint)
+        turns = self.matrix(TURNS) * ANGLES[angle]
+        turned = Rotation.from_rotvec(turns) if rotations == "vector" else Rotation.from_euler(rotations, turns)
+        own = dict(zip(ORIENTATION, turned.as_quat(scalar_first=True).T, strict=True))
+        return replace(self, values={name: v for name, v in self.values.items() if name not in TURNS} | own)
+
+    def take(self, rows: npt.NDArray[np.bool_]) -> NamedColumns:
+        """Some of the rows."""
+        pose = None if self.pose is None else self.pose[rows]
+        return NamedColumns(self.file, self.row[rows], pose, {name: v[rows] for name, v in self.values.items()})
+
     def matrix(self, names: Sequence[str]) -> Floats:
         """(N, len(names)) several columns."""
         return np.column_stack([self.values[name] for name in names])
@@ -73,10 +100,14 @@ class NamedColumns:
         instrument: InstrumentSection | None,
         tcp: str | None,
     ) -> Dataset:
-        """The dataset of the poses in the table, which have the commands with the indices ``at`` (N,).
+        """The dataset of the poses in the table, which have the commands with the indices ``at`` (N,); without rows of -1.
 
         ``metres``: the unit of x, y and z. Raises `DatasetError` for a command that is far outside the robot's range.
         """
+        if (at < 0).any():
+            return self.take(at >= 0).dataset(
+                robot, commands, at[at >= 0], metres=metres, instrument=instrument, tcp=tcp
+            )
         check_ranges(commands, load_robot(robot, tcp))
         own = {n: v for n, v in self.values.items() if n not in (*POSITION, *ORIENTATION) and not is_command(n)}
         return Dataset(
@@ -105,10 +136,9 @@ def read_named_columns(
     """Read a table.
 
     ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
-    row are ignored. ``names``: names of the
-    columns in their order: ``pose``, ``x y z``, ``qw qx qy qz``, ``q1 .. qn``, names of covariates, and ``-`` for a column
-    that is ignored. ``separator``: separator of columns: ``comma``, ``semicolon``, ``tab`` or ``space`` (any number of
-    them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
+    row are ignored. ``names``: names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz`` or ``rx ry rz``,
+    ``q1 .. qn``, names of covariates, and ``-`` for a column that is ignored. ``separator``: separator of columns: ``comma``,
+    ``semicolon``, ``tab`` or ``space`` (any number of them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
     is a comma. ``needed``: names that must be there.
 
     Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
@@ -163,8 +193,13 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed:
     missing = [name for name in needed if name not in found]
     turned = [name for name in ORIENTATION if name in found]
     missing += [name for name in ORIENTATION if turned and name not in found]
+    angles = [name for name in TURNS if name in found]
+    missing += [name for name in TURNS if angles and name not in found]
+    if turned and angles:
+        what = "both quaternions and angles are named"
+        raise DatasetError(what, column="columns", hint=f"name one, and '{IGNORED}' the other")
     if missing:
-        hint = "name x, y, z, and all or none of qw, qx, qy, qz"
+        hint = "name x, y, z, and all or none of qw, qx, qy, qz, or of rx, ry, rz"
         raise DatasetError(f"no column is named {missing[0]}", column="columns", hint=hint)
     if separator not in SIGNS:
         raise DatasetError(f"the separator {separator!r} is not known", column="separator", hint=", ".join(SIGNS))
@@ -205,9 +240,9 @@ def read_commands(
 ) -> Commands:
     """Read the commands of a list of points: gtpin's own table, or joint values as a controller logs them.
 
-    ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``; or, under any names, a
-    column of poses or none, and one for each actuator, in order, between semicolons, tabs or commas. Their units are ``unit``
-    and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.extras.importers.points.read_named_columns`.
+    ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``, where ``time`` may
+    stand in place of ``pose``; or, under any names, a column of poses or none, and one for each actuator, in order, between
+    semicolons, tabs or commas. Their units are ``unit`` and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.extras.importers.points.read_named_columns`.
 
     Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
     """
@@ -215,7 +250,7 @@ def read_commands(
     revolute = machine.revolute
     head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
     if "q1" in (name.strip() for name in head.split(",")):
-        found = Commands.read(file, len(revolute))
+        found = Commands.read(file, len(revolute), numbered=True)
         if angle is None and (np.abs(found.q[:, revolute]) > MOST_TURNS * 2.0 * np.pi).any():
             raise DatasetError(
                 "commands of joints that turn look like degrees", file=file, hint="add --angle deg, or rad"
@@ -252,6 +287,7 @@ def read_points(
     within: float | None = None,
     header: int = 0,
     decimal_comma: bool = False,
+    rotations: Rotations | None = None,
     instrument: InstrumentSection | None = None,
     tcp: str | None = None,
 ) -> Dataset:
@@ -259,7 +295,9 @@ def read_points(
 
     ``file``: the list. ``robot``, ``tcp``: as in dataset.toml. ``columns``, ``separator``, ``header``, ``decimal_comma``:
     see :func:`read_named_columns`. ``unit``: unit of x, y and z, and of the commands of actuators
-    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, where the list has them.
+    that slide, where the list has them. ``angle``: unit of the commands of actuators that turn, and of rx, ry and rz, where
+    the list has them. ``rotations``: what rx, ry and rz are: ``vector``, or the axes of Euler angles in the order of the
+    columns, about fixed axes (``zyx``) or moving ones (``ZYX``), as in SciPy.
     ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
     :func:`~gtpin.extras.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
     and a free target.
@@ -278,6 +316,7 @@ def read_points(
         hint = "give --match pose|row|time"
         raise DatasetError("it is not said which command belongs to which row", column="match", hint=hint)
     table = read_named_columns(file, columns, separator, header=header, decimal_comma=decimal_comma)
+    table = table.with_quaternions(rotations, angle)
     if commands is None:
         commands = table.commands(own, _scale(load_robot(robot, tcp), len(own), unit, angle))
         at = np.arange(len(table.row))
