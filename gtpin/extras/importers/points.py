@@ -138,8 +138,8 @@ def read_named_columns(
     ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
     row are ignored. ``names``: names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz`` or ``rx ry rz``,
     ``q1 .. qn``, names of covariates, and ``-`` for a column that is ignored. ``separator``: separator of columns: ``comma``,
-    ``semicolon``, ``tab`` or ``space`` (any number of them). ``header``: number of lines at the beginning that are not rows. ``decimal_comma``: whether the decimal separator
-    is a comma. ``needed``: names that must be there.
+    ``semicolon``, ``tab`` or ``space`` (any number of them). ``header``: number of lines at the beginning that are not rows.
+    ``decimal_comma``: whether the decimal separator is a comma. ``needed``: names that must be there.
 
     Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
     number must be.
@@ -242,7 +242,8 @@ def read_commands(
 
     ``file``: a table with the columns ``pose, q1 .. qn``, in m, and in rad unless ``angle`` is ``deg``, where ``time`` may
     stand in place of ``pose``; or, under any names, a column of poses or none, and one for each actuator, in order, between
-    semicolons, tabs or commas. Their units are ``unit`` and ``angle``, and ``decimal_comma`` is as in :func:`~gtpin.extras.importers.points.read_named_columns`.
+    semicolons, tabs or commas. Their units are ``unit`` and ``angle``, and ``decimal_comma`` is as in
+    :func:`~gtpin.extras.importers.points.read_named_columns`.
 
     Raises `GtpinError` if a row is damaged, the number of columns is another, or a unit is not given.
     """
