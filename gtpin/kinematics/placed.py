@@ -175,7 +175,8 @@ def _moved(
     if p.kind == "platform":
         return [(frame_of_tcp(robot), twist_jacobian(geometry.platform)[:, p.component])]
     if p.kind == "anchor":
-        return [(frame_of_anchor(robot, p.owner), np.eye(6)[p.component])]
+        moved = [a for a, leading in enumerate(robot.leading_anchors) if leading == p.owner]
+        return [(frame_of_anchor(robot, a), np.eye(6)[p.component]) for a in moved]
     if p.kind == "direction":
         return _turned(robot, p, carriers[p.owner], anchors)
     rod = robot.rods[p.owner]

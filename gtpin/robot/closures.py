@@ -1,14 +1,14 @@
 """Reads the YAML of example-parallel-robots, which says how the loops of the URDF beside it close and which joints are driven.
 
-``closed_loop: [[FRAME, FRAME], ...]`` are pairs of links or joints whose frames coincide, ``type: [3d, ...]`` whether only
-their origins do (``3d``, a spherical loop) or their axes too (``6d``), and ``name_mot: [JOINT, ...]`` the driven joints in the
-order of q. The values are lists on one line each, as that project and gtpin's export write them.
+``closed_loop: [[FRAME, FRAME], ...]`` are pairs of links or joints, ``type: [3d, ...]`` whether their origins coincide (``3d``,
+a spherical loop) or their axes too (``6d``), and ``name_mot: [JOINT, ...]`` the driven joints in the order of q. The values are
+lists on one line each, as that project and gtpin's export write them.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import NoReturn
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -18,7 +18,8 @@ from gtpin.errors import RobotError
 
 SUFFIX = ".yaml"
 READ = ("closed_loop", "type", "name_mot")
-SPHERICAL = "3d"
+TYPES = {"3d": "spherical", "6d": "fixed"}
+"""Types of loops, with those of ``<loop_joint>``."""
 ENDS = ("_A", "_B")
 """Ends of the names of the two links at a loop that gtpin's export adds."""
 
@@ -28,8 +29,7 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
 
     A URDF that gtpin exported has these elements; then both files must say the same.
 
-    Raises `RobotError` if one of the files is missing or damaged, a loop is not spherical, or the files do not belong
-    together.
+    Raises `RobotError` if one of the files is missing or damaged, or the files do not belong together.
     """
     rows = _values(file)
     urdf = file.with_suffix(".urdf")
@@ -42,8 +42,8 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
     if written := root.findall("loop_joint"):
         _check_written(file, [loop.get("name", "") for loop in written], pairs)
     else:
-        for number, pair in enumerate(pairs):
-            _add_loop(file, root, f"loop{number + 1}", pair)
+        for number, (pair, kind) in enumerate(pairs.items()):
+            _add_loop(file, root, f"loop{number + 1}", pair, TYPES[kind])
     own = root.find("gtpin")
     own = SubElement(root, "gtpin") if own is None else own
     driven = [element.get("joint", "") for element in own.findall("actuator")]
@@ -53,6 +53,11 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
         for joint in drives:
             SubElement(own, "actuator", joint=joint)
     return tostring(root, encoding="unicode")
+
+
+def closes(file: Path) -> bool:
+    """Whether there is a file of this name that says how the loops of a URDF close."""
+    return file.is_file() and any(line.startswith("closed_loop:") for line in read_text(file, RobotError).splitlines())
 
 
 def _values(file: Path) -> dict[str, tuple[int, object]]:
@@ -93,7 +98,8 @@ def _names(file: Path, rows: dict[str, tuple[int, object]], key: str) -> list[st
     return [str(one) for one in value]
 
 
-def _pairs(file: Path, rows: dict[str, tuple[int, object]]) -> list[tuple[str, str]]:
+def _pairs(file: Path, rows: dict[str, tuple[int, object]]) -> dict[tuple[str, str], str]:
+    """The pairs of frames, with the type of each."""
     value, kinds = rows["closed_loop"][1], _names(file, rows, "type")
     pairs: list[tuple[str, str]] = []
     for pair in value if isinstance(value, list) else [None]:
@@ -105,16 +111,15 @@ def _pairs(file: Path, rows: dict[str, tuple[int, object]]) -> list[tuple[str, s
     if len(kinds) != len(pairs):
         what = f"{len(kinds)} types for {len(pairs)} loops"
         _refuse(file, rows, "type", what, "give one for each pair of closed_loop")
-    for pair, kind in zip(pairs, kinds, strict=True):
-        if kind.lower() != SPHERICAL:
-            what = f"the loop of {pair[0]} and {pair[1]} is closed by {kind[:20]!r}, so it is no spherical joint"
-            _refuse(
-                file, rows, "type", what, f"gtpin closes loops by {SPHERICAL}: leave the axes of one joint of it free"
-            )
-    return pairs
+    found = {pair: kind.lower() for pair, kind in zip(pairs, kinds, strict=True)}
+    for pair, kind in found.items():
+        if kind not in TYPES:
+            what = f"the loop of {pair[0]} and {pair[1]} is closed by {kind[:20]!r}"
+            _refuse(file, rows, "type", what, f"write one of {', '.join(TYPES)}")
+    return found
 
 
-def _check_written(file: Path, loops: list[str], pairs: list[tuple[str, str]]) -> None:
+def _check_written(file: Path, loops: list[str], pairs: Collection[tuple[str, str]]) -> None:
     """Check that the pairs are those of a URDF that gtpin exported, which has the loops too."""
     expected = [tuple(f"{loop}{end}" for end in ENDS) for loop in loops]
     if sorted(pairs) != sorted(expected):
@@ -124,9 +129,9 @@ def _check_written(file: Path, loops: list[str], pairs: list[tuple[str, str]]) -
         )
 
 
-def _add_loop(file: Path, root: Element, name: str, pair: tuple[str, str]) -> None:
-    """Write a loop: both origins coincide."""
-    loop = SubElement(root, "loop_joint", name=name, type="spherical")
+def _add_loop(file: Path, root: Element, name: str, pair: tuple[str, str], kind: str) -> None:
+    """Write a loop of a type of ``<loop_joint>``."""
+    loop = SubElement(root, "loop_joint", name=name, type=kind)
     links = {link.get("name", "") for link in root.findall("link")}
     children = {joint.get("name", ""): joint.find("child") for joint in root.findall("joint")}
     for tag, frame in zip(("link1", "link2"), pair, strict=True):

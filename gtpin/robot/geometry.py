@@ -158,7 +158,8 @@ class Geometry:
 
         Zero for a robot with rods, whose parameters are the lengths and joints of the rods.
         """
-        return self.deviations("anchor", "anchor", (2 * len(self.robot.constraints), 3))
+        leading = list(self.robot.leading_anchors)
+        return self.deviations("anchor", "anchor", (len(leading), 3))[leading]
 
     def __getitem__(self, name: str) -> float:
         """One parameter's value, m, rad or m/m, by its name; `ModelError` where no parameter has this name."""

@@ -138,6 +138,8 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[
             )
     ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in (loop.anchor1, loop.anchor2)]
     for owner, (loop, link) in enumerate(ends):
+        if robot.leading_anchors[owner] != owner:
+            continue
         for c, axis in enumerate("xyz"):
             name = f"anchor[{loop}.{link}].{axis}"
             found.append(Parameter(name, "anchor", owner, c, "anchor", "m", 0.0, tolerances["placement_position"]))

@@ -64,8 +64,8 @@ def test_a_model_of_it_needs_no_yaml(file: Path, tmp_path: Path) -> None:
     [
         (
             "'3D'",
-            "'6d'",
-            r"row 3, column type: the loop of pin_A and pin_B is closed by '6d', so it is no spherical joint",
+            "'4d'",
+            r"row 3, column type: the loop of pin_A and pin_B is closed by '4d'; write one of 3d, 6d",
         ),
         ("['3D']", "['3d', '3d']", "2 types for 1 loops"),
         ("'pin_B'", "'lost'", "the URDF has no link and no joint 'lost'"),
