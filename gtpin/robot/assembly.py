@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis, joint_jacobian
-from gtpin.robot.constraints import constraint_error, constraint_jacobian, is_determined, undetermined
+from gtpin.robot.constraints import gaps, gaps_jacobian, is_determined, undetermined
 from gtpin.robot.description import LEVER
 from gtpin.robot.planar_loops import POSTURES
 from gtpin.typing import Floats
@@ -89,10 +89,15 @@ def assemble(robot: ConstrainedModel) -> Assembly:
         configuration, gap = _without_redundant(robot, configuration, notes)
     if any(loop.point_of for loop in robot.description.loops):
         configuration, gap = closest(robot, configuration)
-        turned = _turned_apart(robot, configuration)
-        if gap <= CLOSED * robot.size < turned:
-            apart = f"the frames of a fixed loop of {robot.name} stay {1e3 * turned:.2g} mrad apart"
-            notes.append(f"{apart}, about axes about which its joints do not turn")
+        if gap > tolerance(robot):
+            what = f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
+            raise robot.description.error(
+                what, f"mend the joints or the frames; up to {tolerance(robot):.2g} m is rounding"
+            )
+        apart = _turned_apart(robot, configuration)
+        if apart > CLOSED * robot.size:
+            stay = f"the frames of a fixed loop of {robot.name} stay {1e3 * apart:.2g} mrad apart"
+            notes.append(f"{stay}, about axes about which its joints do not turn")
     return Assembly(configuration, gap, free, chosen, tuple(notes))
 
 
@@ -163,7 +168,7 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
 
     def slopes(x: Floats) -> Floats:
         off(x)
-        return constraint_jacobian(robot)[:, robot.passive]
+        return np.asarray(robot.seeking @ gaps_jacobian(robot)[:, robot.passive])
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
     exact = all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints))
@@ -197,11 +202,7 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
         if gap < smallest:
             best, smallest = configuration, gap
         moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive])
-        if (
-            gap <= tolerance(robot)
-            and _turned_apart(robot, configuration) < 1.0
-            and all(np.abs(moved - other).max() > SAME for other, *_ in found)
-        ):
+        if gap <= tolerance(robot) and all(np.abs(moved - other).max() > SAME for other, *_ in found):
             found.append((moved, gap, _turned(robot, start, every, moved)))
     found = [one for one in found if one[1] <= CLOSED * robot.size] or found  # else closed but for rounded numbers
     if not found:
@@ -218,15 +219,12 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
 
 
 def _turned_apart(robot: ConstrainedModel, configuration: Floats) -> float:
-    """Angle, rad, between the frames that a loop of type ``fixed`` joins; 2 for half a turn.
-
-    Where they are half a turn apart the equations of their points hold too.
-    """
+    """Largest angle, rad, between the frames that loops of type ``fixed`` join."""
     _gaps(robot, configuration)
-    loops, data = robot.description.loops, (data for _, data in robot.constraint_pairs)
-    gaps = {loop.name: one.constraint_position_error for loop, one in zip(loops, data, strict=True)}
-    apart = [np.linalg.norm(gaps[loop.name] - gaps[loop.point_of]) for loop in loops if loop.point_of]
-    return float(max(apart, default=0.0)) / LEVER
+    loops = robot.description.loops
+    left = {loop.name: gap for loop, gap in zip(loops, gaps(robot).reshape(-1, 3), strict=True)}
+    apart = [np.linalg.norm(left[loop.name] - left[loop.point_of]) for loop in loops if loop.point_of]
+    return float(max(apart)) / LEVER
 
 
 def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
@@ -252,9 +250,9 @@ def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
 
 def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
     urdf = robot.description.kind == "urdf"
-    homes = [_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found[:SHOWN]]
-    more = f", and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
-    others = f"; others are {', '.join(homes[1:])}{more}" if len(homes) > 1 else ""
+    homes = list(dict.fromkeys(_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found))
+    more = f", and {len(homes) - SHOWN} more" if len(homes) > SHOWN else ""
+    others = f"; others are {', '.join(homes[1:SHOWN])}{more}" if len(homes) > 1 else ""
     where = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero"
     choose = "put one of these elements into <gtpin> to choose its assembly"
     if not urdf:
@@ -355,7 +353,7 @@ def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[n
 
 def _gaps(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return constraint_error(robot)
+    return np.asarray(robot.seeking @ gaps(robot))
 
 
 def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:

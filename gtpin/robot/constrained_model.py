@@ -160,6 +160,8 @@ class ConstrainedModel:
         """Close each loop only across the directions ``planes`` (k, 3), in the frame of its first anchor."""
         self.planes = planes
         self._in_planes = in_planes(planes) if any(map(len, planes)) else None
+        self.seeking: Floats = np.vstack([in_planes(planes), self._levers()])
+        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
         self.plane_axes: tuple[Floats | None, ...] = tuple(axes_of(n) if len(n) else None for n in planes)
 
     def _close(self) -> None:
@@ -386,6 +388,18 @@ class ConstrainedModel:
         frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
+
+    def _levers(self) -> Floats:
+        """(k, 3 L) components of gaps along the levers of the k further points of loops of type ``fixed``."""
+        loops = self.description.loops
+        names, found = [loop.name for loop in loops], []
+        for i, loop in enumerate(loops):
+            if loop.point_of:
+                row = np.zeros((len(loops), 3))
+                row[i] = np.eye(3)["xy".index(loop.name[-1])]
+                row[names.index(loop.point_of)] = -row[i]
+                found.append(row.ravel())
+        return np.reshape(found, (len(found), 3 * len(loops)))
 
     def relative_motions(self, configurations: Sequence[Floats]) -> Floats:
         """(3 L, c) motions of the second anchors relative to the first, in their frames, by the passive joints at postures."""

@@ -91,6 +91,22 @@ def test_a_machine_with_a_weld_is_calibrated_and_read_again(tmp_path: Path) -> N
     assert np.abs(again.predict(made.commands.q).minus(found.model.predict(made.commands.q))).max() < 1e-9
 
 
+def test_what_a_loop_holds_is_no_tool() -> None:
+    parts = (
+        joint("tool", "coupler", "pen", "0.1 0 0", kind="fixed"),
+        joint("end", "coupler", "held", "0.3 0 0", "0 0 1"),
+    )
+    text = urdf(
+        "r",
+        joint("a", "base", "coupler"),
+        joint("b", "base", "rocker", "0.3 0 0"),
+        *parts,
+        loop("held", "0 0 0", "rocker", "0 0 0"),
+    )
+    assert RobotDescription.parse(text).tree.tip == "pen"
+    assert RobotDescription.parse(text.replace("pen", "tool0")).tree.tip == "tool0"
+
+
 def test_frames_half_a_turn_apart_are_no_closed_posture() -> None:
     """A slider and a turntable welded to the base at half a turn of where they are: the slider's way closes the points too."""
     text = urdf(
