@@ -8,7 +8,20 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import ZERO, AsJson, Force, ModelReference, Origin, Tcp, not_its_input, output_option, tell
+from gtpin.commands.terminal import (
+    ZERO,
+    Actuators,
+    AsJson,
+    Force,
+    Home,
+    ModelReference,
+    Origin,
+    Tcp,
+    chosen,
+    not_its_input,
+    output_option,
+    tell,
+)
 from gtpin.compensation.compensate import machine_of
 from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.box import Box
@@ -82,11 +95,13 @@ def export(
         bool, typer.Option("--undetermined", help=".cfg and .g: change also settings that the data do not determine.")
     ] = False,
     tcp: Tcp = None,
+    actuators: Actuators = "",
+    home: Home = "",
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the model for other software: URDF, SDF, MJCF, tables of corrections, corrected commands."""
-    found = read_model(model, tcp=tcp)
+    found = read_model(model, tcp=tcp, **chosen(actuators, home))
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", GtpinWarning)
         if commands is None and controller is not None and not writer_of(output, form)[1].tables:

@@ -8,12 +8,15 @@ from typing import Annotated
 import typer
 
 from gtpin.commands.terminal import (
+    Actuators,
     AsJson,
     Force,
+    Home,
     ModelReference,
     Output,
     Seed,
     Tcp,
+    chosen,
     progress_of,
     rendered,
     tell,
@@ -61,6 +64,8 @@ def plan(
         ),
     ] = None,
     tcp: Tcp = None,
+    actuators: Actuators = "",
+    home: Home = "",
     frame: Annotated[
         Place | None, typer.Option(help="free: the instrument may stand anywhere. By default, as it was for the model.")
     ] = None,
@@ -73,7 +78,7 @@ def plan(
 ) -> None:
     """Choose the poses to measure: for a calibration, to tell effects apart, or for a check of the machine's health."""
     with results_folder(output, FILES, force=force) as folder:
-        known = read_model(model, tcp=tcp)
+        known = read_model(model, tcp=tcp, **chosen(actuators, home))
         noise = _noise(known, position_sigma, orientation_sigma, positions_only)
         q = None if candidates is None else Commands.read(candidates, known.robot.n_actuators).q
         with progress_of("choosing poses"):

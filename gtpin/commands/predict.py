@@ -8,7 +8,18 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, not_its_input, output_option, tell
+from gtpin.commands.terminal import (
+    Actuators,
+    AsJson,
+    Force,
+    Home,
+    ModelReference,
+    Tcp,
+    chosen,
+    not_its_input,
+    output_option,
+    tell,
+)
 from gtpin.data import Commands
 from gtpin.data.checks import CheckedRows
 from gtpin.data.files import read_table, write_table
@@ -26,6 +37,8 @@ def predict(
     commands: Annotated[Path, typer.Argument(help="CSV or Parquet table with the columns pose, q1 .. qn.")],
     output: Annotated[Path, output_option("CSV file for the poses.")],
     tcp: Tcp = None,
+    actuators: Actuators = "",
+    home: Home = "",
     instrument: Annotated[
         str | None,
         typer.Option(help="Name of an instrument of the model's dataset: write its readings.", metavar="<name>"),
@@ -36,7 +49,7 @@ def predict(
     """Predict what the instrument would read, without noise."""
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
-        found = read_model(model, tcp=tcp)
+        found = read_model(model, tcp=tcp, **chosen(actuators, home))
         table = _table(found, commands, instrument)
         write_table(new, table)
     what = "poses" if instrument is None else f"readings of {instrument}"

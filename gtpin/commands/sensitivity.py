@@ -9,7 +9,20 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.analysis import analyse
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell, written
+from gtpin.commands.terminal import (
+    Actuators,
+    AsJson,
+    Force,
+    Home,
+    ModelReference,
+    Output,
+    Seed,
+    Tcp,
+    chosen,
+    progress_of,
+    tell,
+    written,
+)
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -24,6 +37,8 @@ def sensitivity(
         Path | None, typer.Option(help="Table of commands; by default some that fill the workspace.")
     ] = None,
     tcp: Tcp = None,
+    actuators: Actuators = "",
+    home: Home = "",
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
@@ -33,7 +48,7 @@ def sensitivity(
         results_folder(output, AccuracyPresentation.files, force=force) as folder,
         progress_of("sensitivity") as progress,
     ):
-        found = read_model(model, tcp=tcp)
+        found = read_model(model, tcp=tcp, **chosen(actuators, home))
         q = None
         if poses is not None:
             given = Commands.read(poses, found.robot.n_actuators)

@@ -52,6 +52,27 @@ ModelReference = Annotated[
 Tcp = Annotated[
     str | None, typer.Option("--tcp", metavar="LINK", help="The link that is the TCP, where it is not the robot's own.")
 ]
+Actuators = Annotated[
+    str,
+    typer.Option("--actuators", metavar="JOINT,JOINT", help="The joints that q1 .. qn command, where not the file's."),
+]
+Home = Annotated[
+    str,
+    typer.Option(
+        "--home", metavar="Q1,Q2", help="Commands of the posture that chooses the assembly, or the name of a keyframe."
+    ),
+]
+
+
+def chosen(actuators: str, home: str) -> dict[str, Any]:
+    """The arguments of `read_model` for these options: names of joints, and commands or the name of a keyframe."""
+    words = home.replace(",", " ").split()
+    try:
+        commands: str | tuple[float, ...] = tuple(float(word) for word in words)
+    except ValueError:
+        commands = home
+    return {"actuators": tuple(actuators.replace(",", " ").split()), "home": commands}
+
 
 TrustData = Annotated[
     bool, typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them.")

@@ -66,6 +66,8 @@ class Dataset(Shown):
         The link whose pose is measured; None for the robot's own TCP.
     actuators
         The joints that q1 .. qn command; empty for the robot's own.
+    home
+        The commands of the home posture, or the name of a keyframe of an MJCF; empty for the robot's own.
     drivers
         Recorded columns, such as a tilt sensor, that the diagnosis tests as causes of deviations.
     carts
@@ -114,6 +116,7 @@ class Dataset(Shown):
     tolerance: Mapping[str, float] = field(default_factory=dict)
     tcp: str | None = None
     actuators: tuple[str, ...] = ()
+    home: tuple[float, ...] | str = ()
     drivers: tuple[Driver, ...] = ()
     carts: CartMeasurements | None = None
     path: Path | None = None
@@ -138,6 +141,7 @@ class Dataset(Shown):
             "robot": description.robot,
             "tcp": description.tcp,
             "actuators": description.actuators,
+            "home": description.home,
             "instrument": description.instrument,
             "conditions": description.conditions,
             "drivers": description.drivers,
@@ -272,6 +276,7 @@ class Dataset(Shown):
             tolerance=common.tolerance,
             tcp=common.tcp,
             actuators=common.actuators,
+            home=common.home,
             drivers=common.drivers,
             carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
             path=path,
@@ -348,6 +353,7 @@ class Dataset(Shown):
                 "robot": robot,
                 "tcp": self.tcp,
                 "actuators": self.actuators,
+                "home": self.home,
                 "driver": [asdict(driver) for driver in self.drivers],
                 "instrument": self.instrument,
                 "conditions": self.conditions,

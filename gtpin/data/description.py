@@ -109,7 +109,8 @@ class Description(TomlSection):
     """The whole of dataset.toml.
 
     `tcp` is the link whose pose is measured; None: the robot's own TCP. `actuators` are the joints that q1 .. qn command;
-    empty: the robot's own. `tolerance` has standard deviations by kind of parameter, m, rad or m/m.
+    empty: the robot's own. `home` are the commands of the home posture, or the name of a keyframe; empty: the robot's own.
+    `tolerance` has standard deviations by kind of parameter, m, rad or m/m.
     """
 
     schema_: Literal["gtpin-dataset/1"] = Field(
@@ -119,6 +120,10 @@ class Description(TomlSection):
     tcp: Annotated[TomlName | None, hint('write tcp = "LINK"')] = None
     actuators: Annotated[
         tuple[TomlName, ...], Field(strict=False), hint('write actuators = ["JOINT", "JOINT", ...]')
+    ] = ()
+    home: Annotated[
+        Annotated[tuple[TomlFinite, ...], Field(strict=False)] | TomlName,
+        hint("write home = [...], a command for each of q1 .. qn, or the name of a keyframe of an MJCF"),
     ] = ()
     instrument: InstrumentSection = InstrumentSection()
     conditions: Conditions = Conditions()

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 from gtpin.errors import RobotError
 from gtpin.export.xml_text import numbers, xml_text
 from gtpin.robot.chain import Chain
-from gtpin.robot.closures import ENDS, SPHERICAL
+from gtpin.robot.closures import ENDS
 from gtpin.robot.description import parse_xml
 
 SIMPLE = "transmission_interface/SimpleTransmission"
@@ -73,11 +73,12 @@ def with_anchors(robot: Chain) -> str:
 
 
 def side_file(robot: Chain) -> str:
-    """YAML that closes the loops by three coordinates each, and names the driven joints in the order of q."""
-    loops = [loop.name for loop in robot.description.loops]
+    """YAML that closes the loops by three coordinates each, or six, and names the driven joints in the order of q."""
+    loops = [loop.name for loop in robot.description.loops if not loop.point_of]
+    fixed = {loop.point_of for loop in robot.description.loops}
     lines = {
         "closed_loop": [[f"{name}{end}" for end in ENDS] for name in loops],
-        "type": [SPHERICAL] * len(loops),
+        "type": ["6d" if name in fixed else "3d" for name in loops],
         "name_mot": [actuator.joint for actuator in robot.actuators],
     }
     return "".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items())

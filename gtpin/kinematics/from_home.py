@@ -8,7 +8,7 @@ import pinocchio as pin
 from gtpin.errors import AssemblyModeError, UnreachableError
 from gtpin.kinematics.placed import rotation
 from gtpin.kinematics.postures import Here
-from gtpin.robot.assembly import NEAR
+from gtpin.robot.assembly import NEAR, tolerance
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -21,11 +21,15 @@ and smaller than the difference of assembly modes."""
 
 def open_at_home(robot: Chain) -> UnreachableError:
     """The error of loops that can't be closed at home."""
-    what, declared = f"the loops of {robot.name} don't close at its home", robot.description.home is not None
-    gap = robot.assembly.gap
-    if not declared and gap > NEAR:
-        what += f": {gap:.3g} m is the smallest gap found between their anchors"
-    hint = "mend <home> or the loops' anchors" if declared else "mend the joints or the loops' anchors"
+    described, gap = robot.description, robot.assembly.gap
+    what = f"the loops of {robot.name} don't close at its home"
+    if described.home is None or gap <= NEAR:
+        what += f": {gap:.3g} m is the smallest gap found between their anchors (up to {tolerance(robot):.2g} m is rounding)"
+    hint = "mend the joints or the loops' anchors"
+    if described.home is not None:
+        hint = "mend <home> or the loops' anchors"
+    elif described.kind == "mjcf":
+        hint = "mend the joints, the places of its equality constraints, or its keyframe"
     return UnreachableError(what, hint=hint)
 
 

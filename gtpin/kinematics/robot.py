@@ -355,7 +355,9 @@ class Robot(Chain):
         return poses
 
 
-def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Robot:
+def load_robot(
+    robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = (), home: Sequence[float] | str = ()
+) -> Robot:
     """Load a robot by its name or by the path of its URDF or MJCF file.
 
     Parameters
@@ -368,6 +370,9 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
         The link whose pose is the robot's pose; None: the one that the file names.
     actuators
         The joints that are commanded, in the order of q; by default those that the file names, else all that move.
+    home
+        (n,) commands, m or rad, of the home posture, which chooses the assembly; or the name of a keyframe of an MJCF. By
+        default the home that the file names: of an MJCF its first keyframe.
 
     Raises
     ------
@@ -388,4 +393,4 @@ def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[st
     >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
     7
     """
-    return library.loaded(Robot, robot, tcp, actuators)
+    return library.loaded(Robot, robot, tcp, actuators, home)

@@ -25,7 +25,7 @@ def robot_of(dataset: Dataset) -> Chain:
     """
     file = dataset.toml
     try:
-        robot = load_robot(dataset.robot_reference, dataset.tcp, dataset.actuators)
+        robot = load_robot(dataset.robot_reference, dataset.tcp, dataset.actuators, dataset.home)
     except RobotError as error:
         if error.file is not None and error.column != "tcp":
             raise

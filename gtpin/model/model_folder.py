@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -159,7 +159,14 @@ def _instrument(number: int, record: InstrumentRecord, file: Path) -> FittedInst
     return FittedInstrument(table, tuple(record.columns), known, dict(record.unknowns))
 
 
-def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterable[Effect] = ()) -> Model:
+def read_model(
+    reference: str | Path,
+    *,
+    tcp: str | None = None,
+    actuators: Sequence[str] = (),
+    home: Sequence[float] | str = (),
+    effects: Iterable[Effect] = (),
+) -> Model:
     """Read a model.
 
     Parameters
@@ -169,6 +176,8 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         or MJCF file: see :func:`~gtpin.robot.library.load_robot`.
     tcp
         For a robot by its name or path: the link that is the TCP, where it is not the robot's own.
+    actuators, home
+        For a robot by its name or path: as for :func:`gtpin.load_robot`.
     effects
         Your own effects that the model may have, in addition to those of :func:`gtpin.catalogue`: their coefficients are in
         ``model.json``, but not their equations.
@@ -186,8 +195,9 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
     ()
     """
     path, own = Path(reference), {effect.id: effect for effect in effects}
-    if tcp is not None and (os.path.isdir(path) or path.suffix == ".json"):
-        raise ModelError("a model has a TCP of its own", file=path, hint="leave --tcp out, or name the robot")
+    if (tcp is not None or actuators or home) and (os.path.isdir(path) or path.suffix == ".json"):
+        what = "a model has a TCP, actuators and a home of its own"
+        raise ModelError(what, file=path, hint="leave --tcp, --actuators and --home out, or name the robot")
     if os.path.isdir(path):
         if folder := _model_in(path):
             return _read_folder(folder, own)
@@ -199,7 +209,7 @@ def read_model(reference: str | Path, *, tcp: str | None = None, effects: Iterab
         return _read_folder(path.parent, own)
     if len(path.parts) > 1 and not path.suffix and not os.path.exists(path):  # a name without folders is a robot's
         raise ModelError("no such folder", file=path, hint=FOLDER)
-    return Model(Geometry.nominal(load_robot(reference, tcp)))
+    return Model(Geometry.nominal(load_robot(reference, tcp, actuators, home)))
 
 
 def _model_in(path: Path) -> Path | None:

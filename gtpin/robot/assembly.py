@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
-from gtpin.robot.constraints import constraint_error, constraint_jacobian, is_determined, undetermined
+from gtpin.robot.constrained_model import ConstrainedModel, joint_axis, joint_jacobian
+from gtpin.robot.constraints import gaps, gaps_jacobian, is_determined, undetermined
+from gtpin.robot.description import LEVER
+from gtpin.robot.planar_loops import POSTURES
 from gtpin.typing import Floats
 
 NEAR = 0.02
@@ -23,6 +26,11 @@ CLOSED = 1e-9
 """Gap, m, below which a search has closed the loops."""
 SAME = 1e-3
 """Difference of passive coordinates, m and rad, below which two searches have found one posture."""
+NUDGE = 0.1
+"""Change of the home commands, m and rad, by which motions of loops are examined that close only by an exact geometry."""
+ROUNDED = 5e-3
+"""Angle, rad, between axes up to which they count as parallel where the loops close only so: a right angle and half a turn of
+three digits, 1.57 and 3.14, are off by 0.8 and 1.6 mrad, and a loop has several."""
 SHOWN = 4
 """Largest number of assemblies that a warning names."""
 
@@ -55,25 +63,95 @@ def assemble(robot: ConstrainedModel) -> Assembly:
     moved until the loops close. If the platform does not float, all passive joints are moved until the loops close with the
     platform as near to this pose as possible.
 
-    Without a ``<home>`` it is the posture with the passive joints at zero, if its loops nearly close. If they do not, it is the
-    closed posture whose passive joints are nearest to zero.
+    Without such a pose it is the posture with the passive joints where the file has them at home (an MJCF's keyframe), or at
+    zero, if its loops nearly close. If they do not, it is the nearest closed posture, of those within the joints' ranges if
+    there is one.
+
+    Loops that close only because axes are exactly parallel or meet in one point are told to the robot as planar:
+    see :func:`_without_redundant`.
 
     Raises `RobotError` if a passive motion that the loops do not determine moves the TCP.
     """
-    start, notes = robot.with_commands(robot.neutral, robot.home_q), list[str]()
+    start, notes = robot.start, list[str]()
     if robot.description.home is not None:
         configuration = _at_declared_home(robot, start)
     elif not robot.n_passive or _largest_gap(robot, start) <= NEAR:
         configuration = start
     else:
-        configuration = _nearest_to_zero(robot, start, notes)
+        configuration = _nearest(robot, start, notes)
     chosen = bool(notes)
     gap, free = _largest_gap(robot, configuration), np.zeros((robot.n_passive, 0))
     if not is_determined(robot, configuration):
         exact, gap = closest(robot, configuration)
         if gap <= CLOSED * robot.size:
             configuration, free = exact, undetermined(robot, exact, lambda x: closest(robot, x), notes)
+    if robot.closing(np.zeros(3 * len(robot.constraints))).size > robot.n_passive - free.shape[1]:
+        configuration, gap = _without_redundant(robot, configuration, notes)
+    if any(loop.point_of for loop in robot.description.loops):
+        configuration, gap = closest(robot, configuration)
+        if gap > tolerance(robot):
+            what = f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
+            raise robot.description.error(
+                what, f"mend the joints or the frames; up to {tolerance(robot):.2g} m is rounding"
+            )
+        apart = _turned_apart(robot, configuration)
+        if apart > CLOSED * robot.size:
+            stay = f"the frames of a fixed loop of {robot.name} stay {1e3 * apart:.2g} mrad apart"
+            notes.append(f"{stay}, about axes about which its joints do not turn")
     return Assembly(configuration, gap, free, chosen, tuple(notes))
+
+
+def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: list[str]) -> tuple[Floats, float]:
+    """Leave loops open across the motions of their anchors, where they have more equations than motions.
+
+    Of a planar or spherical linkage one equation of each loop holds by its exact geometry alone. Numbers of a file are
+    rounded: the loop is then closed in the sense of least squares, and in all other directions exactly. ``notes`` is told of a
+    gap that is left.
+
+    Returns the configuration and the largest gap in the remaining equations, m.
+    """
+    exact, gap = closest(robot, configuration)
+    if gap > tolerance(robot):
+        return configuration, gap
+    rng = np.random.default_rng(0)
+    nudged = [robot.home_q + NUDGE * rng.uniform(-1.0, 1.0, robot.n_actuators) for _ in range(POSTURES)]
+    near = [exact, *(closest(robot, robot.with_commands(exact, q))[0] for q in nudged)]
+    before, planes = robot.planes, robot.planes_of(robot.relative_motions(near), ROUNDED)
+    planes = tuple(own if len(own) else new for own, new in zip(before, planes, strict=True))
+    _gaps(robot, exact)
+    robot.leave_open(planes)
+    found, gap = closest(robot, exact)
+    robot.leave_open(before)
+    left = _gaps(robot, found)
+    robot.leave_open(planes)
+    if np.abs(left).max(initial=0.0) > CLOSED * robot.size:
+        notes.append(_left_open(robot, found, float(np.abs(left).max())))
+    return found, gap
+
+
+def tolerance(robot: ConstrainedModel) -> float:
+    """Gap, m, up to which loops count as closed but for rounded numbers: `ROUNDED` times the size of the loops."""
+    ends = np.array([(robot.data.oMi[joint] * placement).translation for joint, placement in robot.anchors])
+    own = np.array([robot.data.oMi[joint].translation for joint in robot.loop_joints])
+    return ROUNDED * float(np.linalg.norm(np.ptp(np.vstack([ends, own]), axis=0)))
+
+
+def _left_open(robot: ConstrainedModel, configuration: Floats, gap: float) -> str:
+    """What a user should know of loops that are open by a gap, m: which axes are not parallel, and by how much."""
+    pin.computeJointJacobians(robot.model, robot.data, configuration)
+    joints = [j for j in robot.loop_joints if robot.model.nvs[j] == 1]
+    twists = {j: joint_jacobian(robot.model, robot.data, j)[3:, robot.model.idx_vs[j]] for j in joints}
+    pairs = combinations([j for j in joints if twists[j].any()], 2)
+    angles = {(a, b): float(np.linalg.norm(np.cross(twists[a], twists[b]))) for a, b in pairs}
+    what = "the joints' axes do not quite meet in one point"
+    if angles and max(angles.values()) < 4.0 * ROUNDED:
+        most = max(angles, key=lambda pair: angles[pair])
+        names = " and ".join(str(robot.model.names[j]) for j in most)
+        what = f"the axes of {names} are {1e3 * angles[most]:.2g} mrad from parallel, taken as a planar loop"
+    return (
+        f"the loops of {robot.name} close only to {gap:.2g} m: {what}; up to {tolerance(robot):.2g} m is taken as rounded "
+        "numbers, and left open across the motion of the loop"
+    )
 
 
 def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1e-15) -> tuple[Floats, float]:
@@ -90,7 +168,7 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
 
     def slopes(x: Floats) -> Floats:
         off(x)
-        return constraint_jacobian(robot)[:, robot.passive]
+        return np.asarray(robot.seeking @ gaps_jacobian(robot)[:, robot.passive])
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
     exact = all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints))
@@ -106,29 +184,59 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
     return _turned(robot, configuration, every, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
-def _nearest_to_zero(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats:
+def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats:
     """The closed configuration whose passive coordinates are nearest to those of ``start``, of several that are found.
 
-    ``notes`` is told which one it is.
+    Those with joints outside their ranges are taken only where there is no other. Of mirrored ones the same is taken whatever
+    the file's last digits are. ``notes`` is told which one it is.
     """
     rng = np.random.default_rng(0)
-    every, found = np.ones(robot.n_passive, dtype=bool), list[tuple[Floats, Floats]]()
+    every, found = np.ones(robot.n_passive, dtype=bool), list[tuple[Floats, float, Floats]]()
+    lower, upper = _ranges(robot, start)
     best, smallest = start, np.inf
     for attempt in range(ATTEMPTS):
-        x = np.zeros(robot.n_passive) if attempt == 0 else rng.uniform(-np.pi, np.pi, robot.n_passive)
+        x = np.clip(0.0, lower, upper)
+        if attempt:
+            x = rng.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
         configuration, gap = closest(robot, _turned(robot, start, every, x))
         if gap < smallest:
             best, smallest = configuration, gap
-        if gap > CLOSED * robot.size:
-            continue
         moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive])
-        if all(np.abs(moved - other).max() > SAME for other, _ in found):
-            found.append((moved, _turned(robot, start, every, moved)))
+        if gap <= tolerance(robot) and all(np.abs(moved - other).max() > SAME for other, *_ in found):
+            found.append((moved, gap, _turned(robot, start, every, moved)))
+    found = [one for one in found if one[1] <= CLOSED * robot.size] or found  # else closed but for rounded numbers
     if not found:
         return best
-    found.sort(key=lambda one: float(np.linalg.norm(one[0])))
-    notes.append(_which(robot, [configuration for _, configuration in found]))
-    return found[0][1]
+
+    def order(one: tuple[Floats, float, Floats]) -> tuple[Any, ...]:
+        x = one[0]
+        outside = bool(((x < lower - SAME) | (x > upper + SAME)).any())
+        return outside, round(float(np.linalg.norm(x)) / SAME), tuple(-np.round(x / SAME))
+
+    found.sort(key=order)
+    notes.append(_which(robot, [configuration for *_, configuration in found]))
+    return found[0][-1]
+
+
+def _turned_apart(robot: ConstrainedModel, configuration: Floats) -> float:
+    """Largest angle, rad, between the frames that loops of type ``fixed`` join."""
+    _gaps(robot, configuration)
+    loops = robot.description.loops
+    left = {loop.name: gap for loop, gap in zip(loops, gaps(robot).reshape(-1, 3), strict=True)}
+    apart = [np.linalg.norm(left[loop.name] - left[loop.point_of]) for loop in loops if loop.point_of]
+    return float(max(apart)) / LEVER
+
+
+def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
+    """(p,) and (p,) smallest and largest motions of the passive coordinates from ``start`` within their ranges."""
+    model = robot.model
+    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for joint in range(1, model.njoints):
+        v, q = int(model.idx_vs[joint]), int(model.idx_qs[joint])
+        low, high = (float(limits[q]) for limits in (model.lowerPositionLimit, model.upperPositionLimit))
+        if model.nqs[joint] == 1 and low < high:
+            lower[v], upper[v] = low - start[q], high - start[q]
+    return lower[robot.passive], upper[robot.passive]
 
 
 def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
@@ -141,13 +249,25 @@ def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
 
 
 def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
-    homes = [_home_element(robot, configuration) for configuration in found[:SHOWN]]
-    more = f", and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
-    others = f"; others are {', '.join(homes[1:])}{more}" if len(homes) > 1 else ""
-    return (
-        f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero: the closed posture nearest to "
-        f"zero is taken, {homes[0]}{others}; put one of these elements into <gtpin> to choose its assembly"
-    )
+    urdf = robot.description.kind == "urdf"
+    homes = list(dict.fromkeys(_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found))
+    more = f", and {len(homes) - SHOWN} more" if len(homes) > SHOWN else ""
+    others = f"; others are {', '.join(homes[1:SHOWN])}{more}" if len(homes) > 1 else ""
+    where = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero"
+    choose = "put one of these elements into <gtpin> to choose its assembly"
+    if not urdf:
+        where = f"the loops of {robot.name} are open at its {'keyframe' if robot.description.posture else 'initial posture'}"
+        choose = "give a <key> of <keyframe> near one of them to choose its assembly"
+    start = "zero" if not robot.description.posture else "it"
+    return f"{where}: the closed posture nearest to {start} is taken, {homes[0]}{others}; {choose}"
+
+
+def _coordinates(robot: ConstrainedModel, configuration: Floats) -> str:
+    """The coordinates of the passive joints, m or rad, with their names."""
+    moved = pin.difference(robot.model, robot.neutral, configuration)
+    passive = set(np.arange(robot.model.nv)[robot.passive])
+    joints = [j for j in range(1, robot.model.njoints) if robot.model.nvs[j] == 1 and robot.model.idx_vs[j] in passive]
+    return " ".join(f"{robot.model.names[j]}={moved[robot.model.idx_vs[j]]:.4g}" for j in joints)
 
 
 def _home_element(robot: ConstrainedModel, configuration: Floats) -> str:
@@ -233,7 +353,7 @@ def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[n
 
 def _gaps(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return constraint_error(robot)
+    return np.asarray(robot.seeking @ gaps(robot))
 
 
 def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
@@ -55,16 +56,19 @@ class Chain(ConstrainedModel):
         return self.n_passive - int(self.assembly.free.shape[1])
 
     @property
+    def home_posture(self) -> dict[str, tuple[float, ...]]:
+        """Coordinates of the nominal robot's joints at home, by name, as ``posture`` of a description has them."""
+        model, found = self.model, {}
+        for joint in range(1, model.njoints):
+            at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
+            own = tuple(float(x) for x in self.assembly.configuration[at : at + count])
+            found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
+        return found
+
+    @property
     def home_coordinates(self) -> dict[str, float]:
         """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
-        model, configuration = self.model, self.assembly.configuration
-        found = {}
-        for joint in range(1, model.njoints):
-            if model.nvs[joint] == 1:
-                at = int(model.idx_qs[joint])
-                both = configuration[at : at + int(model.nqs[joint])]
-                found[str(model.names[joint])] = float(both[0] if len(both) == 1 else np.arctan2(both[1], both[0]))
-        return found
+        return {name: own[0] for name, own in self.home_posture.items() if len(own) == 1}
 
     def rod(self, index: int) -> Rod:
         """The rod with an index: see :class:`~gtpin.robot.rods.Rod`."""

@@ -2,12 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from xml.etree.ElementTree import Element, tostring
+import math
+from collections.abc import Collection, Mapping, Sequence
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
 
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription, parse_xml
+from gtpin.robot.mjcf_values import exact_text
 from gtpin.robot.tree import Tree
+
+
+def with_home(
+    description: RobotDescription, q: Sequence[float], near: Mapping[str, tuple[float, ...]]
+) -> RobotDescription:
+    """The description with these commands, m or rad, as its home; its loops are closed from the coordinates ``near`` of joints.
+
+    Raises `RobotError` if there are not as many as actuators, or one is not finite.
+    """
+    names = [actuator.joint for actuator in description.actuators] or list(description.tree.moving)
+    if len(q) != len(names) or not all(map(math.isfinite, q)):
+        hint = f"give {len(names)} finite numbers, of {', '.join(names)}"
+        raise RobotError(f"home of {len(q)} numbers for {description.name}", column="home", hint=hint)
+    root = parse_xml(description.xml, description.source)
+    own = root.find("gtpin")
+    own = SubElement(root, "gtpin") if own is None else own
+    posture = {**near, **{name: (float(value),) for name, value in zip(names, q, strict=True)}}
+    for home in own.findall("home"):
+        own.remove(home)
+    home = SubElement(own, "home")
+    for name, values in posture.items():
+        SubElement(home, "joint", name=name, value=exact_text(np.array(values)))
+    return RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
 
 
 def with_actuators(description: RobotDescription, names: Sequence[str]) -> RobotDescription:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.planar_loops import axes_of, in_planes, normal_of, postures
+from gtpin.robot.planar_loops import NONE, PARALLEL, axes_of, in_planes, normal_of, of_further_point, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
 
@@ -87,8 +87,8 @@ class ConstrainedModel:
     load_placement
         Placement, on ``tcp_joint``, of the TCP of the URDF. Payloads and tool forces act there, also where the measured target
         is elsewhere.
-    planes : tuple of (3,) arrays, or None
-        For each loop that is planar, the normal of its plane in the frame of its first anchor; for other loops None.
+    planes : tuple of (k, 3) arrays
+        For each loop the directions, in the frame of its first anchor, in which it is left open: the normal of a planar loop.
     home_joint, home_placement
         As ``tcp_joint`` and ``tcp_placement``, for the TCP whose pose the URDF's ``<home>`` gives.
 
@@ -151,9 +151,18 @@ class ConstrainedModel:
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_size()
         self._check_home()
-        self.planes = self._planes()
-        self._in_planes = in_planes(list(self.planes)) if any(n is not None for n in self.planes) else None
-        self.plane_axes: tuple[Floats | None, ...] = tuple(None if n is None else axes_of(n) for n in self.planes)
+        moving = self.constraints and not (self.description.planes or self.description.rods)
+        motions = self.relative_motions(postures(self.model, self.neutral)) if moving else np.zeros((0, 0))
+        pin.computeJointJacobians(self.model, self.data, self.neutral)
+        self.leave_open(self.planes_of(motions))
+
+    def leave_open(self, planes: tuple[Floats, ...]) -> None:
+        """Close each loop only across the directions ``planes`` (k, 3), in the frame of its first anchor."""
+        self.planes = planes
+        self._in_planes = in_planes(planes) if any(map(len, planes)) else None
+        self.seeking: Floats = np.vstack([in_planes(planes), self._levers()])
+        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
+        self.plane_axes: tuple[Floats | None, ...] = tuple(axes_of(n) if len(n) else None for n in planes)
 
     def _close(self) -> None:
         """Make the constraint models, and scratch memory for the time in which the robot is built."""
@@ -169,6 +178,13 @@ class ConstrainedModel:
     @property
     def _anchor_elements(self) -> list[Anchor]:
         return [anchor for loop in self.description.loops for anchor in (loop.anchor1, loop.anchor2)]
+
+    @cached_property
+    def leading_anchors(self) -> tuple[int, ...]:
+        """By anchor, the index of the one with which it moves on its link: of a loop of type ``fixed`` that at its origin."""
+        names = [loop.name for loop in self.description.loops]
+        first = [names.index(loop.point_of or loop.name) for loop in self.description.loops]
+        return tuple(anchor for i in first for anchor in (2 * i, 2 * i + 1))
 
     @cached_property
     def anchor_axes(self) -> Floats:
@@ -213,16 +229,53 @@ class ConstrainedModel:
         return np.array([actuator.revolute for actuator in self.actuators])
 
     @property
+    def loop_joints(self) -> tuple[int, ...]:
+        """Pinocchio's joints that move one anchor of a loop relative to the other."""
+        supports = self.model.supports
+        ends = ((set(supports[c.joint1_id]), set(supports[c.joint2_id])) for c in self.constraints)
+        return tuple(sorted({int(j) for one, other in ends for j in one ^ other} - {0}))
+
+    @property
     def moving_joints(self) -> tuple[int, ...]:
         """Pinocchio's joints that can move the TCP: those that carry it, and those of the loops."""
         ends = [self.tcp_joint, *(j for c in self.constraints for j in (c.joint1_id, c.joint2_id))]
         return tuple(sorted({int(j) for end in ends for j in self.model.supports[end]} - {0}))
 
-    @property
+    @cached_property
     def home_q(self) -> Floats:
-        """(n,) commands of the home posture; zero where the URDF names none."""
-        home = self.description.home
-        return np.array(home.q) if home else np.zeros(self.n_actuators)
+        """(n,) commands of the home posture.
+
+        Where the file names none they are zero; for a robot with loops, of an actuator whose range excludes zero, its middle.
+        """
+        home, posture = self.description.home, self.description.posture
+        q = np.zeros(self.n_actuators)
+        if self.constraints:
+            lower, upper = self.lower, self.upper
+            with np.errstate(invalid="ignore"):
+                middle = np.where(np.isfinite(lower + upper), (lower + upper) / 2.0, np.clip(q, lower, upper))
+            q = np.where((lower > 0.0) | (upper < 0.0), middle, q)
+        for i, actuator in enumerate(self.actuators):
+            q[i] = posture.get(actuator.joint, (q[i],))[0]
+        q = np.array(home.q) if home else q
+        q.flags.writeable = False
+        return q
+
+    @property
+    def start(self) -> Floats:
+        """(nq,) configuration from which home is closed: neutral, with the coordinates of joints that the file names."""
+        configuration, model = self.neutral.copy(), self.model
+        for name, values in self.description.posture.items():
+            if model.existJointName(name):
+                joint, index = model.joints[model.getJointId(name)], int(model.idx_qs[model.getJointId(name)])
+                if len(values) == 1 and joint.nv == 1:
+                    put(configuration, index, values[0], joint.nq == 2)
+                elif len(values) == joint.nq == 7:
+                    configuration[index : index + 7] = values
+                else:
+                    raise self.description.error(f"home of joint {name} has {len(values)} numbers", "mend <home>")
+            elif not self.model.existFrame(name):
+                raise self.description.error(f"home of no joint {name}", "mend <home>")
+        return self.with_commands(configuration, self.home_q)
 
     def with_commands(self, configuration: Floats, q: Floats) -> Floats:
         """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
@@ -282,8 +335,10 @@ class ConstrainedModel:
         if self.description.actuators:
             return self.description.actuators
         if self.description.loops:
+            where = "in its <actuator>" if self.description.kind == "mjcf" else "in a <gtpin> element"
             raise self.description.error(
-                "loops but no actuators", "name them in a <gtpin> element, or as actuators in dataset.toml"
+                "loops but no actuators",
+                f"name the driven joints {where}, or where it is used: --actuators, or actuators in dataset.toml",
             )
         names = self.description.tree.moving
         if not names:
@@ -334,22 +389,47 @@ class ConstrainedModel:
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
-    def _planes(self) -> tuple[Floats | None, ...]:
-        named = self.description.planes
-        if named:
-            return tuple(named.get(loop.name) for loop in self.description.loops)
-        if self.description.rods or not self.constraints:
-            return (None,) * len(self.constraints)
+    def _levers(self) -> Floats:
+        """(k, 3 L) components of gaps along the levers of the k further points of loops of type ``fixed``."""
+        loops = self.description.loops
+        names, found = [loop.name for loop in loops], []
+        for i, loop in enumerate(loops):
+            if loop.point_of:
+                row = np.zeros((len(loops), 3))
+                row[i] = np.eye(3)["xy".index(loop.name[-1])]
+                row[names.index(loop.point_of)] = -row[i]
+                found.append(row.ravel())
+        return np.reshape(found, (len(found), 3 * len(loops)))
+
+    def relative_motions(self, configurations: Sequence[Floats]) -> Floats:
+        """(3 L, c) motions of the second anchors relative to the first, in their frames, by the passive joints at postures."""
         found = []
-        for configuration in postures(self.model, self.neutral):
+        for configuration in configurations:
             pin.computeJointJacobians(self.model, self.data, configuration)
             for constraint, data in zip(*self.constraint_vectors, strict=True):
                 constraint.calc(self.model, self.data, data)
             jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
             found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
-        pin.computeJointJacobians(self.model, self.data, self.neutral)
-        motions = np.hstack(found) if found else np.zeros((0, 0))
-        return tuple(normal_of(motions[3 * i : 3 * i + 3]) for i in range(len(self.constraints)))
+        return np.hstack(found)
+
+    def planes_of(self, motions: Floats, zero: float = PARALLEL) -> tuple[Floats, ...]:
+        """By loop, the (k, 3) directions in which it needs not be closed: those that the file names, or of the motions.
+
+        ``motions``: as :meth:`relative_motions` has them; (0, 0): not known. ``zero``: see ``normal_of``.
+        """
+        named, loops = self.description.planes, self.description.loops
+        found: dict[str, Floats] = {}
+        for loop in loops:
+            of = [
+                motions[3 * i : 3 * i + 3] for i, other in enumerate(loops) if loop.name in (other.name, other.point_of)
+            ]
+            if loop.name in named:
+                found[loop.name] = named[loop.name]
+            elif loop.point_of:
+                found[loop.name] = of_further_point(found[loop.point_of], loop.name[-1])
+            else:
+                found[loop.name] = normal_of(np.hstack(of), zero) if motions.size else NONE
+        return tuple(found[loop.name] for loop in loops)
 
     def _check_size(self) -> None:
         """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""

@@ -35,23 +35,31 @@ def constraint_error(robot: ConstrainedModel) -> Floats:
 
     For planar loops only the components in their plane: see :meth:`~gtpin.robot.constrained_model.ConstrainedModel.closing`.
     """
-    if not robot.constraints:
-        return np.zeros(0)
-    gaps = []
-    for constraint, data in robot.constraint_pairs:
+    return robot.closing(gaps(robot))
+
+
+def gaps(robot: ConstrainedModel) -> Floats:
+    """(3 L,) vectors between the anchors of each loop, m, in the first anchor's frame, at the posture in ``robot.data``."""
+    found = np.zeros(3 * len(robot.constraints))
+    for i, (constraint, data) in enumerate(robot.constraint_pairs):
         constraint.calc(robot.model, robot.data, data)
-        gaps.append(data.constraint_position_error)
-    return robot.closing(np.concatenate(gaps))
+        found[3 * i : 3 * i + 3] = data.constraint_position_error
+    return found
 
 
 def constraint_jacobian(robot: ConstrainedModel) -> Floats:
     """(m, nv) derivative of :func:`constraint_error`; joints that follow others (``<mimic>``) move with them."""
+    return robot.closing(gaps_jacobian(robot))
+
+
+def gaps_jacobian(robot: ConstrainedModel) -> Floats:
+    """(3 L, nv) derivative of :func:`gaps`."""
     if not robot.constraints:
         return np.zeros((0, robot.model.nv))
     for constraint, data in zip(*robot.constraint_vectors, strict=True):
         constraint.calc(robot.model, robot.data, data)
     jacobian = np.asarray(pin.getConstraintsJacobian(robot.model, robot.data, *robot.constraint_vectors))
-    return robot.closing(robot.folded(jacobian.reshape(-1, robot.model.nv)))
+    return robot.folded(jacobian.reshape(-1, robot.model.nv))
 
 
 def is_determined(robot: ConstrainedModel, configuration: Floats) -> bool:

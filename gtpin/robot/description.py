@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
+import pinocchio as pin
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError, warn
-from gtpin.robot.closures import SUFFIX, urdf_with_loops
+from gtpin.robot.closures import SUFFIX, closes, urdf_with_loops
 from gtpin.robot.mjcf import mjcf_to_urdf
 from gtpin.robot.mjcf_values import with_includes
 from gtpin.robot.tree import TOOL, Tree
@@ -26,8 +27,20 @@ from gtpin.robot.tree import TOOL, Tree
 Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
 
+LOOPS = ("spherical", "fixed")
+"""Types of ``<loop_joint>``: two points, or two frames, coincide."""
+
+CONVERT = {
+    ".sdf": "convert it to an MJCF first, as by sdf2mjcf of the package sdformat-mjcf",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "convert it to a URDF first, as by Isaac Sim's URDF exporter"),
+}
+"""Formats of robots that are not read, with what to do."""
+
 MOST_JOINTS = 300
 """Largest number of joints of a URDF. The parser in C++ is recursive, and a chain of thousands overflows its stack."""
+
+LEVER = 0.1
+"""Distance, m, of the points that stand for a loop of type ``fixed``: an angle counts as its arc at this distance. Assumed."""
 
 LINK_COMPLIANCE = 4e-8
 """Typical compliance of a link, m/N, where the URDF gives none: about that of two metres of steel or carbon-fibre tube with a
@@ -42,14 +55,25 @@ class Anchor:
     xyz: Vector
     rpy: Vector
 
+    def along(self, axis: str) -> Anchor:
+        """The anchor at `LEVER` along an axis of this one."""
+        way = pin.rpy.rpyToMatrix(*self.rpy)[:, "xy".index(axis)]
+        return replace(self, xyz=tuple(float(x) for x in self.xyz + LEVER * way))
+
 
 @dataclass(frozen=True)
 class Loop:
-    """A spherical joint that closes a loop: two anchors that coincide."""
+    """Two anchors that coincide: a spherical joint that closes a loop.
+
+    A ``<loop_joint>`` of type ``fixed`` (a weld, Gepetto's ``6d``) is three of them: its origin, and points at `LEVER` along x
+    and y of its frame. Three points on two rigid bodies coincide exactly if the frames do. ``point_of``: for the second and
+    the third of them the name of the first; empty for others.
+    """
 
     name: str
     anchor1: Anchor
     anchor2: Anchor
+    point_of: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,8 +114,11 @@ class RobotDescription:
     - ``kind``: what was read: ``urdf`` or ``mjcf``.
     - ``xml``: the URDF as it was read, or that of an MJCF: see :mod:`~gtpin.robot.mjcf`.
     - ``source``: where it came from, for messages.
-    - ``planes``: by loop, the normal of the plane in which it closes, in the frame of its first anchor, where ``<plane>``
-      names it.
+    - ``home``: the home that ``<home>`` names by the pose of its TCP.
+    - ``posture``: the home that ``<home>`` names by coordinates of joints, m or rad, in ``<joint name value>`` elements; of a
+      floating joint position, m, and quaternion x y z w. Empty where it names none.
+    - ``planes``: by loop, (k, 3) unit normals across which it does not close, in the frame of its first anchor, where
+      ``<plane>`` names them.
     - ``tree``: its joints and links in document order.
     - ``tcp_guessed``: whether nothing names the TCP, and there are several ends of chains that it can be.
     - ``link_compliance``: typical compliance of such a machine's links, m/N: the typical size of the effect
@@ -108,6 +135,7 @@ class RobotDescription:
     tcp: str | None
     rods: tuple[RodElement, ...]
     home: Home | None
+    posture: Mapping[str, Vector]
     gravity: Vector
     tolerance: Mapping[str, float]
     link_compliance: float
@@ -123,43 +151,57 @@ class RobotDescription:
         return RobotError(what, file=self.source, hint=hint)
 
     @staticmethod
-    def read(path: Path) -> RobotDescription:
+    def read(path: Path, keyframe: str = "") -> RobotDescription:
         """Read a URDF or MJCF file, or the YAML of example-parallel-robots beside a URDF.
 
+        ``keyframe``: name of the keyframe of an MJCF that is home; empty: the first.
+
         Raises `RobotError` if the file can't be read, or is no URDF and no MJCF that gtpin understands. Warns: if angles in
-        a URDF look like degrees, or an MJCF has what is not read.
+        a URDF look like degrees, a YAML beside it says how its loops close, or an MJCF has what is not read.
         """
-        if path.suffix.lower() == SUFFIX:
+        suffix, beside = path.suffix.lower(), path.with_suffix(SUFFIX)
+        if suffix in CONVERT:
+            raise RobotError(f"{suffix} files are not read", file=path, hint=CONVERT[suffix])
+        if suffix == SUFFIX:
             return RobotDescription.parse(urdf_with_loops(path, parse_xml), source=str(path))
         text = read_text(path, RobotError, hint="give the path of a URDF or MJCF file")
-        described = RobotDescription.parse(text, source=str(path))
+        described = RobotDescription.parse(text, source=str(path), keyframe=keyframe)
         if described.kind == "urdf":
             warn_of_degrees(parse_xml(text, str(path)), str(path))
+            if not described.loops and closes(beside):
+                warn(f"{path}: {beside.name} beside it says how its loops close: they are read")
+                return RobotDescription.read(beside)
         return described
 
     @staticmethod
-    def parse(xml: str, source: str = "URDF", kind: Kind = "urdf") -> RobotDescription:
+    def parse(xml: str, source: str = "URDF", kind: Kind = "urdf", keyframe: str = "") -> RobotDescription:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
         root, xml = parse_xml(xml, source), xml.lstrip()
         if root.tag == "mujoco":
             with_includes(root, Path(source), parse_xml)
-            return RobotDescription.parse(mjcf_to_urdf(root, source), source, "mjcf")
+            return RobotDescription.parse(mjcf_to_urdf(root, source, keyframe), source, "mjcf")
         if root.tag != "robot":
-            hint = "a URDF's is <robot>, an MJCF's <mujoco>"
+            hint = CONVERT.get(f".{root.tag}", "a URDF's is <robot>, an MJCF's <mujoco>")
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
+        if keyframe:
+            raise RobotError(f"a URDF has no keyframe {keyframe!r}", file=source, hint="give home as commands")
+        if root.find("constraint") is not None:
+            what = "<constraint> is not read"
+            raise RobotError(what, file=source, hint="close the loop by <loop_joint>: see docs/own_machine.md")
         refuse_xacro(root, source)
         check_masses(root, source)
         joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
         reader = _AttributeReader(source)
-        loops = tuple(reader.loop(element) for element in root.findall("loop_joint"))
+        loops = tuple(loop for element in root.findall("loop_joint") for loop in reader.loops(element))
         elements = root.findall("gtpin")
         if len(elements) > 1:
             raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
         own = elements[0] if elements else Element("gtpin")
         platform = own.find("platform")
         home = own.find("home")
+        posture = {reader.text(e, "name"): reader.numbers(e, "value", None) for e in own.findall("home/joint")}
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")
         compliance = own.find("compliance")
@@ -178,14 +220,8 @@ class RobotDescription:
                 RodElement(reader.text(e, "link"), reader.text(e, "loop"), e.get("site", reader.text(e, "link")))
                 for e in own.findall("rod")
             ),
-            home=None
-            if home is None
-            else Home(
-                reader.numbers(home, "q", None),
-                reader.numbers(home, "tcp_xyz", 3),
-                reader.numbers(home, "tcp_rotvec", 3),
-                home.get("link"),
-            ),
+            home=None if home is None or posture else reader.home(home),
+            posture=MappingProxyType(posture),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
             link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
@@ -258,18 +294,25 @@ class _AttributeReader:
             self.numbers(element, "rpy", 3) if element.get("rpy") else zero,
         )
 
-    def loop(self, element: Element) -> Loop:
-        name = self.text(element, "name")
-        if element.get("type", "spherical") != "spherical":
+    def loops(self, element: Element) -> Iterator[Loop]:
+        name, kind = self.text(element, "name"), element.get("type", "spherical")
+        if kind not in LOOPS:
             raise self.error(
-                f"loop {name} is of type {element.get('type')}",
-                'write type="spherical", the only type that is read; a loop whose joints turn about parallel axes is '
-                "recognised as planar, and closed in its plane only",
+                f"loop {name} is of type {kind}",
+                'write type="spherical" (two points coincide) or type="fixed" (two frames); a loop whose joints turn about '
+                "parallel axes is recognised as planar, and closed in its plane only",
             )
-        return Loop(name, self.anchor(element, "link1"), self.anchor(element, "link2"))
+        one, other = self.anchor(element, "link1"), self.anchor(element, "link2")
+        yield Loop(name, one, other)
+        for axis in "xy" if kind == "fixed" else "":
+            yield Loop(f"{name}.{axis}", one.along(axis), other.along(axis), point_of=name)
+
+    def home(self, element: Element) -> Home:
+        xyz, rotvec = self.numbers(element, "tcp_xyz", 3), self.numbers(element, "tcp_rotvec", 3)
+        return Home(self.numbers(element, "q", None), xyz, rotvec, element.get("link"))
 
     def planes(self, own: Element, loops: set[str]) -> dict[str, NDArray[np.float64]]:
-        found = {}
+        found: dict[str, list[NDArray[np.float64]]] = {}
         for element in own.findall("plane"):
             name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
             if name not in loops or not normal.any():
@@ -279,8 +322,8 @@ class _AttributeReader:
                     else f"<plane> of {name} has a normal of no length"
                 )
                 raise self.error(what, "name a <loop_joint> and the normal of its plane")
-            found[name] = normal / np.linalg.norm(normal)
-        return found
+            found.setdefault(name, []).append(normal / np.linalg.norm(normal))
+        return {name: np.array(normals) for name, normals in found.items()}
 
     def compliance(self, element: Element) -> float:
         self.text(element, "link")

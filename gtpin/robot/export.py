@@ -42,7 +42,7 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
     loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
     for index, (at, (_, own)) in enumerate(zip(anchors, robot.anchors, strict=True)):
         loop, shift = robot.description.loops[index // 2], robot.anchor_axes[index].T @ (at - own.translation)
-        if shift.any():
+        if shift.any() and not loop.point_of:
             anchor = (loop.anchor1, loop.anchor2)[index % 2]
             element = _child(loops[loop.name], f"link{index % 2 + 1}")
             element.set("xyz", exact_text(np.array(anchor.xyz) + shift))
@@ -78,7 +78,7 @@ def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
 def _name_what_was_found(robot: Chain, root: Element) -> None:
     """Write into the URDF what a reader could not find again, because the geometry has deviations: TCP, planes, assembly."""
     description = robot.description
-    planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if n is not None}
+    planes = {loop.name: n for loop, n in zip(description.loops, robot.planes, strict=True) if len(n)}
     named_tcp = description.tcp or description.platform or description.tree.tip
     tcp = robot.tcp_frame if robot.tcp_frame != named_tcp or description.tcp_guessed else None
     chosen = bool(robot.constraints) and robot.assembly.chosen
@@ -100,9 +100,9 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
         link = next(frame for frame in bodies if frame.parentJoint == robot.tcp_joint)
         at = home_attributes(robot, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
         own.append(Element("home", at, link=str(link.name)))
-    for name, normal in planes.items():
+    for name, normals in planes.items():
         if name not in description.planes:
-            own.append(Element("plane", loop=name, normal=exact_text(normal)))
+            own.extend(Element("plane", loop=name, normal=exact_text(normal)) for normal in normals)
 
 
 def _link_placement(robot: Chain, joint: Element, end: Literal["parent", "child"]) -> pin.SE3:

@@ -14,8 +14,8 @@ from typing import TypeVar
 from gtpin.errors import RobotError, warn
 from gtpin.references import is_path
 from gtpin.robot.chain import Chain
-from gtpin.robot.commanded import with_actuators
-from gtpin.robot.description import RobotDescription
+from gtpin.robot.commanded import with_actuators, with_home
+from gtpin.robot.description import CONVERT, RobotDescription
 
 PACKAGE = "example-robot-data"
 
@@ -128,7 +128,7 @@ def example_path(name: str) -> Path:
     assert folder is not None
     path = folder / FILES[name]
     if path.suffix == ".sdf":
-        raise RobotError(f"{name} of {PACKAGE} is an SDF file", hint="gtpin reads URDF and MJCF")
+        raise RobotError(f"{name} of {PACKAGE} is an SDF file", hint=CONVERT[".sdf"])
     return path
 
 
@@ -171,14 +171,21 @@ def urdf_path(name: str) -> Path:
     )
 
 
-def load_robot(robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = ()) -> Chain:
+def load_robot(
+    robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = (), home: Sequence[float] | str = ()
+) -> Chain:
     """A robot without its kinematics: see :func:`gtpin.load_robot`."""
-    return loaded(Chain, robot, tcp, actuators)
+    return loaded(Chain, robot, tcp, actuators, home)
 
 
-def loaded(kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: Sequence[str]) -> AnyRobot:
+def loaded(
+    kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: Sequence[str], home: Sequence[float] | str
+) -> AnyRobot:
     """A robot of a class, by its name or path; notes on it are warnings."""
-    found = kind(with_actuators(RobotDescription.read(robot_path(robot)), actuators), tcp)
+    described = RobotDescription.read(robot_path(robot), home if isinstance(home, str) else "")
+    found = kind(with_actuators(described, actuators), tcp)
+    if len(home) and not isinstance(home, str):
+        found = kind(with_home(found.description, home, found.home_posture), tcp)
     for note in (*found.assembly.notes, *_without_effect(found)):
         warn(note)
     return found

@@ -6,6 +6,7 @@ After that the robot is treated like any other.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -15,7 +16,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
 from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import MAIN, Part, Values, exact_text, without_objects
+from gtpin.robot.mjcf_values import JOINTS, MAIN, Part, Values, exact_text, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
@@ -36,8 +37,11 @@ PLANE_MARK = "gtpin_plane_"
 """Start of the name of a ``<custom><numeric>`` with the normal of a loop's plane, before the loop's name; see `TCP_MARK`."""
 
 
-def mjcf_to_urdf(root: Element, source: str) -> str:
+def mjcf_to_urdf(root: Element, source: str, key: str = "") -> str:
     """URDF of an MJCF's outer element, with its loops and gravity; where it has loops, also with its actuators and home.
+
+    Home are the joints' coordinates of the ``<key>`` of this name, of the first ``<key>`` without a name; where the file has
+    none, those of MuJoCo's initial posture.
 
     Bodies and named sites become links with the same names; a body with the name of a site gets another one. Joints keep their
     names.
@@ -52,9 +56,11 @@ def mjcf_to_urdf(root: Element, source: str) -> str:
         _check_number(root, tag, source)
     values = Values.of(root, source)
     masses = Masses.of(root, values)
+    whole = _counted(root, values)
     without_objects(root)
     _check_number(root, "body", source)
-    writer = _UrdfWriter(values, masses, Element("robot", name=root.get("model", "mjcf")))
+    keyframe = _keyframe(root, values, key, (whole, _counted(root, values)))
+    writer = _UrdfWriter(values, masses, Element("robot", name=root.get("model", "mjcf")), keyframe)
     return writer.write(root)
 
 
@@ -63,25 +69,88 @@ def _check_number(root: Element, tag: str, source: str) -> None:
         raise RobotError(f"too many <{tag}> elements", file=source, hint=f"a robot has {MOST} at most")
 
 
+@dataclass(frozen=True)
+class _Keyframe:
+    """Coordinates of all joints: ``qpos`` of a ``<key>``, and the index in it of the first coordinate of each joint's element;
+    both empty without a ``<key>``."""
+
+    qpos: Floats
+    places: Mapping[Element, int]
+
+    def at(self, joint: Element, count: int) -> Floats:
+        """The coordinates of a joint."""
+        place = self.places[joint]
+        return self.qpos[place : place + count]
+
+
+def _keyframe(
+    root: Element, values: Values, name: str, counts: Sequence[tuple[Mapping[Element, int], int]]
+) -> _Keyframe:
+    """The keyframe of a name; the first one without a name. ``counts``: see `_counted`, with and without objects of a scene.
+
+    Raises `RobotError` if there is none of this name, or its numbers are not those of the joints.
+    """
+    every = root.findall("keyframe/key")
+    keys = [key for key in every if name in ("", key.get("name"))]
+    if name and not keys:
+        named = ", ".join(key.get("name", "") for key in every) or "none"
+        raise values.error(f"no keyframe is called {name!r}", f"keyframes are {named}")
+    if not keys or not keys[0].get("qpos"):
+        return _Keyframe(np.zeros(0), {})
+    qpos = values.numbers(keys[0].attrib, "qpos", "", 1, len(keys[0].get("qpos", "").split()))
+    for places, size in counts:
+        if len(qpos) == size:
+            return _Keyframe(qpos, places)
+    what = (
+        f"keyframe {keys[0].get('name', '')}".strip()
+        + f" has {len(qpos)} numbers for {counts[0][1]} coordinates of joints"
+    )
+    raise values.error(what, "MuJoCo refuses it too: give one for each, or remove it")
+
+
+def _counted(root: Element, values: Values) -> tuple[Mapping[Element, int], int]:
+    """The index of each joint's first coordinate in ``qpos``, and the length of this: joints of a body before its bodies."""
+    places: dict[Element, int] = {}
+    size = 0
+    waiting = [list(values.parts(world, MAIN)) for world in reversed(root.findall("worldbody"))]
+    while waiting:
+        parts = waiting.pop()
+        for joint in parts:
+            if joint.element.tag in JOINTS:
+                places[joint.element] = size
+                size += {"free": 7, "ball": 4}.get(_kind(joint, values), 1)
+        bodies = [part for part in parts if part.element.tag == "body"]
+        waiting += [list(values.parts(b.element, b.element.get("childclass", b.inherited))) for b in reversed(bodies)]
+    return places, size
+
+
+def _kind(joint: Part, values: Values) -> str:
+    given = values.attributes(joint.element, joint.inherited)
+    return "free" if joint.element.tag == "freejoint" else given.get("type", "hinge")
+
+
 @dataclass
 class _UrdfWriter:
     """Writes the URDF element by element.
 
     ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``bodies``: links of bodies, by
     name. ``sites``: by name, the link that carries the site, and its placement on the link. ``named``: names of all sites.
-    ``initial``: coordinates of joints at this posture, rad or m. ``added``: joints of effects, which are not written, each with
-    the joint for which it stands: see `ADDED_MARK`.
+    ``initial``: coordinates of joints at this posture, rad or m. ``home``: those at home. ``added``: joints of effects, which
+    are not written, each with the joint for which it stands: see `ADDED_MARK`. ``loops``: number of loops.
     """
 
     values: Values
     masses: Masses
     robot: Element
+    keyframe: _Keyframe
     at: dict[str, Any] = field(default_factory=dict)
     bodies: dict[str, str] = field(default_factory=dict)
     sites: dict[str, tuple[str, Any]] = field(default_factory=dict)
     named: frozenset[str] = frozenset()
     initial: dict[str, float] = field(default_factory=dict)
+    home: dict[str, Floats] = field(default_factory=dict)
     added: dict[str, str] = field(default_factory=dict)
+    loops: int = 0
 
     def write(self, root: Element) -> str:
         self.named = frozenset(site.get("name", "") for site in root.iterfind("worldbody//site")) - {""}
@@ -97,7 +166,7 @@ class _UrdfWriter:
             self._equality(element)
         marked = self._marked(root)
         # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
-        if root.find("equality/connect") is not None or marked is not None:
+        if self.loops or marked is not None:
             self._drives(root, own, marked is not None)
         tree = Tree.of(self.robot, self.values.source)
         for name, (link, placement) in self.sites.items():
@@ -109,18 +178,13 @@ class _UrdfWriter:
         SubElement(own, "platform", {"link": tip} | guessed)
         for plane in root.iterfind("custom/numeric"):
             if (mark := plane.get("name", "")).startswith(PLANE_MARK):
-                normal = self.values.numbers(plane.attrib, "data", "", 3)
-                SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=exact_text(normal))
-        if own.find("actuator") is not None:
-            q = [self.initial.get(drive.get("joint", ""), 0.0) for drive in own.findall("actuator")]
-            pose = self.at[tip]
-            SubElement(
-                own,
-                "home",
-                q=exact_text(np.array(q)),
-                tcp_xyz=exact_text(pose.translation),
-                tcp_rotvec=exact_text(pin.log3(pose.rotation)),
-            )
+                normals = self.values.numbers(plane.attrib, "data", "", 3, 9)
+                for normal in np.reshape(normals, (-1, 3)):
+                    SubElement(own, "plane", loop=mark.removeprefix(PLANE_MARK), normal=exact_text(normal))
+        if self.home:
+            home = SubElement(own, "home")
+            for name, coordinates in self.home.items():
+                SubElement(home, "joint", name=name, value=exact_text(coordinates))
         options = root.findall("option")
         given = [option for option in options if option.get("gravity")]
         flags = [flag.get("gravity") for option in options for flag in option.findall("flag") if flag.get("gravity")]
@@ -180,9 +244,9 @@ class _UrdfWriter:
         placement = part.frame * self.values.placement(body.attrib)
         pose = self.at[parent] * placement
         parts = list(self.values.parts(body, body.get("childclass", part.inherited)))
-        joints = [one for one in parts if one.element.tag in ("joint", "freejoint")]
+        joints = [one for one in parts if one.element.tag in JOINTS]
         joints = [one for one in joints if one.element.get("name") not in self.added]
-        kinds = [self._kind(joint) for joint in joints]
+        kinds = [_kind(joint, self.values) for joint in joints]
         if kinds == FLOATING:
             joints, kinds = joints[-1:], ["free"]
         before, above = pin.SE3(placement), parent
@@ -194,7 +258,7 @@ class _UrdfWriter:
             child = link if last else self._free(f"{called}_frame")
             at = pin.SE3.Identity() if last else pin.SE3(np.eye(3), pos)
             self._link(child, pose if last else pose * at)
-            self._moving(called, given, kind, joint.frame.rotation, above, child, before * at)
+            self._moving(called, given, kind, joint, above, child, before * at)
             before, above = at.inverse(), child
         if above != link:
             self._link(link, pose)
@@ -202,20 +266,20 @@ class _UrdfWriter:
         self._mass(link, self.masses.inertia(name, parts))
         self._children(parts, link)
 
-    def _kind(self, joint: Part) -> str:
-        given = self.values.attributes(joint.element, joint.inherited)
-        return "free" if joint.element.tag == "freejoint" else given.get("type", "hinge")
-
     def _moving(
-        self, name: str, given: dict[str, str], kind: str, frame: Floats, parent: str, child: str, origin: Any
+        self, name: str, given: dict[str, str], kind: str, part: Part, parent: str, child: str, origin: Any
     ) -> None:
         if kind == "free":
             self._joint(name, "floating", parent, child, origin)
+            if self.keyframe.places and _kind(part, self.values) == "free":
+                x, y, z, qw, *vector = self.keyframe.at(part.element, 7)
+                there = origin.inverse() * pin.XYZQUATToSE3(np.array([x, y, z, *vector, qw]))
+                self.home[name] = pin.SE3ToXYZQUAT(there)
             return
         if kind not in ("hinge", "slide"):
             raise self.values.error(f"joint {name} is of type {kind}", "use hinge and slide joints")
         unit = self.values.angle if kind == "hinge" else 1.0
-        axis = frame @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
+        axis = part.frame.rotation @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
         start = float(self.values.numbers(given, "ref", "0", 1)[0]) * unit
         back = pin.SE3(pin.exp3(-start * axis), np.zeros(3)) if kind == "hinge" else pin.SE3(np.eye(3), -start * axis)
         limited = given.get("limited", "auto")
@@ -228,6 +292,10 @@ class _UrdfWriter:
         # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
         self.initial[name] = start
+        if self.keyframe.places:
+            self.home[name] = self.keyframe.at(part.element, 1)
+        elif start and (lower <= start <= upper or limited != "true"):
+            self.home[name] = np.array([start])
 
     def _drives(self, root: Element, own: Element, by_gtpin: bool) -> None:
         """Write the joints that ``<actuator>`` drives, once each: in a robot with loops not all joints can be commanded.
@@ -269,33 +337,50 @@ class _UrdfWriter:
         # Where there are joints of effects, a tendon is a curve by which a joint follows another.
         if self.added.keys() & {given.get("joint1"), given.get("joint2")} or (self.added and element.tag == "tendon"):
             return
-        if element.tag == "connect":
-            self._connect(given)
+        if element.tag in ("connect", "weld"):
+            self._connect(given, element.tag)
         elif element.tag == "joint":
             self._tie(given)
         else:
             what = f"equality/{element.tag} {given.get('name', '')}".strip() + " is not read"
-            raise self.values.error(what, "use connect, or joint")
+            raise self.values.error(what, "use connect, weld, or joint")
 
-    def _connect(self, given: dict[str, str]) -> None:
-        name = given.get("name", f"connect{len(self.robot.findall('loop_joint')) + 1}")
+    def _connect(self, given: dict[str, str], tag: str) -> None:
+        """Write a loop: two points that coincide, of two bodies or sites; of a ``weld`` two frames."""
+        self.loops += 1
+        name = given.get("name", f"{tag}{self.loops}")
         if "site1" in given or "site2" in given:
             ends = [self.sites.get(given.get(key, ""), ("", None)) for key in ("site1", "site2")]
             missing = next((given.get(f"site{i + 1}", "") for i, (_, at) in enumerate(ends) if at is None), None)
-            points = [(link, None if at is None else at.translation) for link, at in ends]
         else:
             names = given.get("body1", ""), given.get("body2", WORLD)
             missing = next((body for body in names if body not in self.bodies), None)
             if missing is None:
                 first, second = (self.bodies[body] for body in names)
-                anchor = self.values.numbers(given, "anchor", "", 3)
-                # They meet at the initial posture.
-                points = [(first, anchor), (second, self.at[second].actInv(self.at[first].act(anchor)))]
+                one, other = self._weld(given, first, second) if tag == "weld" else self._point(given, first, second)
+                ends = [(first, one), (second, other)]
         if missing is not None:
-            raise self.values.error(f"connect {name} of unknown {missing!r}", "name two bodies or sites")
-        loop = SubElement(self.robot, "loop_joint", name=name, type="spherical")
-        for tag, (link, xyz) in zip(("link1", "link2"), points, strict=True):
-            SubElement(loop, tag, link=link, xyz=exact_text(np.asarray(xyz)))
+            raise self.values.error(f"{tag} {name} of unknown {missing!r}", "name two bodies or sites")
+        loop = SubElement(self.robot, "loop_joint", name=name, type="fixed" if tag == "weld" else "spherical")
+        for key, (link, at) in zip(("link1", "link2"), ends, strict=True):
+            end = SubElement(loop, key, link=link, xyz=exact_text(at.translation))
+            if tag == "weld":
+                end.set("rpy", exact_text(pin.rpy.matrixToRpy(at.rotation)))
+
+    def _point(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
+        """Placements on two links of the point at which they meet in the initial posture."""
+        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "", 3))
+        return anchor, self.at[second].actInv(self.at[first] * anchor)
+
+    def _weld(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
+        """Placements on two links of the frame that they share: with ``relpose``, else in the initial posture."""
+        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "0 0 0", 3))
+        x, y, z, *quaternion = self.values.numbers(given, "relpose", "0 1 0 0 0 0 0", 7)
+        relative = self.at[first].actInv(self.at[second])
+        if any(quaternion):
+            w, *vector = self.values.unit(np.array(quaternion), "relpose")
+            relative = pin.XYZQUATToSE3(np.array([x, y, z, *vector, w]))
+        return relative * anchor, anchor
 
     def _tie(self, given: dict[str, str]) -> None:
         """Let a joint follow another by ``<mimic>``; without another one, fix it."""

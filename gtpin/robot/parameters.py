@@ -172,13 +172,17 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[
     the data do not assign to one parameter is divided among several in proportion to their prior variances. The name of an
     anchor has the names of its loop and of its link.
     """
-    places = [(f"placement[{robot.model.names[j]}]", frame_of_joint(j), 6) for j in robot.moving_joints]
-    places.append(("platform", frame_of_tcp(robot), 6))
+    places = [(f"placement[{robot.model.names[j]}]", [frame_of_joint(j)], 6) for j in robot.moving_joints]
+    places.append(("platform", [frame_of_tcp(robot)], 6))
     ends = [(loop.name, anchor.link) for loop in robot.description.loops for anchor in (loop.anchor1, loop.anchor2)]
-    places += [(f"anchor[{loop}.{link}]", frame_of_anchor(robot, a), 3) for a, (loop, link) in enumerate(ends)]
+    follow: dict[int, list[int]] = {}
+    for a, leading in enumerate(robot.leading_anchors):  # the anchors of two frames move together
+        follow.setdefault(leading, []).append(frame_of_anchor(robot, a))
+    places += [(f"anchor[{loop}.{link}]", follow[a], 3) for a, (loop, link) in enumerate(ends) if a in follow]
     found = []
-    for name, frame, count in places:
+    for name, frames, count in places:
         for axis, twist in zip(("x", "y", "z", "rx", "ry", "rz")[:count], np.eye(6), strict=False):
             unit, size = ("m", "placement_position") if twist[:3].any() else ("rad", "placement_rotation")
-            found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], ((frame, twist),)))
+            moves = tuple((frame, twist) for frame in frames)
+            found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], moves))
     return found

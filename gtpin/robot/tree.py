@@ -37,9 +37,9 @@ class Tree:
     - ``moving``: names of the joints of one degree of freedom that follow no other, in document order.
     - ``mimics``: the joints that follow one of them, in document order.
     - ``tip``: the TCP where nothing names it: the link ``tool0``; else the last link at the end of the longest chain of
-      moving joints (of several, the last in document order). Empty where there are no links.
-    - ``ends``: the links at the ends of chains of moving joints, in document order. More than one: ``tip`` is a guess,
-      except where it is ``tool0``.
+      moving joints (of several, the last in document order), of those that no loop holds. Empty where there are no links.
+    - ``ends``: the links at the ends of chains of moving joints that no loop holds, in document order; all, if it holds all.
+      More than one: ``tip`` is a guess, except where it is ``tool0``.
     - ``above``: by link, the link above it, and the joint between the two.
     """
 
@@ -87,10 +87,14 @@ class Tree:
         fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
         depths = {link: len(tree.path(link) - fixed) for link in links}
         parents = {parent for parent, _ in above.values()}
-        deepest = max(depths.values(), default=0)
-        longest = [link for link in links if link not in parents and depths[link] == deepest]
+        # What a loop holds at both sides is no tool, where there is another end.
+        held = {end.get("link") for loop in root.findall("loop_joint") for end in loop}
+        leaves = [link for link in links if link not in parents]
+        leaves = [link for link in leaves if link not in held] or leaves
+        deepest = max((depths[link] for link in leaves), default=0)
+        longest = [link for link in leaves if depths[link] == deepest]
         tip = TOOL if TOOL in links else longest[-1] if longest else ""
-        return replace(tree, tip=tip, ends=tuple(link for link in depths if link not in parents and depths[link] > 0))
+        return replace(tree, tip=tip, ends=tuple(link for link in leaves if depths[link] > 0))
 
 
 def _mimic(joint: str, element: Element, source: str) -> Mimic:

@@ -84,6 +84,52 @@ def test_a_site_with_a_bodys_name_is_the_tcp_that_was_asked_for(tmp_path, run):
     np.testing.assert_allclose(found, right, atol=1e-12)
 
 
+LEG = [[0.02, 0.0, -0.54], [0.02, 0.0, -0.34], [0.02, 0.0, -0.64]]
+"""(0.02, 0, -q - 0.04), m, by hand."""
+CRANK = [[0.31171479, 0.0, 0.20082668], [0.3550466, 0.0, 0.19791851], [0.25223721, 0.0, 0.18923056]]
+"""Pinocchio's placements, and SciPy's least squares on the six numbers of log6 of the cut."""
+SPHERICAL = [[0.007453, 0.014907, 0.149072], [0.027058, 0.047937, 0.139535], [0.041450, 0.080479, 0.119604]]
+"""MuJoCo's sites, and least squares on their gap, 26 nm left."""
+PLANAR = [[0.0174, 0.0, 0.4352], [0.0194, 0.0, 0.3878]]
+"""The plane's answer, by circles."""
+FIVE_BAR = [[0.01738567, 0.43524222, 0.0], [0.01942232, 0.38784681, 0.0]]
+"""MuJoCo's sites, and least squares from the keyframe; the simulation from the open posture ends there too."""
+LOOPS = {
+    "spherical_loop/spherical_6_digits.xml --tcp tool": (SPHERICAL, 1e-6, "close only to 2.2e-08 m"),
+    "rounded_right_angle/five_bar.urdf": (PLANAR, 4e-4, "axes of ml and mr are 1.6 mrad from parallel"),
+    "rounded_right_angle/five_bar.xml --tcp pen": (PLANAR, 4e-4, "axes of ml and mr are 1.6 mrad from parallel"),
+    "telescope_leg/leg.urdf": (LEG, 1e-9, '<home q="0.4"'),
+    "telescope_leg/leg.xml --tcp foot": (LEG, 1e-9, ""),
+    "telescope_leg/no_actuator.xml --tcp foot --actuators length": (LEG, 1e-9, ""),
+    "weld_loop/robot.yaml --tcp tool": (CRANK, 1e-8, "nearest to zero"),
+    "weld_loop/robot.urdf --tcp tool": (CRANK, 1e-8, "robot.yaml beside it"),
+    "weld_loop/crank.xml --tcp tool": (CRANK, 1e-8, "open at its initial posture"),
+    "keyframe/fivebar.xml --tcp pen": (FIVE_BAR, 1e-8, ""),
+}
+
+
+@pytest.mark.parametrize("arguments", LOOPS)
+def test_loops_close_where_others_close_them(tmp_path, run, arguments):
+    right, tolerance, said = LOOPS[arguments]
+    file, *options = arguments.split()
+    code, error = run("predict", FIELD / file, (FIELD / file).parent / "q.csv", *options, "-o", tmp_path / "out.csv")
+    assert code in (0, None)
+    assert said in error
+    assert "mend <home>" not in error
+    found = np.genfromtxt(tmp_path / "out.csv", delimiter=",", skip_header=1)[:, 1:4]
+    np.testing.assert_allclose(found, right, rtol=0, atol=tolerance)
+
+
+def test_a_loop_without_drives_names_the_element_that_gives_them(tmp_path, run):
+    folder = FIELD / "telescope_leg"
+    code, said = run(
+        "predict", folder / "no_actuator.xml", folder / "q.csv", "--tcp", "foot", "-o", tmp_path / "out.csv"
+    )
+    assert code == 2
+    assert "name the driven joints in its <actuator>" in said
+    assert "<gtpin>" not in said
+
+
 def test_the_page_names_every_folder():
     page = (FIELD / "README.md").read_text()
     assert {f"| `{folder.name}` |" in page for folder in FIELD.iterdir() if folder.is_dir()} == {True}

@@ -140,6 +140,8 @@ EQUAL = {
         '<equality><connect body1="coupler" body2="far" anchor="0.3 0.05 0"/></equality>'
         '<actuator><position joint="c"/><position joint="a"/><motor joint="c"/></actuator>',
     ),
+    "weld of bodies": file(FIVE, "", DRIVEN.format('<weld body1="coupler" body2="far"/>')),
+    "weld with a pose": file(FIVE, "", DRIVEN.format('<weld body1="far" body2="coupler" relpose="-.3 .1 0 1 0 0 .1"/>')),
     "connect that is not active": file(FOUR, "", DRIVEN.format('<connect site1="e1" site2="e2" active="false"/>')),
     "connect of a class that is not active": file(
         FOUR,
@@ -181,7 +183,6 @@ SAID = {
     "a ball joint": (arm("", 'type="ball"'), "joint two is of type ball"),
     "a free body": (file(f'<body name="a"><freejoint name="f"/>{GEOM}{CHILD}</body>'), "joint f has 6 degrees"),
     "replicate": (arm(inside=f'{GEOM}<replicate count="2" offset="1 0 0">{GEOM}</replicate>'), "<replicate> is not read"),
-    "weld": (arm(tail='<equality><weld name="w" body1="b"/></equality>'), "equality/weld w is not read"),
     "a curve": (
         arm(tail='<equality><joint joint1="two" joint2="one" polycoef="0 1 2"/></equality>'),
         "equality/joint of two is a curve",
@@ -246,6 +247,7 @@ def coordinates(robot: gtpin.Robot, model: mujoco.MjModel, configuration: np.nda
     return qpos
 
 
+@pytest.mark.filterwarnings("ignore:.*are open at its initial posture")
 @pytest.mark.parametrize("what", EQUAL)
 def test_poses_are_mujocos(what: str, tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string(EQUAL[what])
@@ -275,7 +277,7 @@ def test_poses_are_mujocos(what: str, tmp_path: Path) -> None:
             np.testing.assert_allclose(frame.rotation, np.reshape(matrix, (3, 3)), rtol=0, atol=1e-9, err_msg=name)
 
 
-@pytest.mark.filterwarnings("ignore:.*a site and a body are called")
+@pytest.mark.filterwarnings("ignore:.*a site and a body are called", "ignore:.*are open at its initial posture")
 @pytest.mark.parametrize("what", EQUAL)
 def test_masses_are_mujocos(what: str, tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string(EQUAL[what])

@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from urdfs import crossing, joint, urdf
 
 import gtpin
 from gtpin.errors import RobotError
+from gtpin.robot.description import RobotDescription
 
 NEAR, FAR, BASE = 0.3, 0.4, 0.1
 """Lengths of the links of a five-bar, and half the distance of its drives, m."""
@@ -22,7 +24,7 @@ name_mot: ["drive_left", "drive_right"]
 def five_bar() -> str:
     """A five-bar in an upright plane; ``pin_A`` is a link, ``pin_B`` a fixed joint, both where the far links meet."""
     parts = []
-    for side, sign, drive, end, pin in (
+    for side, sign, drive, end, bolt in (
         ("left", -1.0, -2.2, "pin_A", "mount"),
         ("right", 1.0, 2.2 - np.pi, "end", "pin_B"),
     ):
@@ -30,7 +32,7 @@ def five_bar() -> str:
         parts += [
             joint(f"drive_{side}", "base", side, f"{sign * BASE} 0 0", "0 -1 0", rpy=f"0 {drive} 0", limit=0.7),
             joint(f"elbow_{side}", side, far, f"{NEAR} 0 0", "0 -1 0", kind="continuous", rpy=turned),
-            joint(pin, far, end, f"{FAR} 0 0", kind="fixed"),
+            joint(bolt, far, end, f"{FAR} 0 0", kind="fixed"),
         ]
     return urdf("five", *parts)
 
@@ -64,8 +66,8 @@ def test_a_model_of_it_needs_no_yaml(file: Path, tmp_path: Path) -> None:
     [
         (
             "'3D'",
-            "'6d'",
-            r"row 3, column type: the loop of pin_A and pin_B is closed by '6d', so it is no spherical joint",
+            "'4d'",
+            r"row 3, column type: the loop of pin_A and pin_B is closed by '4d'; write one of 3d, 6d",
         ),
         ("['3D']", "['3d', '3d']", "2 types for 1 loops"),
         ("'pin_B'", "'lost'", "the URDF has no link and no joint 'lost'"),
@@ -74,7 +76,7 @@ def test_a_model_of_it_needs_no_yaml(file: Path, tmp_path: Path) -> None:
         ('"drive_right"', "7", "name_mot is no list of names"),
         ("type: ['3D']\n", "", "the key type is missing"),
         ("type: ['3D']\n", "type:\n  - 3D\n", "row 3: no key with a list"),
-        ("# a five-bar", "joint_name: ['elbow_left']", "joint_name: gtpin reads closed_loop, type, name_mot only"),
+        ("# a five-bar", "joint_name: ['elbow_left']", "0 types for 1 joints"),
         ("# a five-bar", "type: ['3D']", "row 3: no key with a list"),
         ("# a five-bar", "x: " + "[" * 5000, "no key with a list"),
         ("# a five-bar", "x: __import__('os')", "no key with a list"),
@@ -86,6 +88,41 @@ def test_what_is_no_such_file_is_refused_with_its_place(file: Path, old: str, ne
     with pytest.raises(RobotError, match=told) as refused:
         gtpin.load_robot(file)
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_lists_over_several_lines_and_joints_of_other_types_are_read(file: Path) -> None:
+    """As battobot_6d and digit_like_2legs of example-parallel-robots have them."""
+    text = """closed_loop:
+  [
+    # a comment
+    ["pin_A", "pin_B"],
+  ]
+type: ["3d"]
+name_mot:
+  ["drive_left", "drive_right"]
+
+joint_name: ["elbow_left", "elbow_right", "mount"]
+joint_type: ["UJOINT_YX", "SPHERICAL", "FIXED"]
+"""
+    file.write_text(text, encoding="utf-8")
+    described = RobotDescription.read(file)
+    moving = ("drive_left", "elbow_left", "drive_right", "elbow_right")
+    assert set(described.tree.moving) == {*moving, "elbow_left_2", "elbow_right_2", "elbow_right_3"}
+    q = pin.neutral(model := pin.buildModelFromXML(described.xml))
+    for name, index, axis in (
+        ("elbow_left", 1, (0, 1, 0)),
+        ("elbow_left_2", 2, (1, 0, 0)),
+        ("elbow_right_3", 6, (0, 0, 1)),
+    ):
+        data = model.createData()
+        pin.computeJointJacobians(model, data, q)
+        column = pin.getJointJacobian(model, data, model.getJointId(name), pin.LOCAL)[
+            3:, model.idx_vs[model.getJointId(name)]
+        ]
+        np.testing.assert_allclose(column, axis, atol=1e-12, err_msg=f"{name} {index}")
+    file.write_text(text.replace("UJOINT_YX", "PLANAR"), encoding="utf-8")
+    with pytest.raises(RobotError, match="row 11, column joint_type: joints of type PLANAR are not read"):
+        RobotDescription.read(file)
 
 
 def test_files_that_do_not_belong_together_are_refused(file: Path, tmp_path: Path) -> None:

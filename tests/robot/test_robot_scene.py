@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.errors import RobotError
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -73,6 +74,7 @@ def measurements(folder: Path) -> Path:
 def test_objects_of_the_scene_are_not_of_the_robot(tmp_path: Path) -> None:
     robot = gtpin.load_robot(in_folder(tmp_path))
     assert robot.sites == ("pan", "lift", "elbow", "wrist1", "wrist2", "wrist3")
+    np.testing.assert_array_equal(robot.home_q, [0.0, -1.0, 1.5, 0.3, 0.2, 0.0])  # the arm's keyframe
     assert {"table", "base"} <= {frame.name for frame in robot.model.frames}
     assert not {"cube", "door"} & {frame.name for frame in robot.model.frames}
 
@@ -86,7 +88,10 @@ def test_without_actuators_only_what_floats_is_an_object(tmp_path: Path) -> None
 def test_a_body_on_the_world_that_is_driven_is_of_the_robot(tmp_path: Path) -> None:
     """A gantry's second axis, say, or a turntable."""
     driven = SCENE.replace("</mujoco>", '<actuator><motor joint="door_hinge"/></actuator></mujoco>')
-    assert gtpin.load_robot(in_folder(tmp_path, driven)).n_actuators == 7
+    with pytest.raises(RobotError, match="keyframe home has 6 numbers for 14 coordinates of joints"):
+        gtpin.load_robot(in_folder(tmp_path, driven))
+    arm = re.sub(r"<keyframe>.*</keyframe>", "", ARM, flags=re.DOTALL)
+    assert gtpin.load_robot(in_folder(tmp_path, driven, arm)).n_actuators == 7
 
 
 @pytest.mark.slow

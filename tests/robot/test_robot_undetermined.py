@@ -71,7 +71,7 @@ def test_a_joint_that_moves_the_tcp_by_a_follower_is_not_missed() -> None:
     assert gtpin.load_robot("panda").n_actuators == 8  # the right finger, the TCP, follows the left one
 
 
-@pytest.mark.parametrize("kind", ["revolute", "fixed", "6d"])
+@pytest.mark.parametrize("kind", ["revolute", "6d"])
 def test_other_types_of_loop_joints_say_which_one_is_read(kind: str) -> None:
     text = FIVE_BAR.read_text(encoding="utf-8").replace('type="spherical"', f'type="{kind}"')
     with pytest.raises(RobotError, match=r'write type="spherical".*planar') as caught:

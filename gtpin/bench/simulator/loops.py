@@ -59,13 +59,13 @@ class Loops:
             for anchor in (loop.anchor1, loop.anchor2):
                 on = urdf.links[anchor.link]
                 points.append(TreeFrame(on.joint, on.R @ turn(anchor.rpy), on.p + on.R @ np.array(anchor.xyz)))
-                ends.append(f"{loop.name}.{anchor.link}")
+                ends.append(f"{getattr(loop, 'point_of', '') or loop.name}.{anchor.link}")
                 axes.append(on.R)
         pairs = list(zip(points[::2], points[1::2], strict=True))
         passive = tuple(sorted(_closing(urdf.joints, pairs) - set(driven)))
         # Across the plane of a planar loop the play of bearings closes the gap. `planes`: where the package finds such loops.
-        planes = getattr(robot, "planes", (None,) * len(pairs))
-        across = np.array([np.eye(3) if n is None else np.eye(3) - np.outer(n, n) for n in planes])
+        planes = getattr(robot, "planes", (np.zeros((0, 3)),) * len(pairs))
+        across = np.array([np.eye(3) - np.transpose(n) @ n for n in planes])
         return Loops(
             joints=urdf.joints,
             driven=driven,
@@ -191,7 +191,7 @@ class Loops:
         )
 
     def _slopes(self, bodies: Placed, bending: Bending, ends: Floats) -> Floats:
-        """(N, 3 L, p) derivative of the gaps by the passive joints: exact where the gaps are closed, else an approximation.
+        """(N, 3 L, p) derivative of the gaps by the passive joints.
 
         ``ends`` (N, 2, L, 3) are the points, base frame, m.
         """
@@ -199,8 +199,8 @@ class Loops:
         slopes = np.zeros((count, 3 * len(self.pairs), len(self.passive)))
         for i, pair in enumerate(self.pairs):
             frame = bodies.at(pair[0], bending).R
-            for side, (sign, point) in enumerate(zip((1.0, -1.0), pair, strict=True)):
-                at = ends[:, side, i]
+            for sign, point in zip((1.0, -1.0), pair, strict=True):
+                at = ends[:, 1, i]  # of both sides: the frame turns about the first body, and gaps can stay open
                 for joint in _on_the_way(self.joints, point.joint):
                     if joint in self.passive:
                         axis = bodies.seats[:, joint] @ self.joints[joint].axis

@@ -191,9 +191,9 @@ class Drive:
 class Mechanism:
     """Bodies, parents before children; loops by name, each two coincident points; drives; gravity, m/s^2; size ``reach``, m.
 
-    ``tcp``: name of the body, or of the link on a body, that is the TCP. ``planes``: by loop, the normal (3,) of the plane in
-    which it closes, where it is planar, in the frame of the body of its first end. ``couplings``: joints that follow
-    others. ``guides``: friction. ``plays``: joints whose play varies.
+    ``tcp``: name of the body, or of the link on a body, that is the TCP. ``planes``: by loop, the directions (k, 3) in which it
+    is left open, in the frame of the body of its first end: a planar loop's normal. ``couplings``: joints that follow others.
+    ``guides``: friction. ``plays``: joints whose play varies.
     """
 
     name: str
@@ -311,7 +311,7 @@ def mechanism(robot: Chain) -> Mechanism:
     names = {int(model.idx_vs[j]): str(model.names[j]) for j in range(1, model.njoints)}
     mimics = tuple(Coupling(names[f.index_v], names[f.master_v], SAME.times(f.multiplier)) for f in robot.followers)
     closing = zip(robot.description.loops, robot.constraints, robot.planes, strict=True)
-    planes = {loop.name: c.joint1_placement.rotation @ n for loop, c, n in closing if n is not None}
+    planes = {loop.name: n @ c.joint1_placement.rotation.T for loop, c, n in closing if len(n)}
     return Mechanism(robot.name, (base, *rooted), loops, drives, gravity, robot.size, robot.tcp_frame, planes, mimics)
 
 

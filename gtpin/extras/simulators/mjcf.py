@@ -83,8 +83,8 @@ def to_mjcf(mechanism: Mechanism, plain: Mechanism) -> str:
     for name in _joint_names(cranked):
         if name not in robot:
             SubElement(marks, "text", name=f"{ADDED_MARK}{name}", data=stands.get(name, name))
-    for name, normal in mechanism.planes.items():
-        SubElement(marks, "numeric", name=f"{PLANE_MARK}{name}", data=numbers(*normal))
+    for name, normals in mechanism.planes.items():
+        SubElement(marks, "numeric", name=f"{PLANE_MARK}{name}", data=numbers(*normals.ravel()))
     tendons = SubElement(root, "tendon")
     add_guides(tendons, mechanism)
     add_actuators(root, mechanism)

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Tcp, output_option, tell
+from gtpin.commands.terminal import (
+    Actuators,
+    AsJson,
+    Force,
+    Home,
+    ModelReference,
+    Tcp,
+    chosen,
+    output_option,
+    tell,
+)
 from gtpin.data import Dataset
 from gtpin.extras.view.gap import gap_with_instruments
 from gtpin.extras.view.still import write_still
@@ -25,13 +35,15 @@ def view(
     host: Annotated[str, typer.Option(help="Address that the page is served at.")] = "localhost",
     port: Annotated[int, typer.Option(help="Port of the page; 0 takes any.", min=0, max=65535)] = 8080,
     tcp: Tcp = None,
+    actuators: Actuators = "",
+    home: Home = "",
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Show the robot and its instruments in 3-D in the browser: along the poses, errors magnified, rods by their share."""
     if output is not None:
         check_file(output, force=force)
-    found = read_model(model, tcp=tcp)
+    found = read_model(model, tcp=tcp, **chosen(actuators, home))
     gap, instruments = None, found.instruments
     if dataset is not None:
         gap, instruments = gap_with_instruments(found, Dataset.read(dataset))
