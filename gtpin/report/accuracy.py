@@ -17,7 +17,7 @@ from gtpin.errors import ModelError
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import SCALE, Drawing, alone, colorbar, titled
-from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.page import Lead, Plots, Section, Step, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import scale_of
 from gtpin.report.sketch import drawing
@@ -137,7 +137,11 @@ def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
         Section("dexterity", "Dexterity", [_dexterity(values["dexterity"], ONE_AT[space.dexterity.one_at])]),
     ]
     name = f"Accuracy of {model.robot.name}"
-    lead = Lead(f"{name} · {values['poses']} poses", headline, advice, numbers, sketch=drawing(model))
+    measure = Step(
+        "To replace the tolerances by an identified geometry, measure poses:", "gtpin calibrate DATASET -o calibrated"
+    )
+    todo = [measure] if model.covariance is None else []
+    lead = Lead(f"{name} · {values['poses']} poses", headline, advice, numbers, sketch=drawing(model), steps=todo)
     return report(name, lead, sections, provenance(None, model.robot, seed))
 
 

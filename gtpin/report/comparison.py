@@ -18,7 +18,7 @@ from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, alone, scatter, titled
-from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.page import Lead, Plots, Section, Step, Table, report
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
@@ -90,7 +90,7 @@ def comparison_page(c: Comparison) -> str:
     """The whole report of a comparison as one self-contained HTML file."""
     robot, carts = robot_of(c.dataset), c.dataset.carts
     eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {len(c.held[0].position)} held-out poses"
-    lead, sections = Lead(eyebrow, *_verdict(c)), [_errors(c)]
+    lead, sections = Lead(eyebrow, *_verdict(c), steps=[_step(c)]), [_errors(c)]
     if any(held.angles is not None for held in c.held):
         plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
         words = "Measured less predicted ZYZ Euler angles."
@@ -135,6 +135,11 @@ def _verdict(c: Comparison) -> tuple[str, list[str]]:
         advice.insert(0, "Their intervals overlap: these data don't settle which of the two is better.")
     one, two = (whole(f"{means[model]:.0f} µm") for model in (best, others[0]))
     return f"{words}: {one} mean error on held-out poses, against {two} of model {others[0]}.", advice
+
+
+def _step(c: Comparison) -> Step:
+    best = min(c.held, key=lambda held: float(held.position.mean())).model
+    return Step(f"To identify model {best} from all poses:", f"gtpin calibrate DATASET -o calibrated --model {best}")
 
 
 def errors_drawing(comparison: Comparison) -> Drawing:

@@ -7,15 +7,19 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, Group, RenderableType
+from rich.table import Table as Printed
 
 from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
@@ -23,8 +27,9 @@ from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-    from rich.table import Table as Printed
 
+WIDTH = 120
+"""Characters of a line of text."""
 BASIC = frozenset({"scatter", "bar", "pie"})
 """Kinds of traces that the small script of plotly draws."""
 ROW, LOWEST, HIGHEST = 26, 8, 600
@@ -52,9 +57,6 @@ class Table:
 
     def printed(self) -> Printed:
         """The table for a terminal; only the first column and columns of numbers keep their lines whole."""
-        from rich.box import SIMPLE_HEAD
-        from rich.table import Table as Printed
-
         made = Printed(box=SIMPLE_HEAD, pad_edge=False)
         for k, name in enumerate(self.head):
             right = k in self.numbers
@@ -163,16 +165,26 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Step:
+    """Something to do now, and the command to type; empty: none. In a command, DIR is the folder of the result."""
+
+    words: str
+    command: str = ""
+
+
+@dataclass(frozen=True)
 class Lead:
-    """The first screen of a page.
+    """The first screen of a page and of a terminal.
 
     - ``eyebrow``: what the page is of.
     - ``headline``, ``advice``: the result, a sentence a line, and paragraphs below it.
     - ``numbers``: key figures: value, and what it is.
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
     - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
-    - ``content``: what follows the key figures.
+    - ``content``: what follows the headline.
     - ``hint``: a note that is not printed.
+    - ``steps``: what to do now.
+    - ``warnings``: all warnings about the data.
     """
 
     eyebrow: str
@@ -185,6 +197,59 @@ class Lead:
     caption: str = ""
     content: Sequence[Block] = ()
     hint: str = ""
+    steps: Sequence[Step] = ()
+    warnings: Sequence[str] = ()
+
+    def printed(self, folder: Path | str = "DIR") -> Group:
+        """The first screen for a terminal, without the warnings, which are printed when they arise.
+
+        ``folder``: where the result is written.
+        """
+        wide = max((len(value) for value, _ in self.numbers), default=0)
+        numbers = [f"  {value:>{wide}}  {what}" for value, what in self.numbers]
+        title = f"{self.eyebrow}: {self.badge}" if self.badge else self.eyebrow
+        steps = [line for step in self.steps for line in (f"  {step.words}", f"    {step.command}") if line.strip()]
+        todo = ["", "What to do now", *(line.replace("DIR", str(folder)) for line in steps)] if steps else []
+        return Group(title, *numbers, "", self.headline, *in_terminal(self.content), *self.advice, *todo)
+
+
+def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
+    """Content for a terminal; of plots nothing is printed."""
+    for block in content:
+        match block:
+            case Table():
+                yield block.printed()
+            case Bars():
+                for title, rows in [("", block.rows), *block.beside]:
+                    if rows:
+                        yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
+            case Heading():
+                yield f"\n{block.words}"
+            case Items():
+                yield from (f"- {words}" for words in block.words)
+            case Fold():
+                yield f"\n{block.title}"
+                yield from in_terminal(block.content)
+            case Note():
+                yield from in_terminal(block.content)
+            case Plots():
+                pass
+            case _:
+                words = block.words if isinstance(block, Small) else block
+                yield words.striptags() if isinstance(words, Markup) else words
+
+
+def page_text(lead: Lead, sections: Sequence[Section]) -> str:
+    """A page as plain text, `WIDTH` wide: its words and tables."""
+    console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
+    with console.capture() as captured:
+        console.print(lead.printed())
+        for section in sections:
+            if content := list(in_terminal(section.content)):
+                console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
+        if lead.warnings:
+            console.print("\nWARNINGS\n", *in_terminal([Items(lead.warnings)]), sep="\n")
+    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
 
 
 def report(

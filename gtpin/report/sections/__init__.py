@@ -2,7 +2,7 @@
 
 A new section is a new file here, with a function that is marked by :func:`section`. Places: 10 where it lies, 20 the causes, 30
 what is left, 40 the instruments, 50 circular tests, 60 over the workspace, 70 against what was recorded, 80 evidence, 90 what
-can't be told apart, 100 what could not be tested, 110 parameters, 120 what the data can't see, 130 data.
+can't be distinguished, 100 what could not be tested, 110 parameters, 120 what the data can't see, 130 data.
 """
 
 from __future__ import annotations
