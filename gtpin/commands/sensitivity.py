@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from gtpin.accuracy.analysis import analyse
-from gtpin.commands.terminal import AsJson, Force, ModelReference, Output, Seed, Tcp, progress_of, tell, written
+from gtpin.commands.terminal import (
+    AsJson,
+    Force,
+    ModelReference,
+    Output,
+    Seed,
+    Tcp,
+    progress_of,
+    rendered,
+    tell,
+    written,
+)
 from gtpin.data import Commands
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -45,4 +56,4 @@ def sensitivity(
         shown = AccuracyPresentation(analyse(found, q, seed=seed))
         result = shown.write(folder)
     files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
-    tell(result, f"{shown.terminal()}\n{files}", as_json)
+    tell(result, rendered(shown.terminal(output), files), as_json)

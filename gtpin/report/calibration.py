@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.console import RenderableType
 
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
@@ -17,9 +16,9 @@ from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import cannot_judge, error_of, scatters, unseen_words
 from gtpin.report.geometry import geometry_line, geometry_table
-from gtpin.report.page import Lead, page_text, report
+from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported, sections
+from gtpin.report.sections import FitPresentation, Reported
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import calibration_steps
@@ -42,29 +41,34 @@ class CalibrationPresentation(FitPresentation):
     calibration: Calibration
     files = CALIBRATION
 
-    def short(self) -> str:
-        """Numbers of parameters and poses, the errors, and chi-square."""
-        c = self.calibration
-        sizes = [(error_of(b), quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
-        errors = "\n".join(f"{what}, RMS: {before} nominal, {after} calibrated" for what, before, after in sizes)
-        return (
-            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements\n"
-            f"{errors}\n"
-            f"chi-square per degree of freedom: {c.chi2_per_dof:.3f}"
-        )
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"Calibration of {self.calibration.model.robot.name}"
 
     @cached_property
     def lead(self) -> Lead:
-        """The first screen of terminal and page."""
-        return _lead(self.calibration, self.reported)
+        """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
+        c, q = self.calibration, self.reported.dataset.q
+        found = departures(c.model, q)
+        tone, badge, headline, advice = _verdict(c)
+        return Lead(
+            f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
+            "\n".join(filter(None, (geometry_line(found), headline))),
+            advice,
+            _numbers(c),
+            badge,
+            tone,
+            drawing(c.model, q.mean(axis=0)),
+            content=geometry_table(found),
+            steps=calibration_steps(c),
+            warnings=c.warnings,
+        )
 
-    def text(self) -> str:
-        """The content of ``report.txt``: the words and tables of the page."""
-        return page_text(self.lead, sections(self.reported))
-
-    def terminal(self, folder: Path | None = None) -> RenderableType:
-        """What ``gtpin calibrate`` prints; ``folder``: where the result is written."""
-        return self.lead.printed(folder or "DIR")
+    @property
+    def origin(self) -> Table:
+        """Versions and digests."""
+        return provenance(self.reported.dataset, self.calibration.model.robot)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -91,7 +95,7 @@ class CalibrationPresentation(FitPresentation):
         write_model(c.model, folder / "model")
         (folder / "calibration.json").write_text(json_text(result), encoding="utf-8")
         (folder / "report.txt").write_text(self.text(), encoding="utf-8")
-        (folder / "report.html").write_text(calibration_page(c), encoding="utf-8")
+        (folder / "report.html").write_text(self.page(), encoding="utf-8")
         return result
 
     def unseen(self) -> tuple[str, ...]:
@@ -99,31 +103,6 @@ class CalibrationPresentation(FitPresentation):
         c, found = self.calibration, self.calibration.observability
         unseen = found.variance_reduction < UNSEEN
         return unseen_words(c.model.geometry, found.directions[:, unseen], found.variance_reduction[unseen], c.remedies)
-
-
-def calibration_page(c: Calibration) -> str:
-    """The whole report of a calibration as one self-contained HTML file: fit, parameters, unobservable directions."""
-    robot, reported = c.model.robot, Reported(c)
-    origin = provenance(reported.dataset, robot)
-    return report(f"Calibration of {robot.name}", _lead(c, reported), sections(reported), origin)
-
-
-def _lead(c: Calibration, reported: Reported) -> Lead:
-    """The first screen: from the nominal to the calibrated geometry, which parameters make it, and what to do."""
-    found = departures(c.model, reported.dataset.q)
-    tone, badge, headline, advice = _verdict(c)
-    return Lead(
-        f"Calibration of {c.model.robot.name} · {len(c.names)} parameters from {c.poses} measurements",
-        "\n".join(filter(None, (geometry_line(found), headline))),
-        advice,
-        _numbers(c),
-        badge,
-        tone,
-        drawing(c.model, reported.dataset.q.mean(axis=0)),
-        content=geometry_table(found),
-        steps=calibration_steps(c),
-        warnings=c.warnings,
-    )
 
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:

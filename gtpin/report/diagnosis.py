@@ -7,8 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
-
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
 from gtpin.model.departures import departures
@@ -21,10 +19,10 @@ from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
-from gtpin.report.page import Lead, Table, page_text, report
-from gtpin.report.phrases import cause_rows, interval, named, parameter, value
+from gtpin.report.page import Lead, Table
+from gtpin.report.phrases import cause_rows, interval, named, parameter
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported, sections
+from gtpin.report.sections import FitPresentation, Reported
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
 from gtpin.report.verdict import gap_words, verdict
@@ -50,29 +48,34 @@ class DiagnosisPresentation(FitPresentation):
     diagnosis: Diagnosis
     files = DIAGNOSIS
 
-    def short(self) -> str:
-        """Verdict, causes and the gap."""
-        d, size = self.diagnosis, gap_words(self.diagnosis.gap)
-        lines = [f"Diagnosis of {d.model.robot.name}: {d.verdict}"]
-        for cause in d.causes:
-            first, name = value(*next(iter(cause.parameters.items()))), named(d.effect(cause.effect), cause.site)
-            lines.append(f"  {name}, probability {chance(cause.probability)}, {first}")
-        after = f", {size.after} with the causes" if d.causes else ""
-        lines.append(f"{size.what} on left-out poses, RMS: {size.before} by geometry alone{after}; noise {size.floor}")
-        return "\n".join(lines)
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"{self.diagnosis.model.robot.name}: {self.diagnosis.verdict}"
 
     @cached_property
     def lead(self) -> Lead:
-        """The first screen of terminal and page."""
-        return _lead(self.diagnosis)
+        """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
+        d = self.diagnosis
+        said, found = verdict(d), departures(d.model, d.dataset.q)
+        # Without a gap, a free motion of a part explains nothing.
+        shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
+        head = ("cause", "probability", "parameters", "part of the gap")
+        return replace(
+            said,
+            headline="\n".join(filter(None, (geometry_line(found), said.headline))),
+            numbers=_numbers(d),
+            sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
+            caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
+            content=[*geometry_table(found), *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else [])],
+            steps=steps(d),
+            warnings=d.warnings,
+        )
 
-    def text(self) -> str:
-        """The first screen as text."""
-        return page_text(self.lead, ())
-
-    def terminal(self, folder: Path | None = None) -> RenderableType:
-        """What ``gtpin diagnose`` prints; ``folder``: where the result is written."""
-        return self.lead.printed(folder or "DIR")
+    @property
+    def origin(self) -> Table:
+        """Versions, seed and digests."""
+        return provenance(self.reported.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
@@ -123,7 +126,7 @@ class DiagnosisPresentation(FitPresentation):
         Returns the content of ``diagnosis.json``.
         """
         d = self.diagnosis
-        return write_findings(d, d.baseline.model, self.json(), diagnosis_page(d), folder)
+        return write_findings(d, d.baseline.model, self.json(), self.page(), folder)
 
     def json(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
@@ -140,31 +143,6 @@ def write_findings(
     write_experiments(found, folder)
     (folder / "report.html").write_text(page, encoding="utf-8")
     return result
-
-
-def diagnosis_page(d: Diagnosis) -> str:
-    """The whole report of a diagnosis as one self-contained HTML file: the verdict first, then the evidence for it."""
-    robot, reported = d.baseline.model.robot, Reported(d.baseline, d)
-    origin = provenance(reported.dataset, robot, d.seed)
-    return report(f"{robot.name}: {d.verdict}", _lead(d), sections(reported), origin)
-
-
-def _lead(d: Diagnosis) -> Lead:
-    """The first screen: from the nominal to the calibrated geometry, which parameters make it, the causes, what to do."""
-    said, found = verdict(d), departures(d.model, d.dataset.q)
-    # Without a gap, a free motion of a part explains nothing.
-    shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
-    head = ("cause", "probability", "parameters", "part of the gap")
-    return replace(
-        said,
-        headline="\n".join(filter(None, (geometry_line(found), said.headline))),
-        numbers=_numbers(d),
-        sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
-        caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
-        content=[*geometry_table(found), *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else [])],
-        steps=steps(d),
-        warnings=d.warnings,
-    )
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:

@@ -21,6 +21,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.table import Table as Printed
 
+from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
 from gtpin.report.words import typeset
@@ -200,6 +201,15 @@ class Lead:
     steps: Sequence[Step] = ()
     warnings: Sequence[str] = ()
 
+    @property
+    def title(self) -> str:
+        """What it is of, and the short verdict."""
+        return f"{self.eyebrow}: {self.badge}" if self.badge else self.eyebrow
+
+    def short(self) -> str:
+        """The result in a few lines."""
+        return "\n".join([self.title, "; ".join(f"{value} {what}" for value, what in self.numbers), self.headline])
+
     def printed(self, folder: Path | str = "DIR") -> Group:
         """The first screen for a terminal, without the warnings, which are printed when they arise.
 
@@ -207,10 +217,9 @@ class Lead:
         """
         wide = max((len(value) for value, _ in self.numbers), default=0)
         numbers = [f"  {value:>{wide}}  {what}" for value, what in self.numbers]
-        title = f"{self.eyebrow}: {self.badge}" if self.badge else self.eyebrow
         steps = [line for step in self.steps for line in (f"  {step.words}", f"    {step.command}") if line.strip()]
         todo = ["", "What to do now", *(line.replace("DIR", str(folder)) for line in steps)] if steps else []
-        return Group(title, *numbers, "", self.headline, *in_terminal(self.content), *self.advice, *todo)
+        return Group(self.title, *numbers, "", self.headline, *in_terminal(self.content), *self.advice, *todo)
 
 
 def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
@@ -239,17 +248,39 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
                 yield words.striptags() if isinstance(words, Markup) else words
 
 
-def page_text(lead: Lead, sections: Sequence[Section]) -> str:
-    """A page as plain text, `WIDTH` wide: its words and tables."""
-    console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
-    with console.capture() as captured:
-        console.print(lead.printed())
-        for section in sections:
-            if content := list(in_terminal(section.content)):
-                console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
-        if lead.warnings:
-            console.print("\nWARNINGS\n", *in_terminal([Items(lead.warnings)]), sep="\n")
-    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+class PagePresentation(Presentation):
+    """A result with a page, which its texts are made from too.
+
+    ``title``: that of the page in a browser. ``sections``: what follows the first screen. ``origin``: versions and digests.
+    """
+
+    title: str
+    lead: Lead
+    sections: Sequence[Section]
+    origin: Table
+
+    def short(self) -> str:
+        """The result in a few lines."""
+        return self.lead.short()
+
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """What the result's command prints; ``folder``: where the result is written."""
+        return self.lead.printed(folder or "DIR")
+
+    def text(self) -> str:
+        """The page as plain text, `WIDTH` wide: its words and tables."""
+        console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
+        with console.capture() as captured:
+            console.print(self.lead.printed())
+            warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
+            for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
+                if content := list(in_terminal(section.content)):
+                    console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
+        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+    def page(self) -> str:
+        """The whole report as one self-contained HTML file."""
+        return report(self.title, self.lead, self.sections, self.origin)
 
 
 def report(

@@ -115,7 +115,7 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
 def missing_columns(d: Diagnosis) -> str:
     """The columns without which candidates can't be tested, in parentheses."""
     missing = (c.reason.covariate for c in d.candidates if not c.testable and c.reason and c.reason.kind == "missing")
-    names = ", ".join(dict.fromkeys(missing))
+    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
     return f" (not recorded: {names})" if names else ""
 
 

@@ -9,7 +9,7 @@ from monte_carlo import assert_chi2
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, case, commands, draw, measured
 
 import gtpin
-from gtpin.report.calibration import calibration_page
+from gtpin.report.calibration import CalibrationPresentation
 
 SHIFT = 4e-4
 
@@ -54,7 +54,7 @@ def test_it_is_in_the_files_and_stands_in_the_reports_with_the_word_zero(first):
     assert set(zeros) == {"cart1", "cart2", "cart3"}
     assert set(zeros["cart2"]) == {"site", "value", "sigma", "unit"}
     assert zeros["cart2"]["value"] == calibration.zeros[1].value
-    for text in (calibration.summary(), calibration_page(calibration)):
+    for text in (calibration.summary(), CalibrationPresentation(calibration).page()):
         assert "zero of cart2" in text
 
 

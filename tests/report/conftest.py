@@ -15,7 +15,7 @@ from gtpin.bench.simulator.case import make_case
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model.model import Model
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing
 from gtpin.view.gap import DrawnGap
@@ -66,7 +66,7 @@ def pages(findings: dict[str, Diagnosis]) -> Callable[[str], tuple[str, list[Dra
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Plot, "drawings", noted)
-            return diagnosis_page(findings[kind]), drawings
+            return DiagnosisPresentation(findings[kind]).page(), drawings
 
     return page
 

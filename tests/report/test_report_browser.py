@@ -10,8 +10,8 @@ import pytest
 from browsers import DRAWN, MISSING, Opened, launched
 
 from gtpin.report import page as page_module
-from gtpin.report.calibration import calibration_page
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.calibration import CalibrationPresentation
+from gtpin.report.diagnosis import DiagnosisPresentation
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(MISSING), reason=MISSING)]
 KINDS = ("none", "explained", "unknown", "calibration")
@@ -32,7 +32,9 @@ def opened(browser, findings, pages, tmp_path_factory) -> Callable[[str], Opened
 
     def open_(kind: str) -> Opened:
         if kind not in known:
-            page = calibration_page(findings["none"].baseline) if kind == "calibration" else pages(kind)[0]
+            page = (
+                CalibrationPresentation(findings["none"].baseline).page() if kind == "calibration" else pages(kind)[0]
+            )
             known[kind] = Opened(browser, folder / f"{kind}.html", page)
         return known[kind]
 
@@ -144,7 +146,7 @@ def test_hostile_names_are_shown_as_they_are(opened):
 
 def test_a_page_without_plots_loads_without_an_error(browser, findings, tmp_path, monkeypatch):
     monkeypatch.setattr(page_module, "plotly_js", lambda kinds: None)
-    page = Opened(browser, tmp_path / "plain.html", diagnosis_page(findings["explained"]))
+    page = Opened(browser, tmp_path / "plain.html", DiagnosisPresentation(findings["explained"]).page())
     page.tab.set_viewport_size({"width": 375, "height": 700})
     assert page.said == []
     assert page.run("document.documentElement.scrollWidth") <= 375

@@ -16,8 +16,8 @@ import gtpin
 from gtpin.data import Dataset
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.report import page, sections
-from gtpin.report.calibration import calibration_page
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.calibration import CalibrationPresentation
+from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
 from gtpin.report.figure import DATA, FIT, LIGHT, Drawing
 from gtpin.report.phrases import reason_words
@@ -68,13 +68,13 @@ def test_text_of_others_is_escaped_everywhere(pages):
 
 @pytest.mark.slow
 def test_the_same_diagnosis_makes_the_same_page(findings, pages):
-    assert pages("explained")[0] == diagnosis_page(findings["explained"])
+    assert pages("explained")[0] == DiagnosisPresentation(findings["explained"]).page()
 
 
 @pytest.mark.slow
 def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
     monkeypatch.setattr(page, "plotly_js", lambda kinds: None)
-    whole = diagnosis_page(findings["explained"])
+    whole = DiagnosisPresentation(findings["explained"]).page()
     assert len(whole) < 2e5
     assert "pip install 'gtpin[plots]'" in text(whole)
     assert '<svg class="drawing"' in whole
@@ -86,13 +86,13 @@ def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_t
 def test_a_robots_name_is_text(findings, monkeypatch):
     found = findings["none"]
     monkeypatch.setattr(found.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")
-    assert "<img" not in diagnosis_page(found)
+    assert "<img" not in DiagnosisPresentation(found).page()
 
 
 @pytest.mark.slow
 def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     single.dataset.write(tmp_path / "data")
-    told = text(diagnosis_page(replace(single, dataset=Dataset.read(tmp_path / "data"), seed=42)))
+    told = text(DiagnosisPresentation(replace(single, dataset=Dataset.read(tmp_path / "data"), seed=42)).page())
     for name in ("dataset.toml", "poses.csv"):
         assert f"{name} sha256 {hashlib.sha256((tmp_path / 'data' / name).read_bytes()).hexdigest()}" in told
     assert "seed 42" in told
@@ -113,7 +113,7 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
         settles=0.62,
         rounds=2,
     )
-    seen = text(diagnosis_page(replace(found, next_experiment=(step,))))
+    seen = text(DiagnosisPresentation(replace(found, next_experiment=(step,))).page())
     # On the first screen, and with its commands.
     assert seen.count("Measure these 1 poses to distinguish periodic drive error at cart2") == 2
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
@@ -152,14 +152,14 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
     bad = replace(dataset, position=position)
     with pytest.warns(gtpin.GtpinWarning, match="gross errors"):
         calibration = gtpin.calibrate(bad)
-    told = text(calibration_page(calibration))
+    told = text(CalibrationPresentation(calibration).page())
     assert re.search(rf"{re.escape(str(dataset.pose[10]))} {dataset.row[10]} (2\.9|3\.0)\d? mm", told)
 
 
 @pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
-    size = len(diagnosis_page(replace(single, dataset=many)).encode())
+    size = len(DiagnosisPresentation(replace(single, dataset=many)).page().encode())
     assert size < 2e6
 
 
@@ -246,7 +246,7 @@ def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(pages):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_first_screen_says_what_to_do_and_has_all_warnings(findings, kind):
     warned = replace(findings[kind], warnings=("the first", "the second"))
-    screen = text(diagnosis_page(warned).partition("<nav")[0])
+    screen = text(DiagnosisPresentation(warned).page().partition("<nav")[0])
     assert "What to do now" in screen
     assert "gtpin export DIR -o corrected.urdf" in screen
     assert "Warnings (2) the first the second" in screen
@@ -255,7 +255,7 @@ def test_the_first_screen_says_what_to_do_and_has_all_warnings(findings, kind):
 @pytest.mark.slow
 def test_a_gap_larger_than_the_nominal_error_is_said_to_be_of_too_few_poses(findings):
     found = findings["none"]
-    screen = text(diagnosis_page(replace(found, gap=replace(found.gap, before=1.0))).partition("<nav")[0])
+    screen = text(DiagnosisPresentation(replace(found, gap=replace(found.gap, before=1.0))).page().partition("<nav")[0])
     assert "too few" in screen
     assert "gtpin export" not in screen
     assert "gtpin plan DIR --for calibration" in screen
