@@ -16,6 +16,11 @@ from gtpin.typing import Floats
 ZERO = 0.1
 """Prior standard deviation of a joint's zero, m or rad. A zero is set when the machine is assembled or mastered, so that no
 manufacturing tolerance bounds it. Assumed: 6 degrees."""
+GAIN = 3.0
+"""Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
+twenty joints. Assumed."""
+WIDENED = 3.0
+"""Ratio of a tolerance to that of the robot from which a calibration has widened it."""
 POSES = 300
 """Largest number of poses at which the TCP is displaced: a root mean square then has a relative standard error of 4 %."""
 
@@ -56,7 +61,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     """All departures of a calibrated model's geometry from nominal, the largest displacement first; empty of a nominal one.
 
     Of a serial arm they are the corrections of its table (:mod:`~gtpin.model.dh`), which is minimal. Other geometries are
-    redundant: they get the zeros of their joints as further parameters (:func:`with_zeros`).
+    redundant: zeros of their joints are further parameters where the tolerances do not explain them (:func:`with_zeros`).
 
     ``q``: (N, n) commands, m or rad. The derivative of the TCP is taken halfway between the nominal and the calibrated
     geometry, so that displacements are exact to the second order.
@@ -104,31 +109,52 @@ def _without_rigid_motion(J: Floats, T: Floats) -> Floats:
 
 
 def with_zeros(geometry: Geometry, covariance: Floats) -> list[tuple[str, str, Floats, float, float]]:
-    """Posterior of the parameters' deviations and of the joints' zeros, if these have a prior of their own (`ZERO`).
+    """Posterior of the parameters' deviations and of those joints' zeros that are off by more than the tolerances explain.
 
     A shifted zero moves all that the joint carries. A calibration, whose priors are manufacturing tolerances, divides it among
-    the parameters that can imitate it. With the deviations d = e + V z, where V z are those that the zeros z cause, and the
-    information H = C^-1 - P^-1 of the data (C, P: posterior and prior covariance of d), the posterior of x = (e, z) is
+    the parameters that can imitate it. With the deviations d = e + V z, where V z are those that zeros z of prior variance
+    `ZERO`^2 cause, B = [1 V], x = (e, z) of prior covariance Q, and the information H = C^-1 - P^-1 of the data (C, P:
+    posterior and prior covariance of d), the posterior of x has
 
-        covariance (Q^-1 + B' H B)^-1, mean covariance . B' C^-1 d,   B = [1 V], Q: prior covariance of x.
+        covariance S = (Q^-1 + B' H B)^-1,  mean S B' b,  b = C^-1 d.
+
+    The log evidence of a further zero with the direction v is larger by m^2 / (2 (g + ZERO^-2)) - log(1 + ZERO^2 g) / 2, with
+    m = v' (b - H B S B' b) and g = v' (H - H B S B' H) v. The zero with the largest gain is added, until none exceeds `GAIN`.
 
     ``covariance``: C, (p, p). Returns name, unit, direction (p,) in the space of the parameters, value and sigma of each.
     """
-    size, zeros = geometry.tolerance, _zeros(geometry)
-    ways = np.column_stack([np.eye(len(size)), *(way for _, _, way in zeros)])
-    prior = np.append(size, np.full(len(zeros), ZERO))
-    B = ways / size[:, None] * prior  # in units of the priors
-    inverse = np.linalg.inv(covariance / np.outer(size, size))
-    power, axes = np.linalg.eigh(inverse - np.eye(len(size)))
-    information = axes * np.maximum(power, 0.0) @ axes.T
-    spread = np.linalg.inv(np.eye(len(prior)) + B.T @ information @ B)
-    value = prior * (spread @ B.T @ inverse @ (geometry.deviation / size))
-    sigma = prior * np.sqrt(np.diag(spread))
-    names = [(p.name, p.unit) for p in geometry.parameters] + [(name, unit) for name, unit, _ in zeros]
-    return [
-        (name, unit, way, float(v), float(s))
-        for (name, unit), way, v, s in zip(names, ways.T, value, sigma, strict=True)
-    ]
+    size, left = _declared(geometry), _zeros(geometry)
+    inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
+    power, axes = np.linalg.eigh(inverse - np.diag((size / geometry.tolerance) ** 2))
+    H, b = axes * np.maximum(power, 0.0) @ axes.T, inverse @ (geometry.deviation / size)
+    B, chosen = np.eye(len(size)), list[tuple[str, str, Floats]]()
+    while True:
+        S = np.linalg.inv(np.eye(B.shape[1]) + B.T @ H @ B)
+        lower = H @ B @ S @ B.T
+        gains = []
+        for _, _, way in left:
+            v = ZERO * way / size
+            m, g = v @ (b - lower @ b), v @ (H - lower @ H) @ v
+            gains.append(m**2 / (2.0 * (g + 1.0)) - np.log1p(g) / 2.0)
+        if max(gains, default=0.0) <= GAIN:
+            break
+        chosen.append(left.pop(int(np.argmax(gains))))
+        B = np.column_stack([B, ZERO * chosen[-1][2] / size])
+    prior = np.append(size, np.full(len(chosen), ZERO))
+    value, sigma = prior * (S @ B.T @ b), prior * np.sqrt(np.diag(S))
+    rows = [(p.name, p.unit, way) for p, way in zip(geometry.parameters, np.eye(len(size)), strict=True)] + chosen
+    return [(*row, float(v), float(s)) for row, v, s in zip(rows, value, sigma, strict=True)]
+
+
+def _declared(geometry: Geometry) -> Floats:
+    """(p,) tolerances before a calibration widened those of parameters far from nominal."""
+    usual = {p.name: p.tolerance for p in Geometry.nominal(geometry.robot).parameters}
+    return np.array(
+        [
+            usual.get(p.name, p.tolerance) if p.tolerance >= WIDENED * usual.get(p.name, np.inf) else p.tolerance
+            for p in geometry.parameters
+        ]
+    )
 
 
 def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:

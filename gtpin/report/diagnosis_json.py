@@ -110,9 +110,7 @@ def gap_method(gap: Gap) -> str:
     if gap.hold_out == "session":
         other = f"what another session may show, {fitted} and how much the {gap.blocks} differ"
     if gap.sessions < 2:
-        other += (
-            "; the data are of one session, as far as they tell, so that the interval ignores what another day brings"
-        )
+        other += "; the data are of one session, as far as is known, so that the interval ignores changes between days"
     return f"{left_out[gap.hold_out]} left out in turn; interval: {other}"
 
 

@@ -60,8 +60,9 @@ def geometry_table(found: Sequence[Departure]) -> list[Table]:
     others = [one for one in found if one not in named]
     if others:
         together = size_of(np.sum([one.displacement for one in others], axis=0))
-        what = "all others together" if named else "all parameters together"
-        rows.append([what, "", length(together)])
+        whole = size_of(np.sum([one.displacement for one in found], axis=0))
+        rows += [["all others together", "", length(together)]] if named else []
+        rows.append(["all parameters together", "", length(whole)])
     return [Table(HEAD, rows, (1, 2))] if rows else []
 
 

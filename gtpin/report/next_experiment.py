@@ -132,7 +132,7 @@ def _watch(sites: Sequence[str], robot: Chain) -> str:
     links = [site_words(site) for site in dict.fromkeys(sites) if site not in (*drives, "frame", "platform")]
     words = {
         f"measure the angle of {joined(turning)} directly: an encoder at the joint, or targets on both of its links": turning,
-        f"measure {joined(sliding)} directly: a scale at the track, or a target on the cart": sliding,
+        f"measure {joined(sliding)} directly: a scale along the axis, or a target on what it moves": sliding,
         f"measure {joined(links)} by targets at both ends": links,
         "measure fixed targets beside the robot": "frame" in sites,
         "measure separately where the target is on the platform": "platform" in sites,

@@ -22,7 +22,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table as Printed
 
 from gtpin.output.shown import Presentation
-from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
+from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
 from gtpin.report.words import typeset
 
@@ -138,17 +138,11 @@ class Plots:
 
     - ``words``, ``choices``: a paragraph above them, and the reader's choices at its end. Where plots can't be drawn, a
       hint is in its place.
-    - ``ramp``: the value at the end of the colour scale, with its unit; empty: no scale is shown.
-    - ``legend``: whether there is one legend for all plots.
-    - ``drawn``: whether the plots are drawn; otherwise only what is above them.
     """
 
     plots: Sequence[Plot]
     words: str = ""
     choices: Sequence[PlotChoice] = ()
-    ramp: str = ""
-    legend: bool = False
-    drawn: bool = True
 
 
 Block = str | Table | Bars | Small | Heading | Items | Fold | Note | Plots
@@ -341,6 +335,6 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.globals.update(light=LIGHT, dark=DARK, key_of=key_of)
+    found.globals.update(light=LIGHT, dark=DARK)
     found.filters["typeset"] = lambda cell: cell if isinstance(cell, Markup) else typeset(str(cell))
     return found

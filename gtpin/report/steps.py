@@ -27,7 +27,7 @@ def steps(d: Diagnosis) -> list[Step]:
     if kept := sure_corrections(d):
         what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
         found.append(Step(what, "gtpin export DIR -o corrections.csv"))
-    if d.causes:
+    if d.causes and d.verdict != "unknown":
         found.append(Step("A program, corrected for everything that the model knows:", PROGRAM))
     members = {f"{m.effect}@{m.site}" for c in d.causes if c.probability < SURE for m in c.members}
     wanted = members | ({"unknown"} if d.verdict == "unknown" else set())

@@ -195,7 +195,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
-        advice += [*_remedies(d, d.causes), *on_the_gap(d)]
+        advice += [*_remedies(d, sure_and_doubtful(d.causes)[0]), *on_the_gap(d)]
     else:
         advice.append(
             "The corrected model is the calibrated geometry alone: no known effect is probable enough to be in it."

@@ -35,7 +35,7 @@ def seen(robot, joint, off, frame="robot", seed=1):
 
 @pytest.mark.parametrize(
     ("robot", "joint", "off"),
-    [("ur10", 2, np.deg2rad(1.0)), (FIVE_BAR, 0, np.deg2rad(1.0)), ("gantry_tau", 1, 3e-3)],
+    [("ur10", 2, np.deg2rad(1.0)), (FIVE_BAR, 0, np.deg2rad(1.0)), ("gantry_tau", 1, 9e-3)],
 )
 def test_a_zero_that_is_off_comes_first_with_the_displacement_that_it_makes(robot, joint, off) -> None:
     q, moved, calibration = seen(robot, joint, off)
@@ -72,23 +72,25 @@ def test_a_nominal_geometry_has_no_departures() -> None:
 
 
 @pytest.mark.slow
-def test_sigmas_of_zeros_hold() -> None:
-    """Machines with deviations as large as the tolerances, and zeros beyond them."""
-    machine, z = gtpin.load_robot("gantry_tau"), []
-    nominal = gtpin.Geometry.nominal(machine)
-    for seed in range(40):
+def test_sigmas_of_a_zero_hold_and_others_are_not_named() -> None:
+    """Machines with deviations as large as the tolerances, and one zero far beyond them."""
+    machine, z, named = gtpin.load_robot("gantry_tau"), [], []
+    nominal, off = gtpin.Geometry.nominal(machine), np.array([0.0, 0.009, 0.0])
+    for seed in range(30):
         rng = np.random.default_rng([seed, 5])
         true = nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
-        q, zeros = rng.uniform(-0.4, 0.4, (60, 3)), 0.003 * rng.standard_normal(3)
-        poses = gtpin.Model(true).predict(q + zeros)
+        q = rng.uniform(-0.4, 0.4, (60, 3))
+        poses = gtpin.Model(true).predict(q + off)
         T = poses.T + NOISE * rng.standard_normal((60, 3))
         ids = [str(i) for i in range(60)]
         given = InstrumentSection(position_sigma=NOISE, orientation_sigma=5e-5)
         turned = Rotation.from_rotvec(5e-5 * rng.standard_normal((60, 3))) * Rotation.from_matrix(poses.R)
         wxyz = turned.as_quat(scalar_first=True)
         found = departures(gtpin.calibrate(gtpin.Dataset("gantry_tau", ids, q, T, wxyz, instrument=given)).model, q)
-        by_name = {one.name: one for one in found}
-        for k, site in enumerate(machine.sites):
-            one = by_name[f"zero[{site}]"]
-            z.append((one.value - zeros[k]) / one.sigma)
+        zeros = {one.name: one for one in found if one.what == "zero"}
+        named += zeros
+        if one := zeros.get("zero[cart2]"):
+            z.append((one.value - off[1]) / one.sigma)
+    assert len(z) >= 25
+    assert len(named) - len(z) <= 5  # one joint in twenty
     assert_chi2(float(np.sum(np.square(z))), len(z))

@@ -59,9 +59,9 @@ def pages(findings: dict[str, Diagnosis]) -> Callable[[str], tuple[str, list[Dra
     def page(kind: str) -> tuple[str, list[Drawing]]:
         drawings, made = list[Drawing](), Plot.drawings
 
-        def noted(plot: Plot) -> dict[tuple[str, ...], Drawing]:
+        def noted(plot: Plot) -> list[Drawing]:
             found = made(plot)
-            drawings.extend(found.values())
+            drawings.extend(found)
             return found
 
         with pytest.MonkeyPatch.context() as patch:

@@ -83,21 +83,6 @@ def test_what_the_reader_chooses_changes_all_plots_that_ask_for_it(opened):
     assert page.said == []
 
 
-@pytest.mark.parametrize("layer", ["after", "before"])
-def test_the_legend_of_residuals_lists_what_is_drawn_and_nothing_else(opened, layer):
-    page = opened("explained")
-    page.tab.locator("select[data-choice=layer]").first.select_option(layer)
-    told = page.run(
-        "[...document.querySelectorAll('.key span')].filter(s => s.offsetWidth).map(s => s.textContent.trim())"
-    )
-    drawn = page.run(
-        "[...document.querySelectorAll('[id^=plot-against-]')].flatMap((plot) => plot._fullData"
-        ".filter((trace) => trace._length && trace.y.length).map((trace) => trace.name))"
-    )
-    assert sorted(told) == sorted(set(drawn))
-    assert any("causes" in name for name in told) == (layer == "before")
-
-
 def test_legends_of_curves_show_points_and_the_effect_on_its_band(opened):
     page = opened("explained")
     legend = page.run(
